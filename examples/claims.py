@@ -61,8 +61,8 @@ from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.questions.bands import error_bands, error_matrix, levels
-from flexfem.questions.budget import other_thickness
+from flexfem.questions.bands import error_bands, error_matrix, levels, solve_solid
+from flexfem.questions.budget import SOLID, thick_compliance
 from flexfem.questions.imposed import elements, imposed
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
@@ -557,7 +557,12 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))
     strain = unit_response(fine.sectors, held).compliance
     yield "finite elements in plane strain, the limit of wide necks", strain
-    yield from other_thickness(stage, fine.compliance).items()
+    solid = solve_solid(stage, *SOLID)  # what three dimensions change, on one mesh of the plane
+    change = solid.compliance - unit_response(solid.sectors, plate).compliance
+    yield "finite elements in three dimensions", fine.compliance + change
+    if (thick := thick_compliance(stage)) is not None:
+        flat = analyse(stage, 21, CALIBRATED, links=True).compliance
+        yield "three dimensions by the chart of single hinges", fine.compliance + thick - flat
 
 
 def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:

@@ -14,10 +14,12 @@
 Numbers are mm, N, MPa and rad, vectors x, y, theta. Nothing is loaded before it is used.
 """
 
+import re
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
     from flexfem.design.run import run_design as run_design
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
     from flexfem.models import errors as errors
     from flexfem.models import load as load
     from flexfem.models import solve as solve
+    from flexfem.page.report import plot_results as plot_results
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.budget import budget as budget
@@ -79,49 +82,16 @@ if TYPE_CHECKING:
     from flexfem.workshop import new_stage as new_stage
     from flexfem.workshop import view as view
 
-
 __version__ = "0.1.0"
 
-_HOMES: dict[str, tuple[str, ...]] = {
-    "design.run": ("run_design",),
-    "models": ("AnalyticModel", "ElementModel", "Errors", "analyse", "errors", "load", "solve"),
-    "page.report": ("report",),
-    "refused": ("BadInput", "ComputationFailed"),
-    "mechanism.actuators": ("Actuator",),
-    "mechanism.materials": ("Material", "materials", "register_material"),
-    "mechanism.stage": ("Stage",),
-    "mechanism.stage_file": ("Override", "Chain", "Hinge", "Hinges", "Platform"),
-    "hinges.strength": ("Basquin", "fit_basquin"),
-    "hinges.formulas": ("formulas", "register_formula"),
-    "questions.as_built": ("as_built",),
-    "questions.drive": ("drive",),
-    "questions.experiment": ("experiment",),
-    "questions.identify": ("identify",),
-    "questions.gravity": ("gravity",),
-    "questions.large": ("large",),
-    "questions.reach": ("reach",),
-    "questions.heat": ("drift",),
-    "questions.setup": ("Analytic",),
-    "questions.stiffness": ("stiffness",),
-    "questions.summary": ("summary",),
-    "questions.life": ("life",),
-    "questions.modes": ("dynamic_model", "modes"),
-    "schemas": ("schema",),
-    "workshop": ("export", "hinge_formulas", "mesh", "new_stage", "view"),
-    "questions.check": ("check",),
-    "questions.budget": ("budget",),
-    "questions.convergence": ("converge",),
-    "questions.errors": ("Verification", "verification"),
-    "studies": ("clean_study", "collect_study", "run_study", "study_findings", "study_status"),
-    "questions.hinges": ("hinge_review", "known_formulas", "thickness_review"),
-    "baselines": ("baseline", "regression"),
-}
-__all__ = sorted(["__version__", *(name for names in _HOMES.values() for name in names)])
+_IMPORTS = re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", Path(__file__).read_text(), re.MULTILINE)
+_HOMES: dict[str, str] = {name: home for home, name in _IMPORTS}
+__all__ = sorted(["__version__", *_HOMES])
 
 
 def home_of(name: str) -> str:
     """The module under `flexfem` that defines a public name, "" for another name."""
-    return next((home for home, names in _HOMES.items() if name in names), "")
+    return _HOMES.get(name, "")
 
 
 def __getattr__(name: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -34,18 +34,21 @@ def vectors(what: str, values: ArrayLike, most: int | None = None, largest: floa
     return found
 
 
+def integer(what: str, value: Any, most: int, least: int = 1) -> int:
+    """An integer from `least` to `most`. Raises BadInput."""
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
+        raise BadInput(f"{what} {value!r}, expected an integer from {least} to {most}")
+    return int(value)
+
+
 def resolution(value: Any, least: int = 2) -> int:
     """Triangles across every neck, `least` to `FINEST`. Raises BadInput."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= FINEST:
-        raise BadInput(f"resolution {value!r}, expected an integer from {least} to {FINEST}")
-    return int(value)
+    return integer("resolution", value, FINEST, least)
 
 
 def layers(value: Any, least: int = 1) -> int:
     """Layers in half the thickness, `least` to `MOST_LAYERS`. Raises BadInput."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= MOST_LAYERS:
-        raise BadInput(f"layers {value!r}, expected an integer from {least} to {MOST_LAYERS}")
-    return int(value)
+    return integer("layers", value, MOST_LAYERS, least)
 
 
 def resolutions(values: Any) -> list[int]:
@@ -55,18 +58,20 @@ def resolutions(values: Any) -> list[int]:
     return [resolution(value) for value in values]
 
 
+def _number(what: str, value: Any, is_possible: Callable[[float], bool], expected: str) -> float:
+    if not isinstance(value, Real) or isinstance(value, bool) or not is_possible(float(value)):
+        raise BadInput(f"{what} {value!r}, expected a number {expected}")
+    return float(value)
+
+
 def positive(what: str, value: Any, most: float) -> float:
     """A number above zero and at most `most`. Raises BadInput."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not 0 < float(value) <= most:
-        raise BadInput(f"{what} {value!r}, expected a number above 0, at most {most:g}")
-    return float(value)
+    return _number(what, value, lambda number: 0 < number <= most, f"above 0, at most {most:g}")
 
 
 def between(what: str, value: Any, least: float, most: float, why: str = "") -> float:
     """A number from `least` to `most`. Raises BadInput that says `why`."""
-    if not isinstance(value, Real) or isinstance(value, bool) or not least <= float(value) <= most:
-        raise BadInput(f"{what} {value!r}, expected a number from {least:g} to {most:g}{why}")
-    return float(value)
+    return _number(what, value, lambda number: least <= number <= most, f"from {least:g} to {most:g}{why}")
 
 
 def forces(what: str, values: ArrayLike, most: int | None = None) -> Array:
@@ -77,13 +82,6 @@ def forces(what: str, values: ArrayLike, most: int | None = None) -> Array:
 def poses(what: str, values: ArrayLike, most: int | None = None) -> Array:
     """Displacements (..., 3) of the platform of at most `LARGEST_DISPLACEMENT`. Raises BadInput."""
     return vectors(what, values, most, LARGEST_DISPLACEMENT)
-
-
-def integer(what: str, value: Any, most: int) -> int:
-    """An integer from 1 to `most`. Raises BadInput."""
-    if not isinstance(value, int | np.integer) or isinstance(value, bool) or not 1 <= value <= most:
-        raise BadInput(f"{what} {value!r}, expected an integer from 1 to {most}")
-    return int(value)
 
 
 def pair(what: str, values: Any, most: tuple[float, float], named: str) -> tuple[float, float]:

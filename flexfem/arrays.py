@@ -12,7 +12,6 @@ Index: TypeAlias = NDArray[np.int64]
 AnyArray: TypeAlias = NDArray[Any]
 
 
-TIE = 1e-9  # relative: values nearer than this to the highest are as high; of chains that are alike they are to 1e-12
 ROUND_OFF = 1e-12  # of what a number is small against: less is printed as 0; records keep it
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
 
@@ -41,19 +40,6 @@ def inverse(A: Array) -> Array:
 def alone(stiffness: Array) -> Array:
     """Stiffness (n,) along each direction with the others free, `1 / C_ii`; with the others held it is `K_ii`."""
     return np.asarray(1 / np.diag(np.linalg.inv(stiffness)))
-
-
-def without_round_off(matrix: Array) -> Array:
-    """A matrix (n, n) to be printed: entries that are round-off beside the diagonal, `ROUND_OFF` of it, as 0."""
-    size = np.sqrt(np.abs(np.diag(matrix)))
-    return np.where(np.abs(matrix) <= ROUND_OFF * np.outer(size, size), 0.0, matrix)
-
-
-def first_highest(values: Array) -> tuple[int, ...]:
-    """Place of the highest value; of those that are as high but for `TIE`, of the first."""
-    highest = np.max(values)
-    first = np.argmax(values >= highest - TIE * abs(highest))
-    return tuple(int(place) for place in np.unravel_index(int(first), values.shape))
 
 
 def _by_parts(a: Array) -> Array:

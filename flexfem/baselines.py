@@ -16,9 +16,8 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime
-from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -43,14 +42,15 @@ from flexfem.questions.large import large
 from flexfem.questions.life import life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
-from flexfem.questions.setup import Analytic, about
-from flexfem.questions.stiffness import COMPLIANCES, stiffness
+from flexfem.questions.setup import Analytic
+from flexfem.questions.stiffness import stiffness
 from flexfem.questions.summary import summary
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import EXACT, Gate, Progress, Quantity, Result, versions
-from flexfem.units import unit_of
+from flexfem.results import EXACT, Progress, Result, versions
+from flexfem.units import DIRECTIONS, unit_of
 
 COARSE = 2  # triangles across the necks of a kept mesh
+ON_KEPT = 1e-8  # of the diagonal: what a compliance on it may move by
 FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad: no two components alike
 POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad: of the drive
 DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
@@ -60,13 +60,9 @@ COARSER_TABLE = 3e-4
 Numbers: TypeAlias = dict[str, tuple[float, float, float, float]]  # by path: value, band and the changes accepted
 
 
-def _links(stage: Stage) -> Result:
-    return stiffness(stage, models="analytic", analytic=Analytic(21, CALIBRATED, True))
-
-
 QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; those that refuse it are left out
     ("paper", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(formula=DEFAULT_FORMULA))),
-    ("links", _links),
+    ("links", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(21, CALIBRATED, True))),
     ("stiffness", lambda stage: stiffness(stage, force=FORCE)),
     ("summary", summary),
     ("drift", drift),
@@ -81,13 +77,6 @@ QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; 
 )
 
 
-class Kept(Result):
-    """Finite elements of a stage on a kept mesh."""
-
-    compliance = Quantity("compliance on the kept mesh", COMPLIANCES, ("component", "direction"), Gate(1e-8), "matrix")
-    labels: ClassVar = {"component": ("x", "y", "theta")}
-
-
 class Checked(NamedTuple):
     """Baselines that were compared, and what is not as accepted; the command ends with exit code 1 when anything is."""
 
@@ -96,7 +85,7 @@ class Checked(NamedTuple):
 
 
 def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
-    """Compare what flexfem answers now with accepted baselines.
+    """Compare what flexfem answers now with accepted baselines: inputs that changed, numbers that moved, came or went.
 
     Parameters
     ----------
@@ -104,11 +93,6 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
         Baselines, or folders of them.
     progress : callable, optional
         Called with a line for every baseline.
-
-    Returns
-    -------
-    Checked
-        What changed in the input of a baseline, key by key, or else every number that moved, came or went.
 
     Raises
     ------
@@ -154,10 +138,8 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
 
     Raises
     ------
-    BadInput
-        A file cannot be used or its baseline is that of another one, or the reason is empty.
-    ComputationFailed
-        A question fails.
+    BadInput, ComputationFailed
+        A file cannot be used, its baseline is that of another one, the reason is empty, or a question fails.
     """
     if not isinstance(reason, str) or not reason.strip():
         raise BadInput("reason is empty, expected why the numbers may move")
@@ -185,14 +167,14 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
                 for question, found in numbers_of(path, target.parent)
             },
         }
-        text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ")
-        content = f"{text}\n".encode()
-        write_atomically(target, partial(_put, content), again=True)
+        _write(target, data)
     return list(targets)
 
 
-def _put(content: bytes, file: BinaryIO) -> None:
-    file.write(content)
+def _write(path: Path, data: Mapping[str, Any]) -> None:
+    """A line for every number."""
+    text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ")
+    write_atomically(path, lambda file: file.write(f"{text}\n".encode()), again=True)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -339,14 +321,14 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
                     yield name, _entries(question(stage))
                 except BadInput:  # the stage states nothing of it, or the model does not suit it
                     continue
-            yield "mesh", _entries(kept(stage, path, folder))
+            yield "mesh", kept(stage, path, folder)
         case "case":
             loaded = LoadedCase(path)
             yield "errors", _entries(run_case(loaded))
             if loaded.case.model == "fe":
                 for curve in loaded.case.curve:
                     stage, file = loaded.stages[curve.label], loaded.stage_path(curve)
-                    yield f"mesh of {curve.label}", _entries(kept(stage, file, folder))
+                    yield f"mesh of {curve.label}", kept(stage, file, folder)
         case "chart":
             yield "formulas", dict(_of_chart(path))
         case _:
@@ -361,8 +343,8 @@ def _entries(found: Result) -> Numbers:
     }
 
 
-def kept(stage: Stage, path: Path, folder: Path) -> Kept:
-    """A stage on its kept mesh, which is made when it is missing. Raises BadInput when that is damaged."""
+def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
+    """The compliance on a kept mesh, which is made when it is missing. Raises BadInput when that is damaged."""
     place = folder / f"{path.stem}-{stage.hash[:8]}.npz"
     if not place.exists():
         write_mesh(build_mesh(stage, COARSE), place)
@@ -371,16 +353,18 @@ def kept(stage: Stage, path: Path, folder: Path) -> Kept:
         check_triangles(mesh, drawn_area(stage))
     except (IndexError, ValueError, ComputationFailed) as error:
         raise BadInput(f"{place}: not a mesh of the stage {path}: {error}") from None
-    return Kept(about(stage), {"compliance": platform_response(mesh, plate_of(stage)).compliance})
+    C = platform_response(mesh, plate_of(stage)).compliance
+    size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
+    return {
+        f"compliance.{DIRECTIONS[i]}.{DIRECTIONS[j]}": _number(float(C[i, j]), ON_KEPT * float(size[i, j]))
+        for i, j in np.ndindex(3, 3)
+    }
 
 
 def write_mesh(mesh: StageMesh, path: Path) -> None:
     """Store a mesh as arrays. Raises BadInput when the folder does not take it."""
-    arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in mesh.edges.items()} | {
-        "nodes": mesh.nodes,
-        "triangles": mesh.triangles.astype(np.int32),
-        "bodies": mesh.bodies.astype(np.int8),
-    }
+    arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in mesh.edges.items()} | {"nodes": mesh.nodes}
+    arrays |= {"triangles": mesh.triangles.astype(np.int32), "bodies": mesh.bodies.astype(np.int8)}
     write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
 
 

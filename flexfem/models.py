@@ -70,10 +70,7 @@ class AnalyticModel(PlatformModel):
     def neck_stress(self, pose: ArrayLike) -> Array:
         """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3).
 
-        Notes
-        -----
-        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `strength.concentration`, which states how far it is from finite
-        elements.
+        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`; how far it is from finite elements: `strength.concentration`.
         """
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
 
@@ -138,26 +135,16 @@ class ElementModel(PlatformModel):
         return [*warning.of_numbers(self.stage), *warning.of_thickness(self.stage)]
 
     def plot(self, force: ArrayLike, ax: Axes | None = None, factor: float | None = None) -> Axes:
-        """Draw the displaced stage with its von Mises stress under one load (3,).
+        """Draw the displaced stage with its von Mises stress under one load (3,); returns the axes.
 
         Parameters
         ----------
         ax : matplotlib axes, new ones by default.   factor : exaggeration, a round one by default.
-
-        Returns
-        -------
-        The axes.
         """
         from flexfem.plot.fields import plot_displacement
 
         mesh, load = self.mesh, forces("force", force, 1)
-        fields = Fields(
-            nodes=mesh.nodes,
-            triangles=mesh.triangles,
-            bodies=mesh.bodies,
-            displacement=self.displacement(load),
-            stress=self.stress(load),
-        )
+        fields = Fields(mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load))
         return plot_displacement(ax, fields, factor=factor, hub_radius=self.stage.platform.hub_radius)
 
     def _per_load(self, loads: Array, read: Callable[[Any], Array]) -> Array:
@@ -179,16 +166,7 @@ class Errors(NamedTuple):
 
 
 def load(path: Path) -> Stage:
-    """Read a stage file.
-
-    Returns
-    -------
-    Stage, validated and feasible.
-
-    Raises
-    ------
-    BadInput
-        One line with file, line, key, value and what was expected.
+    """Read a stage file, validated and feasible. Raises BadInput, one line with file, line, key and expectation.
 
     Examples
     --------

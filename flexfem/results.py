@@ -35,15 +35,26 @@ FORMAT = 1  # version of the JSON documents
 LARGEST_FILE = 2**26  # bytes of a stored result
 ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
+SHEET = "plane stress"  # likewise, of the plane problem beside three dimensions
 AXES = {
     "direction": DIRECTIONS,
     "component": DIRECTIONS,
     "chain": ("chain 1", "chain 2", "chain 3"),
     "hinge": ("base", "elbow", "platform"),
 }
+UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
+BY_DIRECTION: dict[object, UnitNames] = {  # short names of units in x, y and theta
+    "motion": ("mm", "mm", "rad"),
+    "wrench": ("n", "n", "n_mm"),
+    "percents": ("percent",) * 3,
+    "stiffness": ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
+    "compliance": ("mm_per_n", "mm_per_n", "rad_per_n_mm"),
+    "stress per motion": ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
+    "stiffness matrix": (("n_per_mm", "n_per_mm", "n"),) * 2 + (("n", "n", "n_mm_per_rad"),),
+    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
+}
 Progress: TypeAlias = Callable[[str], object]
 Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
-UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
 
 
 class Gate(NamedTuple):
@@ -71,7 +82,7 @@ class Quantity:
         What the quantity is, a noun phrase. It heads the column of a table.
     unit : str or tuple
         Key of `units.UNITS`, "" for a pure number; one for each label of the axis "direction", or without it of the
-        last axis; or a matrix of them for the last two axes.
+        last axis; or a matrix of them for the last two axes; or a key of `BY_DIRECTION` instead of these.
     over : tuple of str
         Axes of the array.
     gate : Gate
@@ -102,6 +113,7 @@ class Quantity:
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
+        object.__setattr__(self, "unit", BY_DIRECTION.get(self.unit, self.unit))
 
     @overload
     def __get__(self, instance: None, owner: type) -> Quantity: ...
@@ -228,7 +240,7 @@ class Result:
     ) -> None:
         self.about, self.settings, self.fields = about, dict(settings or {}), fields
         self.versions = versions()
-        self.warnings, self.notes = list(warnings), list(notes)
+        self.warnings, self.notes = list(dict.fromkeys(warnings)), list(notes)
         used = {axis for name in values for axis in self.quantities[name].over}
         self.axes = {
             axis: tuple(labels) for axis, labels in {**AXES, **self.labels, **(axes or {})}.items() if axis in used
@@ -538,18 +550,13 @@ class Result:
         """All tables in HTML."""
         found = []
         for table in self.tables(plain=False):
-            head = "".join(f"<th>{escape(text)}</th>" for text in table.head)
-            rows = "".join(
-                "<tr>"
-                + "".join(
-                    f"<th>{escape(text)}</th>" if k < table.names else f'<td class="number">{escape(text)}</td>'
-                    for k, text in enumerate(row)
-                )
-                + "</tr>"
-                for row in table.rows
-            )
             caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-            found.append(f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>")
+            rows = ["".join(f"<th>{escape(text)}</th>" for text in table.head)]
+            for row in table.rows:
+                names = "".join(f"<th>{escape(text)}</th>" for text in row[: table.names])
+                rows.append(names + "".join(f'<td class="number">{escape(text)}</td>' for text in row[table.names :]))
+            head, *body = (f"<tr>{row}</tr>" for row in rows)
+            found.append(f"<table>{caption}<thead>{head}</thead><tbody>{''.join(body)}</tbody></table>")
         below = "".join(f"<li>{escape(text)}</li>" for text in [*self.sentences(), *self.warnings])
         return "".join(found) + (f"<ul>{below}</ul>" if below else "")
 

@@ -42,9 +42,7 @@ class Stopped(KeyboardInterrupt):
 class Plain:
     """A text stream through which control characters go escaped; `raw` is the stream itself, for progress bars.
 
-    Parameters
-    ----------
-    silent : what cannot be written is lost without a word: progress to a full or closed stream ends no run.
+    `silent` : what cannot be written is lost without a word: progress to a full or closed stream ends no run.
     """
 
     def __init__(self, raw: Any, silent: bool) -> None:
@@ -109,11 +107,9 @@ def plain_streams() -> Iterator[None]:
 
 @contextmanager
 def stoppable() -> Iterator[list[Stopped]]:
-    """Raise Stopped at the first signal to stop; later ones wait until the command has ended, or `ENDING` s.
+    """Raise Stopped at the first signal to stop, and yield a list that has it; later ones wait `ENDING` s.
 
     A library that is being imported is imported first: broken off, it prints what it likes, or goes on in pieces.
-
-    Yields a list that has what was raised.
     """
     raised: list[Stopped] = []
     if threading.current_thread() is not threading.main_thread():
@@ -188,43 +184,25 @@ def reason_of(error: BaseException) -> str:
 
 
 @contextmanager
-def working(description: str, steps: int = 0) -> Iterator[Callable[[str], None]]:
-    """Yield what takes a word whenever one of `steps` is done or begins; with none the time alone is shown.
+def working(description: str) -> Iterator[Callable[[str], None]]:
+    """Yield what takes a word whenever something is done or begins.
 
-    On a terminal a bar, or without steps a sign that moves, with the time since the beginning, gone at the end. Else a
-    line for every step, and one whenever `EVERY` seconds have passed without any.
+    On a terminal a sign that moves, gone at the end; else a line for every word, and one whenever `EVERY` seconds have
+    passed without any.
     """
     stream = raw(sys.stderr)
-    with _bar(stream, description, steps) if stream.isatty() else _lines(description, steps) as say:
-        yield say
+    if stream.isatty():
+        from rich.console import Console
+        from rich.text import Text
 
-
-@contextmanager
-def _bar(stream: Any, description: str, steps: int) -> Iterator[Callable[[str], None]]:
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    shown = (BarColumn(),) if steps else (SpinnerColumn(),)
-    columns = (TextColumn("{task.description}", markup=False), *shown, TimeElapsedColumn())
-    with Progress(*columns, console=Console(file=stream), transient=True) as progress:
-        task = progress.add_task(description, total=steps or None)
-
-        def say(text: str) -> None:
-            progress.update(task, advance=1, description=f"{description}: {text}")
-
-        yield say
-
-
-@contextmanager
-def _lines(description: str, steps: int) -> Iterator[Callable[[str], None]]:
-    began, done, ended = time.monotonic(), 0, threading.Event()
-    spoken = threading.Event()
+        with Console(file=stream).status(Text(description)) as sign:
+            yield lambda text: sign.update(Text(f"{description}: {text}"))
+        return
+    began, ended, spoken = time.monotonic(), threading.Event(), threading.Event()
 
     def say(text: str) -> None:
-        nonlocal done
-        done += 1
         spoken.set()
-        print(f"{description} {done}/{steps}: {text}" if steps else f"{description}: {text}", file=sys.stderr)
+        print(f"{description}: {text}", file=sys.stderr)
 
     def remind() -> None:
         while not ended.wait(EVERY):
@@ -253,17 +231,18 @@ def table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
     """A table without lines, for `people`."""
     from rich.table import Table
 
-    made = Table(*head, box=None, padding=(0, 2, 0, 0))
+    made = Table(*head, box=None, padding=(0, 2, 0, 0), show_header=any(head))
     for row in rows:
         made.add_row(*row)
     return made
 
 
 def print_ending(out: Console, of: Any) -> None:
-    """Print the warnings of a record, and how many numbers are in doubt."""
+    """Print the warnings of a record or a result, and how many numbers are in doubt."""
     from flexfem.mechanism.stage_file import doubts_said
 
-    for text in of.warnings:
+    doubts = getattr(of, "about", of)
+    for text in getattr(of, "warnings", []):
         out.print(f"warning: {text}")
-    for text in doubts_said(of.assumed, of.not_stated):
+    for text in doubts_said(getattr(doubts, "assumed", []), getattr(doubts, "not_stated", [])):
         out.print(f"{text}: --json lists them")

@@ -34,7 +34,6 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("studies", "workshop"),
     ("page",),
     ("terminal",),
-    ("cli",),
     ("commands",),
     ("__main__",),
 )
@@ -90,7 +89,7 @@ def test_arrows_go_one_way():
 
 def test_modules_are_imported_by_a_name_that_can_be_read_here():
     """Else an import would go past the tests of this file; the names of those that may are in tables."""
-    allowed = {f"flexfem/{name}.py" for name in ("__init__", "plot/__init__", "cli", "schemas", "sources")}
+    allowed = {f"flexfem/{name}.py" for name in ("__init__", "plot/__init__", "schemas", "sources")}
     for module in MODULES:
         calls = [node for node in nodes_of(module) if isinstance(node, ast.Call)]
         by_name = [node for node in calls if re.search(r"\b(import_module|__import__)$", ast.unparse(node.func))]

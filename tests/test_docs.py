@@ -18,7 +18,7 @@ import pytest
 
 from flexfem.design.requirements import load_requirements
 from flexfem.mechanism.stage import load_stage
-from flexfem.questions.fixture import read_fixture
+from flexfem.questions.fixture import fixture_of
 from flexfem.study.loaded import load_study
 
 ROOT = Path(__file__).parent.parent
@@ -41,7 +41,7 @@ def now(source):
     if name.endswith(".png"):
         return hashlib.sha256((ROOT / name).read_bytes()).hexdigest()[:16]
     if name.startswith("cases/fixture"):
-        content = read_fixture(ROOT / name).model_dump_json(exclude={"provenance", "measured"})
+        content = fixture_of(ROOT / name).model_dump_json(exclude={"provenance", "measured"})
         return hashlib.sha256(content.encode()).hexdigest()[:16]
     if path == "drive":
         return load_stage(ROOT / name).drive_hash[:16]

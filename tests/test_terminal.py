@@ -16,7 +16,7 @@ import pytest
 from flexfem import terminal
 from flexfem.clock import Stopwatch
 from flexfem.refused import ComputationFailed
-from flexfem.sources import _Loader, child_command, hashes
+from flexfem.sources import child_command, hashes
 from flexfem.terminal import Plain, reason_of, working
 
 from .conftest import ROOT
@@ -75,21 +75,6 @@ def test_children_import_nothing_from_the_current_folder(tmp_path, monkeypatch):
     told = pickle.dumps(hashes()) + b"."
     child = subprocess.run(child_command("flexfem.fem.mesher"), input=told, capture_output=True)
     assert child.returncode == 1 and b"pickle" in child.stderr  # of the job, after all imports
-
-
-def test_bytecode_is_that_of_the_very_source(tmp_path, monkeypatch):
-    """A source of the same size and time as that of the cached bytecode is run itself."""
-    monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    monkeypatch.setattr(sys, "pycache_prefix", None)
-    monkeypatch.setattr("flexfem.sources.PACKAGE", tmp_path)
-    path, loader = tmp_path / "one.py", _Loader("flexfem.one", str(tmp_path / "one.py"))
-    for text in ("x = 1", "x = 2", "x = 1"):
-        path.write_text(text)
-        os.utime(path, (1e9, 1e9))
-        for _ in range(2):  # compiled, then cached
-            found = {}
-            exec(loader.get_code("flexfem.one"), found)
-            assert found["x"] == int(text[-1])
 
 
 def test_an_error_under_edited_sources_is_said_to_be_that(monkeypatch):
@@ -228,10 +213,10 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
 
 
 def test_every_step_is_a_line_where_there_is_no_terminal(capsys):
-    with working("refining", 2) as say:
+    with working("refining") as say:
         say("12 triangles")
         say("40 triangles")
-    assert capsys.readouterr().err == "refining 1/2: 12 triangles\nrefining 2/2: 40 triangles\n"
+    assert capsys.readouterr().err == "refining: 12 triangles\nrefining: 40 triangles\n"
 
 
 def test_work_that_takes_long_says_how_long_and_nothing_after_it_failed(capsys, monkeypatch):

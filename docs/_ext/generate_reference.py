@@ -12,8 +12,7 @@ from docutils import nodes
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
-from flexfem.cli import GROUPS  # noqa: E402
-from flexfem.cli import command as command_of  # noqa: E402
+from flexfem.commands.cli import GROUPS, app  # noqa: E402
 from flexfem.files.provenance import is_assumed  # noqa: E402
 from flexfem.files.writing import markdown_table  # noqa: E402
 from flexfem.mechanism.actuators import catalogue  # noqa: E402
@@ -187,16 +186,12 @@ def commands_page() -> str:
     """Every command of `flexfem` with its arguments and options."""
     import typer.main
 
-    from flexfem.cli import MADE
-    from flexfem.commands.cli import app
-
     root: Any = typer.main.get_command(app)
     blocks = ["# All commands and options", "Before a command:", _options(root), COMMON]
     for title, names in GROUPS.items():
-        there = {name: command_of(name) if name in MADE else root.commands.get(name) for name in names}
-        blocks += [f"## {title}"] * any(there.values())
-        for name, one in there.items():
-            blocks += _command(one, f"flexfem {name}") if one else []
+        blocks += [f"## {title}"]
+        for name in names:
+            blocks += _command(root.get_command(None, name), f"flexfem {name}")
     return "\n\n".join(blocks) + "\n"
 
 

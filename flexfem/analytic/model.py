@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.network import GROUND
 from flexfem.analytic.paper import (
     KINDS,
     Freedoms,
@@ -40,11 +39,6 @@ OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"
 WIDER = np.outer(10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)).ravel()  # mm, widths of necks with which a stage is tried
-
-
-LINKS = tuple((1 + 2 * chain, 2 + 2 * chain) for chain in range(3))  # of every chain; the platform is body 0
-JOINTS = tuple(ends for first, last in LINKS for ends in ((GROUND, first), (first, last), (last, 0)))
-AT_PLATFORM = (2, 5, 8)  # of the joints: the hinges of the platform
 
 
 class PlatformAtRest(NamedTuple):
@@ -145,33 +139,11 @@ def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broke
     ]
 
 
-def lowered(
-    frames: Frames,
-    hinges: Compliance,
-    freedoms: Freedoms,
-    platform: Array | None = None,
-    links: network.SeriesSum | None = None,
-) -> network.Mechanism:
-    """The stages as networks: the platform, the links of chain 1, 2 and 3; the joints are the nine hinges.
-
-    Parameters
-    ----------
-    frames : centres (..., 3, 3, 2).
-    hinges : fields (..., 3, 3).
-    platform : (..., 9, 9), compliance of the platform at its hinges, or that of `body_compliance`.
-    links : what elastic pads and links add to the chains.
-    """
+def hinge_matrices(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
+    """Compliances (..., 3 chains, 3 hinges, 3, 3) at the platform centre of hinges, fields (..., 3, 3)."""
     allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms])
-    rotation, axial, shear = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(hinges))
-    each = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
-    compliance = each.reshape(*each.shape[:-4], len(JOINTS), 3, 3)
-    return network.Mechanism(7, 0, JOINTS, compliance, AT_PLATFORM, platform, links)
-
-
-def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
-    """Compliance (..., 3 chains, 3, 3) of the platform on each chain alone, with arguments as `lowered`."""
-    of = lowered(frames, hinges, freedoms)
-    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints))
+    by_kind = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(hinges))
+    return network.joint_compliance(frames.centres, frames.axes, *by_kind)
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
@@ -179,7 +151,7 @@ def at_necks(frames: Frames, wrenches: Array) -> Wrench:
     F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
     x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
     c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
-    return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
+    return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
 
 
 def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> PlatformAtRest:
@@ -191,13 +163,13 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
 
     Notes
     -----
-    The stiffness is (18) at rest by another route: a network of bodies and joints.
+    The stiffness is (18) at rest by another route, `network`.
     """
-    found = network.stiffness(lowered(designs.frames, hinges, freedoms, bodies))
-    wrench = at_necks(designs.frames, found.paths[..., None, :, :])
+    K, pulls = network.stiffness(hinge_matrices(designs.frames, hinges, freedoms), bodies)
+    wrench = at_necks(designs.frames, pulls[..., None, :, :])
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
     stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
-    return PlatformAtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
+    return PlatformAtRest(K, wrench, stress, np.max(turning, axis=1))
 
 
 def analyse(

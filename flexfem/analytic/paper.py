@@ -275,13 +275,6 @@ def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Arra
     return Influence(at.pose[..., 0, :], gap, A_inverse, G_p, G_a, G_u, H_p, H_u)
 
 
-def open_loops(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> tuple[Array, Array]:
-    """Only `A_inverse` (..., 6, 6) and `gap` (..., 6) of `influence`: what Newton's method closes the loops by."""
-    at = chain_poses(frames, joints, displacement)
-    L, gap = _loops(at.pose, first_order(joints, at))
-    return inverse(columns(L, choice.dependent)), gap
-
-
 def _both_sides(H: Array, G: Array) -> Array:
     G = G[..., None, :, :]
     return np.swapaxes(G, -1, -2) @ H @ G
@@ -362,7 +355,7 @@ def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | N
     """K_aa (16), C_uu (17) and K_uu (18) at joint displacements (..., N) from rest and platform load (..., 3).
 
     The load is dead: a force at the platform centre, moving with it, and a moment. None is rest and no load. The
-    displacements must close the loops (`large.close_loops`); at equilibrium K_uu is the tangent stiffness.
+    displacements must close the loops; at equilibrium K_uu is the tangent stiffness.
     """
     at = np.zeros(len(of.joints.kind)) if displacement is None else displacement
     F_u = np.zeros(3) if load is None else load

@@ -1,4 +1,4 @@
-"""What the analytic model says of drives, vibration and heat: loads and openings of the network of `model.lowered`.
+"""What the analytic model says of drives, vibration and heat: loads and gaps of `network`.
 
 Drives: one newton of a stack is a pair of opposite wrenches on two bodies; its opening is what they do work on. A push
 on an elastic link is spread over a station of it, so that pieces of the link carry shares of it.
@@ -8,7 +8,7 @@ the hinges have; its rank is the mobility. With their mass matrix M, the eigenva
 Every body is drawn up to the narrowest section of its hinges: half a notch moves with either side.
 
 Heat: a chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
-difference is an opening of the chain. The change dT and the gradient are about the platform's centre; before it, stage
+difference is the gap of the chain. The change dT and the gradient are about the platform's centre; before it, stage
 and frame are taken to be alike. The frame also strains and bows the edge that an elastic pad is clamped along
 (`edge_motions`): 1.1 % of the pose per gradient of the shipped stages.
 """
@@ -22,8 +22,8 @@ import numpy as np
 
 from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import bar_density, platform_compliance
-from flexfem.analytic.model import JOINTS, AnalyticResult, at_necks, lowered
-from flexfem.analytic.model import LINKS as LINKS_OF
+from flexfem.analytic.model import AnalyticResult, at_necks, hinge_matrices
+from flexfem.analytic.network import ElasticBodies
 from flexfem.analytic.paper import Freedoms, mobility
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import Compliance
@@ -44,8 +44,7 @@ from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
 PLATFORM = 3  # of `actuators.BODY_NAMES` and `bodies.BODIES`
-MOVING = 7  # bodies: the platform and two links of every chain
-ON_BODIES = 3 * (MOVING - 1)  # twists of links
+MOVING = 7  # bodies: the platform, then link 1 and link 2 of every chain
 FREEDOMS = 3 * MOVING
 ROUND_OFF = 1e-12  # of the places of two ends of stations
 
@@ -59,18 +58,6 @@ class DrivenModel(NamedTuple):
 
     compliance: Array
     necks: Array
-
-
-class LinkParts(NamedTuple):
-    """What elastic links add to the chains, as `network.SeriesSum`, under n stacks, and the platform's compliance.
-
-    A : (..., 3 chains, 3, 3).   B : (..., 3, 3, n).   D : (..., n, n).   platform : (..., 9, 9).
-    """
-
-    A: Array
-    B: Array
-    D: Array
-    platform: Array
 
 
 def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None) -> DrivenModel:
@@ -92,54 +79,44 @@ def driven(
     hinges: Compliance,
     freedoms: Freedoms,
     stacks: tuple[Stack, ...],
-    elastic: LinkParts | None = None,
+    elastic: ElasticBodies | None = None,
 ) -> DrivenModel:
     """The driven stage; frames (..., 3, 3, 2), hinges (..., 3, 3) and wrenches of stacks of any number of designs.
 
     nan for a design with a chain that has no compliance in some direction.
     """
-    platform, series = None, None
-    if elastic is not None:
-        B, D = (np.pad(part, [(0, 0)] * (part.ndim - n) + [(3, 0)] * n) for part, n in ((elastic.B, 1), (elastic.D, 2)))
-        platform, series = elastic.platform, network.SeriesSum(elastic.A, B, D)
-    found = network.solve(lowered(frames, hinges, freedoms, platform, series), loads_of(stacks))
-    necks = found.wrenches.reshape(*found.wrenches.shape[:-3], 3, 3, *found.wrenches.shape[-2:])
-    return DrivenModel(found.motions, necks)
-
-
-def loads_of(stacks: tuple[Stack, ...]) -> Array:
-    """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then one newton of each stack."""
     lead = np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
     loads = np.zeros((*lead, MOVING, 3, 3 + len(stacks)))
     loads[..., 0, :, :3] = np.eye(3)
     for j, stack in enumerate(stacks):
         for push in stack.pushes:
             if push.body in LINKS or push.body == PLATFORM:
-                body = 0 if push.body == PLATFORM else LINKS_OF[stack.chain][push.body - 1]
+                body = 0 if push.body == PLATFORM else 2 * stack.chain + push.body
                 loads[..., body, :, 3 + j] += stack.placed(push)
-    return loads
+    found = network.solve(hinge_matrices(frames, hinges, freedoms), loads, bodies=elastic)
+    return DrivenModel(found.motions, found.wrenches)
 
 
-def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
-    """What pads, links and platform of one stage add to the compliances of its chains.
+def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> ElasticBodies:
+    """What pads, links and platform of one stage add, under the loads of the platform and n stacks (3 + n).
 
     Raises BadInput when they cannot be drawn.
     """
-    n = len(stacks)
-    A, B, D = np.zeros((3, 3, 3)), np.zeros((3, 3, n)), np.zeros((n, n))
+    k = 3 + len(stacks)
+    A, B, D = np.zeros((3, 3, 3, 3)), np.zeros((3, 3, k)), np.zeros((k, k))
     for chain in CHAINS:
         R = chain_rotation(chain - 1)
-        here = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1 for push in stack.pushes]
+        here = [(j, push) for j, stack in enumerate(stacks, 3) if stack.chain == chain - 1 for push in stack.pushes]
         mine = [(j, push) for j, push in here if push.station is not None]  # the hub takes those on the platform
         for link, c, at in link_pieces(stage, chain, [push for _, push in mine]):
-            Q = np.zeros((len(at), 3, n))
+            Q = np.zeros((len(at), 3, k))
             for j, push in mine:
                 Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
             moved = c @ Q
-            A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
+            A[chain - 1, :, chain - 1] += R @ np.sum(c, axis=0) @ R.T
             B[chain - 1] += R @ np.sum(moved, axis=0)
             D += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
-    return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
+    return ElasticBodies(A.reshape(9, 9) + platform_compliance(stage, stage.elastic), B, D)
 
 
 class Pieces(NamedTuple):
@@ -212,11 +189,8 @@ def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[S
     ----------
     stacks : engaged ones, whose openings (n) are added to the compliance, for `engaged`.
     """
-    pushes = (*on_bodies(stage if of.links else None), *stacks)
-    elastic = link_parts(stage, pushes) if of.links else None
-    C = driven(stage_frames(stage), of.hinges, of.freedoms, pushes, elastic).compliance
-    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
-    return Dynamics(C, M, FREEDOMS if of.links else of.mobility)
+    C = driven_model(stage, of, (*on_bodies(stage if of.links else None), *stacks)).compliance
+    return Dynamics(C, _masses(stage, payload), FREEDOMS if of.links else of.mobility)
 
 
 def engaged(of: Dynamics, rates: Array) -> Dynamics:
@@ -225,19 +199,18 @@ def engaged(of: Dynamics, rates: Array) -> Dynamics:
 
 
 def many(
-    frames: Frames, hinges: Compliance, freedoms: Freedoms, mass: Array, elastic: LinkParts | None = None
+    frames: Frames, hinges: Compliance, freedoms: Freedoms, mass: Array, elastic: ElasticBodies | None = None
 ) -> Dynamics:
     """The dynamics of n designs; hinges (n, 3, 3), mass (n, 21, 21) of `mass_matrix`.
 
-    elastic : (n, ...) each, of `elastic_bodies`; None where links are rigid.
+    elastic : (n, ...) each, of `link_parts` for `on_bodies`; None where links are rigid.
     """
     rank = mobility(freedoms) if elastic is None else FREEDOMS
     return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass, rank)
 
 
-def elastic_bodies(stage: Stage) -> LinkParts:
-    """What elastic links add to the compliances of one stage, for the wrenches of `on_bodies`. Raises BadInput."""
-    return link_parts(stage, on_bodies(stage))
+def _masses(stage: Stage, payload: Payload) -> Array:
+    return mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
 
 
 def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Array:
@@ -265,18 +238,15 @@ def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
     found = []
     for chain in range(len(CHAINS)):
         for link in LINKS:
-            place = None if stage is None else _whole(stage, chain + 1, link)
+            place = None
+            if stage is not None:  # inertia acts all along the link
+                path = centrelines(stage, chain + 1)[link]
+                half = sum(segment.length for segment in path) / 2
+                place = Station(path, stage.chain.link_width, half, half)
             for wrench in np.eye(3) @ chain_rotation(chain):  # rows: the stage's directions in the chain's frame
                 push = Push(link, wrench, place)
                 found.append(Stack(chain, (push, Push(0, np.zeros(3), None))))
     return tuple(found)
-
-
-def _whole(stage: Stage, chain: int, link: int) -> Station:
-    """The station that is a whole link: inertia acts all along it."""
-    path = centrelines(stage, chain)[link]
-    length = sum(segment.length for segment in path)
-    return Station(path, stage.chain.link_width, length / 2, length / 2)
 
 
 def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleration: Array) -> tuple[Array, Array]:
@@ -286,11 +256,8 @@ def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleratio
     ----------
     acceleration : (2,), of gravity in the plane, mm/s^2.
     """
-    bodies = on_bodies(stage if of.links else None)
-    elastic = link_parts(stage, bodies) if of.links else None
-    found = driven(stage_frames(stage), of.hinges, of.freedoms, bodies, elastic)
-    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
-    weights = M @ np.tile([*acceleration, 0.0], MOVING)
+    found = driven_model(stage, of, on_bodies(stage if of.links else None))
+    weights = _masses(stage, payload) @ np.tile([*acceleration, 0.0], MOVING)
     design = lower(stage)
     carried = at_necks(design.frames, (found.necks @ weights)[None, ..., None])
     stress = neck_stress(carried, design.neck, design.thickness, stress_raised(design))
@@ -386,13 +353,11 @@ def drift(
     gaps = misfits(designs, stage_expansion, frame_expansion)
     if bodies is not None:
         gaps = gaps + (frame_expansion - stage_expansion)[:, None, None, None] * bodies.edges
-    openings = np.zeros((len(gaps), len(JOINTS), 3, 3))
-    openings[:, ::3] = gaps  # of each chain, in its first joint
-    of = lowered(designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance)
-    found = network.solve(of, np.zeros((MOVING, 3, 3)), openings)
-    necks = at_necks(designs.frames, found.wrenches.reshape(-1, 3, 3, 3, 3))
+    own = None if bodies is None else ElasticBodies(bodies.compliance)
+    found = network.solve(hinge_matrices(designs.frames, hinges, freedoms), np.zeros((MOVING, 3, 3)), gaps, own)
+    necks = at_necks(designs.frames, found.wrenches)
     stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
-    return WarmModel(found.output, -found.wrenches[:, ::3], stress)
+    return WarmModel(found.platform, -found.wrenches[:, :, 0], stress)
 
 
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:

@@ -1,43 +1,221 @@
-"""The command line, put together from its groups. Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n
-stopped by signal n, of which a closed pipe is one.
+"""The command line, made from the signatures and docstrings of the functions that `import flexfem` offers.
+
+A parameter `stage : Stage` is the argument STAGE, a file; parameters with a default are options; those of a named
+tuple, such as the analytic model, are options each. The text of an option is that of the parameter in the docstring.
+A function that gives a `Result` is printed as tables, or with `--json` as a document; with `--output` the document,
+the figure and the fields are written. Modules are imported when their command is run.
+
+Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n stopped by signal n, of which a closed pipe is one.
 """
 
 from __future__ import annotations
 
+import inspect
 import os
+import re
 import sys
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext, suppress
+from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_origin, get_type_hints
 
 import typer
+from typer.core import TyperGroup
 
+import flexfem
 from flexfem import terminal as streams
-from flexfem.cli import Commands
-from flexfem.commands import (
-    design,
-    page,
-    study,
-    verification,
-)
+from flexfem.commands import design, study
+from flexfem.commands.console import Json, Wanted, show, usable
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest
 
+GROUPS = {
+    "Start": ("new", "check", "view", "summary"),
+    "Ask a stage": ("stiffness", "formulas"),
+    "Compare with finite elements": ("verify", "plot", "budget", "converge"),
+    "Drive and reach": ("drive", "reach", "large"),
+    "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
+    "Measure": ("experiment", "identify", "as-built"),
+    "Many designs": ("study", "design"),
+    "Pass on": ("export", "mesh", "report", "schema"),
+    "Check and trust": ("regression", "baseline"),
+}
+OWN = ("study", "design")  # commands with code of their own
+MADE = {name: name for group in GROUPS.values() for name in group if name not in OWN}  # and the functions behind them
+MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "as-built": "as_built", "verify": "verification"}
+MADE |= {"plot": "plot_results"}
+OF_PYTHON = ("progress", "law")  # parameters that are no options
+TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
+STAGE = {"stage": "Stage file, see flexfem schema stage."}
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
 CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
+
+
+class Commands(TyperGroup):
+    """The commands in sections, each built when it is run."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Refuse a name behind the options of completion, which are of the shell in which they are run."""
+        if args and args[0] in ("--install-completion", "--show-completion") and args[1:]:
+            ctx.fail(f"{args[0]} {args[1]}: expected nothing behind it, it is of the shell in which it is run")
+        return super().parse_args(ctx, args)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """All names in the order of their sections."""
+        return [name for group in GROUPS.values() for name in group]
+
+    def get_command(self, ctx: Any, name: str) -> Any:
+        """The command of a name."""
+        return command(name) if name in MADE else super().get_command(ctx, name)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the arguments begin with; an unknown one is refused with the nearest names."""
+        known = self.list_commands(ctx)
+        if args and args[0] not in known:
+            near = " or ".join(f"'{each}'" for each in get_close_matches(args[0], known))
+            ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {near}?' if near else ''}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Write the sections, each command with its first sentence."""
+        for title, group in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, self._summary(name)) for name in group])
+
+    def _summary(self, name: str) -> str:
+        """The first line of a command's docstring, read without importing its module."""
+        if name in OWN:
+            return str(self.commands[name].get_short_help_str(400))
+        function = MADE[name]
+        source = (Path(__file__).parents[1] / f"{flexfem.home_of(function).replace('.', '/')}.py").read_text()
+        first = rf'^def {function}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
+        found = re.search(first, source, re.DOTALL | re.MULTILINE)
+        return " ".join(found[1].split()) if found else ""
+
+
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
-for group in (page, design, verification):
-    app.add_typer(group.app)
+app.add_typer(design.app)
 app.add_typer(study.app, name="study")
+
+
+def command(name: str) -> Any:
+    """The command of a function that `flexfem` offers."""
+    function = getattr(flexfem, MADE[name])
+    made = typer.Typer(add_completion=False, rich_markup_mode=None)
+    made.command(name, help=_about(function.__doc__))(_runner(name, function))
+    return typer.main.get_command(made)
+
+
+def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
+    """A function with the options of a command as its signature, which runs it and shows what it gives."""
+    options = [*_options(function), _parameter("json", Json, False)]
+    if all(each.name != "output" for each in options):  # else the function writes itself
+        options.append(_parameter("output", Wanted, None))
+
+    def run(**given: Any) -> None:
+        from flexfem.results import Result
+
+        found, stem = _called(name, function, given)
+        if isinstance(found, Result) and given["output"] is not None:
+            write(found, given["output"] / f"{stem}.json")
+        show(found, given["json"])
+        if getattr(found, "findings", None):  # of a check
+            raise typer.Exit(1)
+
+    run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
+    run.__annotations__ = {each.name: each.annotation for each in options}
+    return run
+
+
+def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
+    """Arguments and options of a function: those of its parameters, and of the fields of named tuples."""
+    hints, texts = get_type_hints(function), parameters(function.__doc__) | STAGE
+    for name, one in inspect.signature(function).parameters.items():
+        hint = hints[name] if one.kind is one.VAR_POSITIONAL else TYPES.get(name, hints[name])
+        if name in OF_PYTHON:
+            continue
+        if hasattr(hint, "_fields"):
+            fields = parameters(hint.__doc__)
+            for field, annotation in get_type_hints(hint).items():
+                yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
+        elif name == "output":
+            callback = usable if one.default is None else None
+            option = typer.Option("--output", "-o", callback=callback, help=texts[name])
+            yield _parameter(name, Annotated[hint, option], one.default)
+        elif one.kind is one.KEYWORD_ONLY:
+            yield _parameter(name, _option(name, hint, texts[name]), one.default)
+        else:
+            hint = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
+            metavar = name.upper() + "..." * (get_origin(hint) is list)
+            yield _parameter(name, Annotated[hint, typer.Argument(help=texts[name], metavar=metavar)], one.default)
+
+
+def _option(name: str, hint: Any, text: str) -> Any:
+    flag = f"--{name.replace('_', '-')}"
+    return Annotated[hint, typer.Option(flag, help=text)]
+
+
+def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
+    return inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default)
+
+
+def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
+    """What a function gives for the options of its command, and the stem of the files for it."""
+    from flexfem.mechanism.stage import load_feasible
+
+    hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
+    for parameter in inspect.signature(function).parameters.values():
+        hint = hints[parameter.name]
+        if parameter.name == "stage":
+            arguments["stage"], stem = load_feasible(given["stage"]), f"{given['stage'].stem}-{name}"
+        elif hasattr(hint, "_fields"):
+            arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
+        elif parameter.kind is parameter.VAR_POSITIONAL:
+            positional = given[parameter.name]
+        elif parameter.name not in OF_PYTHON:
+            arguments[parameter.name] = given[parameter.name]
+    with streams.working(name) if "progress" in hints else nullcontext() as say:
+        return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
+
+
+def write(found: Any, path: Path) -> list[Path]:
+    """Write the document of a result, its figures and its fields beside it; returns the paths.
+
+    Raises BadInput when the folder takes no file, or a file that the command has read would be replaced.
+    """
+    from flexfem.files.inputs import require_unread
+
+    require_unread(*(path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")))
+    paths = [found.write(path)]
+    if found.figure and (found.fields is not None or not found.drawn_from_fields):
+        from flexfem.plot import figures_of
+        from flexfem.plot.write import write_beside
+
+        for ending, one in figures_of(found).items():
+            beside = path.with_name(f"{path.stem}{ending}{path.suffix}")
+            paths += one(beside) if callable(one) else write_beside(beside, one)
+    return paths + (found.fields.write(path) if hasattr(found.fields, "write") else [])
+
+
+def parameters(doc: str | None) -> dict[str, str]:
+    """The parameters of a numpydoc docstring with their texts."""
+    text = inspect.cleandoc(doc or "")
+    section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
+    parts = re.split(r"^\*?(\w+) : [^\n]*$", section[1] if section else "", flags=re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
+
+
+def _about(doc: str | None) -> str:
+    """The text of a docstring before its first section."""
+    return re.split(r"^\w[^\n]*\n-+$", inspect.cleandoc(doc or ""), maxsplit=1, flags=re.MULTILINE)[0].strip()
 
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        from flexfem import __version__
-
-        print(f"flexfem {__version__}")
+        print(f"flexfem {flexfem.__version__}")
         raise typer.Exit
 
 

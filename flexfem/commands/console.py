@@ -1,27 +1,21 @@
-"""How commands run: options they share, answers to people or machines, cases read before any is run, progress."""
+"""How commands print: the options that they share, documents for machines, tables and lines for people."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
-from flexfem.refused import BadInput
-from flexfem.studies import processors
+from flexfem.terminal import people, print_ending, table
 
-if TYPE_CHECKING:
-    pass
+LONG = 40  # characters: texts of a list that are longer have lines of their own
 
 
-def _usable(folder: Path | None) -> Path | None:
+def usable(folder: Path | None) -> Path | None:
     """Refuse an output folder before anything is computed for it."""
     if folder is not None:
         from flexfem.files.writing import check_folder
@@ -30,24 +24,15 @@ def _usable(folder: Path | None) -> Path | None:
     return folder
 
 
-FOLDER = typer.Option("--output", "-o", callback=_usable, help="Folder for what is written.")
-Output = Annotated[Path, FOLDER]
-Wanted = Annotated[Path | None, FOLDER]
+OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for what is written.")
+Wanted = Annotated[Path | None, OUTPUT]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
-MOST = 4  # processes that draw; each loads matplotlib and holds the fields that it draws
-
-
-def check_within(option: str, values: tuple[float, ...] | None, largest: float) -> None:
-    """Raise BadInput for numbers that are not numbers, or absurdly large."""
-    if values is not None and not all(abs(value) <= largest for value in values):
-        raise BadInput(f"{option} {' '.join(map(str, values))}, expected three numbers within ±{largest:g}")
 
 
 def plain(value: Any) -> Any:
-    """Records, named tuples and arrays as plain data: the keys of the JSON are the names of fields and properties.
-
-    A number that is not finite is None.
-    """
+    """Results, records, named tuples, paths and arrays as plain data; a number that is not finite is None."""
+    if hasattr(value, "to_dict"):
+        return value.to_dict()
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if hasattr(value, "_asdict"):
@@ -59,15 +44,23 @@ def plain(value: Any) -> Any:
         return [plain(part) for part in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return value.tolist() if hasattr(value, "tolist") else value
+    return str(value) if isinstance(value, Path) else value.tolist() if hasattr(value, "tolist") else value
 
 
-def show(record: Any, as_json: bool, people: Callable[[Any], None]) -> None:
-    """Print a record as JSON, or hand it to the function that prints it for people."""
+def show(found: Any, as_json: bool, say: Callable[[Any], None] | None = None) -> None:
+    """Print what a command found as JSON, or for people by a function, by default that for its type."""
     if as_json:
-        print(json.dumps(plain(record), indent=1, allow_nan=False))
+        print(json.dumps(plain(found), indent=1, allow_nan=False))
+    elif say is not None:
+        say(found)
     else:
-        people(record)
+        for each in found if isinstance(found, list) else [found]:
+            if hasattr(each, "tables"):
+                print_result(each)
+            elif hasattr(each, "_asdict"):
+                print_record(each)
+            else:  # files written, or what says itself
+                people().print(str(each))
 
 
 def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
@@ -75,38 +68,43 @@ def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
     show({"written": [str(path) for path in paths], **others}, as_json, lambda data: print(*data["written"], sep="\n"))
 
 
-@contextmanager
-def side_by_side(workers: int | None = None) -> Iterator[Callable[..., Any]]:
-    """Yield a `map` that works in processes of its own, by default one a processor; plain `map` where that is one."""
-    import multiprocessing
-    from concurrent.futures import ProcessPoolExecutor
-
-    from flexfem.study.workers import signals_held
-
-    count = workers or min(processors(), MOST)
-    if count == 1:
-        yield map
-        return
-    pool = ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), _begin)
-
-    def started(*tasks: Any) -> Iterator[Any]:
-        with signals_held():
-            return pool.map(*tasks)
-
-    try:
-        yield started
-    finally:
-        pool.shutdown(cancel_futures=True)
+def print_result(found: Any) -> None:
+    """Print the heading, the tables, how they are read, warnings, and how many numbers are in doubt."""
+    out = people()
+    out.print(found.heading())
+    for each in found.tables():
+        if each.caption:
+            out.print(f"{each.caption}:")
+        out.print(table(each.head, each.rows))
+    for text in found.sentences():
+        out.print(text)
+    print_ending(out, found)
 
 
-def _begin() -> None:
-    """Leave Ctrl-C to the command, and end when it has ended, however it did."""
-    import multiprocessing
+def print_record(found: Any) -> None:
+    """Print a named tuple: a line for each field, a table for a list of named tuples, keys with equal texts are one."""
+    out = people()
+    for name, value in found._asdict().items():
+        title = name.replace("_", " ")
+        if name in ("warnings", "assumed", "not_stated") or value in (None, "", [], False):
+            continue
+        if isinstance(value, list) and hasattr(value[0], "_fields"):
+            out.print(f"{title}:")
+            head = [field.replace("_", " ") for field in value[0]._fields]
+            out.print(table(head, [[_text(part) for part in one] for one in value]))
+        elif hasattr(value, "lines"):
+            print(f"{title}:", *value.lines, sep="\n  ")
+        elif isinstance(value, dict):
+            for text in dict.fromkeys(map(_text, value.values())):
+                out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")
+        elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
+            print(f"{title}:", *value, sep="\n")
+        else:
+            out.print(f"{title}: {_text(value)}")
+    print_ending(out, found)
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
 
-
-def _end_with(command: Any) -> None:
-    command.join()
-    os._exit(1)
+def _text(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_text, value))
+    return f"{value:.8g}" if isinstance(value, float) else str(value)

@@ -305,13 +305,12 @@ class Model:
         ends = [((q - low) / self.sizes)[:, below], ((high - q) / self.sizes)[:, above]]
         with np.errstate(all="ignore"):
             designs = designs_of(self.loaded.study, values)
-            of, width = conditions(designs), designs.link_width[:, None]
-            notch = np.min(of.deepest - designs.radius, axis=1)
-            own = designs.platform_radius[:, None, None] + designs.radius + designs.neck / 2
-            clear = np.min(of.distance - own, axis=1)
-            apart = np.min(of.gap - of.radii, axis=1, keepdims=True)
-            hub = (designs.platform_radius - designs.hub_radius)[:, None]
-            gaps = np.hstack([notch, clear, apart, hub]) / width
+            every, width = conditions(designs), designs.link_width[:, None]
+            notch, clear, apart, hub = (
+                np.column_stack([each.room.min(axis=1) for each in every if word in each.reason])
+                for word in ("notch", "swallows", "closer", "hub larger")
+            )
+            gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / width
         return np.hstack([*ends, self.margins(quantities)[:, len(self.sizes) :], gaps])
 
 

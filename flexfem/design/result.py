@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import Label
 from flexfem.refused import BadInput
-from flexfem.results import unsealed
+from flexfem.results import About, TextTable, number, unsealed
 from flexfem.units import NONE, Unit, unit_of
 
 Verdict: TypeAlias = Literal["met", "within the band", "missed"]
@@ -46,10 +46,26 @@ class Stated(Record):
         """The unit of a column or key; none of an expression of several."""
         return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
 
+    def unit_name(self, plain: bool = False) -> str:
+        """Of the unit; `plain` for terminals."""
+        return self.unit.plain if plain else self.unit.name
+
     def headed(self, plain: bool = False) -> str:
-        """The label, with the unit in brackets where there is one; `plain` for terminals."""
-        unit = self.unit.plain if plain else self.unit.name
+        """The label, with the unit in brackets where there is one."""
+        unit = self.unit_name(plain)
         return f"{self.label} ({unit})" if unit else self.label
+
+    def said(self, plain: bool = False) -> str:
+        """Value, band and unit, and what part of the band is not by meshes."""
+        text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
+        sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
+        spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the pushes"
+        return f"{text} {self.unit_name(plain)}".rstrip() + sampling + spread
+
+    @property
+    def resting_on(self) -> list[str]:
+        """What answers it, and what the model by itself says: two cells of a table."""
+        return [self.checked_by, f"{self.uncorrected:.6g}"]
 
 
 class Goal(Stated):
@@ -77,10 +93,15 @@ class Requirement(Stated):
     tightened_percent: float = 0.0
 
     @property
-    def wanted(self) -> list[str]:
+    def wanted(self) -> str:
         """Its ends in words, without unit."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
-        return [f"{word} {end:g}" for word, end in ends if end is not None]
+        return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
+
+    @property
+    def margins(self) -> str:
+        """The margin in per cent with its band."""
+        return f"{self.margin_percent:.3g}" + (f" ± {self.band_percent:.2g}" if self.band_percent else "")
 
 
 class SoleRelaxation(Record):
@@ -170,22 +191,110 @@ class Designed(Record):
     versions: dict[str, str]
 
     @property
-    def notes(self) -> list[str]:
-        """By how much the search tightened requirements, and what scatter does, in sentences."""
+    def about(self) -> About:
+        """What it is of."""
+        return About(self.name, self.file, self.hash, self.assumed, self.not_stated)
+
+    @property
+    def state(self) -> str:
+        """Whether all requirements are met, in words."""
+        nearest = "does not meet all requirements: the nearest that was found"
+        return "meets all requirements" if self.feasible else nearest
+
+    def heading(self) -> str:
+        """What was found in one line."""
+        return f"{self.name}: it {self.state}; seed {self.seed}"
+
+    def sentences(self) -> list[str]:
+        """How the tables are to be read: bands, what the search tightened, what scatter does, and how models agree."""
+        found = [
+            "±: band of the meshes, and of the stages drawn for a coupling under tolerance; without one a value is "
+            "exact, or of the analytic model alone"
+        ]
         tight = [
             f"{each.label} by {each.tightened_percent:.2g} %" for each in self.requirements if each.tightened_percent
         ]
-        found = list[str]()
         if tight:
-            by = f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ"
             found.append(
                 "the search tightened requirements by their bands, and with continuous dimensions by "
-                f"{by}: {', '.join(tight)}"
+                f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ: "
+                f"{', '.join(tight)}"
             )
         if self.scattered is not None:
             share = f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages whose necks scatter"
             found += [f"{share} keep every requirement, by the corrected model", *self.scattered.notes]
-        return found
+        agreed = "came to agree" if self.agreed else "did not come to agree"
+        agreement = f"corrected model and finite elements {agreed} within {self.accuracy_percent:g} % at the design"
+        return [*found, agreement]
+
+    def tables(self, plain: bool = True) -> list[TextTable]:
+        """All tables, one after the other; `plain` for terminals."""
+        return [table for tables in self.sections(plain).values() for table in tables]
+
+    def sections(self, plain: bool = True) -> dict[str, list[TextTable]]:
+        """Tables by what they are about; none of what there is nothing to say about."""
+        rests, limit = ["checked by", "model by itself"], "limits the objective"
+        dimensions = [
+            [name, f"{value:.6g}", f"{self.relaxed[name]:.6g}", "at an end of its range" * (name in self.at_ends)]
+            for name, value in self.design.items()
+        ]
+        goals = [[each.label, each.said(plain), each.better, *each.resting_on] for each in self.objectives]
+        requirements = [
+            [each.label, each.wanted, each.said(plain), each.verdict, each.margins, limit * each.active,
+             *each.resting_on]
+            for each in self.requirements
+        ]  # fmt: skip
+        relaxed = [
+            [each.label, "with the others", f"{each.relax_to:.6g}", f"{-each.margin_percent:.3g}"]
+            for each in self.requirements
+            if each.relax_to is not None
+        ]
+        for one in self.alternatives:
+            none = one.relax_to is None or one.percent is None
+            relaxation = ["none is enough", ""] if none else [f"{one.relax_to:.6g}", f"{one.percent:.3g}"]
+            relaxed.append([one.requirement, "alone", *relaxation])
+        every = {each.name: each.label for each in (*self.requirements, *self.objectives)}
+        changes = [[name, *(_change(row[key]) for key in every)] for name, row in self.sensitivities.items()]
+        headed = [goal.headed(plain) for goal in self.objectives]
+        margins = [f"margin of {each.label} (%)" for each in self.requirements]
+        front = [
+            [str(k), *(f"{x:.6g}" for x in (*one.design.values(), *one.values, *one.predicted)),
+             *(f"{x:.3g}" for x in one.margins_percent), "met" if one.met else "not met"]
+            for k, one in enumerate(self.front, 1)
+        ]  # fmt: skip
+        of_front = ["design", *self.design, *headed, *(f"{each}, corrected model" for each in headed), *margins]
+        counts = [[name, f"{count:,}"] for name, count in self.evaluations.items()]
+        rounds = [[str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"] for k, r in enumerate(self.rounds, 1)]
+        found = {
+            "design": [
+                TextTable(
+                    ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"],
+                    dimensions, 1, "Dimensions of the design",
+                ),
+                TextTable(["objective", "value", "better", *rests], goals, 1, "Objectives"),
+            ],
+            "requirements": [
+                TextTable(
+                    ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *rests],
+                    requirements, 1, "Requirements with their margins",
+                ),
+                TextTable(["requirement", "relaxed", "to", "by (%)"], relaxed, 2, "Smallest relaxations, by the model"),
+            ],
+            "sensitivity": [
+                TextTable(["dimension", *every.values()], changes, 1, "Change (%) for 1 % more of a dimension")
+            ],
+            "front": [
+                TextTable(
+                    [*of_front, "requirements"], front, 1,
+                    "Designs that no other beats in both objectives, solved by finite elements",
+                )
+            ],
+            "search": [
+                TextTable(["model", "designs"], counts, 1, "Evaluations"),
+                TextTable(["round", "designs by the model", "largest difference (%)"], rounds, 1, "Rounds"),
+            ],
+        }  # fmt: skip
+        return {name: [table for table in tables if table.rows] for name, tables in found.items()}
 
     @property
     def decisive(self) -> list[Stated]:
@@ -194,6 +303,10 @@ class Designed(Record):
         for each in (*self.objectives, *(one for one in self.requirements if one.active)):
             found.setdefault(each.name, each)
         return list(found.values())
+
+
+def _change(value: float | None) -> str:
+    return "not known" if value is None else f"{value:+.3g}"
 
 
 def is_design(path: str | os.PathLike[str]) -> bool:

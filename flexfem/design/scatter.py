@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtri
 
-from flexfem.analytic.model import chain_compliance, hinge_compliances
+from flexfem.analytic.model import hinge_compliances, hinge_matrices
 from flexfem.analytic.paper import Freedoms
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
@@ -102,7 +102,7 @@ class NeckScatter:
         hinges = hinge_compliances(many, formula)
         each = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
         frames = Frames(*(part[:, None, None] for part in designs.frames))
-        found = chain_compliance(frames, each, freedoms)[..., *UPPER]
+        found = np.sum(hinge_matrices(frames, each, freedoms), axis=-3)[..., *UPPER]
         found[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
         return np.ascontiguousarray(found.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 

@@ -252,24 +252,31 @@ def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
     return next(_models_in(annotation), None) if whole else None
 
 
-def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any]) -> str:
-    """Return what is wrong and what was expected, in the words of the file."""
-    key = key_path(problem.path, data)
+def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_name: bool = False) -> str:
+    """What is wrong and what was expected, in the words of the file, or `by_name` in those of Python."""
+    key, what = key_path(problem.path, data), "name" if by_name else "key"
+    if problem.kind == "missing":
+        return f"{key} is missing"
     if problem.kind == "extra_forbidden":
-        known = sorted(_known_keys(model, problem.path[:-1]), key="provenance".__eq__)  # last, as in files
+        known = [*_fields_at(model, problem.path[:-1], by_name)]
         close = suggestion(str(problem.path[-1]), known)
-        return f"{key} is an unknown key{close or ', expected one of ' + ', '.join(known)}"
+        return f"{key} is an unknown {what}{close or ', expected one of ' + ', '.join(known)}"
     if not problem.path:
         return f"expected {problem.expected}"
-    return f"{key} = {shown(_value_at(problem.path, data))}, expected {problem.expected}"
+    names = [part for part in problem.path if isinstance(part, str)]
+    alias = _fields_at(model, problem.path[:-1], by_name).get(names[-1], "") if by_name and names else ""
+    unit = f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""  # the number that is expected is in it
+    return f"{key} = {shown(_value_at(problem.path, data))}, expected {unit}{problem.expected}"
 
 
-def _known_keys(model: type[BaseModel], path: KeyPath) -> list[str]:
+def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
+    """Keys of files for the fields of the table at a path, by themselves or by name; that of the provenance last."""
     for part in path:
-        fields = {known.alias or name: known for name, known in model.model_fields.items()}
-        if part in fields:
-            model = next(_models_in(fields[str(part)].annotation), model)
-    return [known.alias or name for name, known in model.model_fields.items()]
+        inner = model.model_fields.items()
+        kinds = {name if by_name else field.alias or name: field.annotation for name, field in inner}
+        model = next(_models_in(kinds.get(str(part))), model)
+    keys = {name: field.alias or name for name, field in model.model_fields.items()}
+    return {name if by_name else keys[name]: keys[name] for name in sorted(keys, key="provenance".__eq__)}
 
 
 def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:

@@ -1,20 +1,21 @@
 """TOML files, checked as they are read: every refusal is one line that names file, line, key, value and expectation.
 
 Stage, case and study files all come through here. A model of such a file is built from `Table`; `validate` reads and
-checks in one step. The text is scanned once before `tomllib` sees it: that gives the line of every key, and refuses
-nesting and dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
+checks in one step. The text is split into statements before `tomllib` sees it: that gives the line of every key, and
+refuses nesting and dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
 """
 
 from __future__ import annotations
 
-import copy
 import json
 import os
 import re
 import stat
 import tomllib
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import pairwise
 from pathlib import PurePath
 from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
 
@@ -24,7 +25,6 @@ from flexfem.files.quantities import keywords
 from flexfem.files.refusals import (
     SHOWN,
     KeyPath,
-    Problem,
     checked_path,
     merged,
     missing_sentence,
@@ -37,40 +37,13 @@ from flexfem.files.refusals import (
 )
 from flexfem.refused import BadInput
 
-MAX_DEPTH = 32  # keys and brackets on the way to a value; the deepest shipped file has four
-
-
-class LineIndex(NamedTuple):
-    """Where every key path of a TOML text stands; array elements and tables of an array count from zero."""
-
-    text: str
-    offsets: dict[KeyPath, int]
-
-    def offset(self, path: KeyPath) -> int:
-        """Return the character offset of `path`, else of its nearest table that is there, else -1."""
-        ways_up = (path[:length] for length in range(len(path), 0, -1))
-        return next((self.offsets[way] for way in ways_up if way in self.offsets), -1)
-
-    def line(self, path: KeyPath) -> int | None:
-        """Return the line, counted from 1, of `path`, else of its nearest table that is there, else None."""
-        offset = self.offset(path)
-        return None if offset < 0 else line_of(self.text, offset)
-
-
-def line_of(text: str, offset: int) -> int:
-    """Return the line, counted from 1, at a character offset."""
-    return text.count("\n", 0, offset) + 1
-
-
-# Possessive, and an unclosed string is a token too: linear time on any text.
+MAX_DEPTH = 32  # brackets about a value, parts of a dotted key; the deepest shipped file has four
+_STRING = r"""
+    (?: \"{3} (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z ) | \'{3} (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
+      | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )"""  # possessive, also unclosed: linear time on any text
+_PART = rf"(?: {_STRING} | [^\s\"'\#\[\]{{}}=,.]++ )"
 _TOKEN = re.compile(
-    r'''(?P<space> [^\S\n]++ | \#[^\n]*+ )
-      | (?P<newline> \n )
-      | (?P<string> """ (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z )
-                  | \'\'\' (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
-                  | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )
-      | (?P<mark> [\[\]{}=,.] )
-      | (?P<bare> [^\s"'\#\[\]{}=,.]++ )''',
+    rf"(?P<deep> {_PART} (?: [ \t]*+ \. [ \t]*+ {_PART} ){{{MAX_DEPTH}}} ) | \#[^\n]*+ | {_PART} | [\n\[\]{{}}]",
     re.VERBOSE | re.DOTALL,
 )
 
@@ -82,116 +55,73 @@ class DepthError(Exception):
         self.offset = offset
 
 
-@dataclass
-class _Frame:
-    """A table or array being read: its path, where its last value belongs, and how many commas an array has had."""
+def _ends(text: str) -> Iterator[int]:
+    """The offsets at which statements (a header, a key with its value, a comment) end. Raises DepthError."""
+    depth = 0
+    for match in _TOKEN.finditer(text):
+        token = match[0]
+        depth += (token in "[{") - (token in "]}" and depth > 0)
+        if match["deep"] or depth > MAX_DEPTH:
+            raise DepthError(match.start())
+        if token == "\n" and depth == 0:
+            yield match.end()
+    yield len(text)
 
-    path: KeyPath
-    is_array: bool = False
-    value: KeyPath = ()
-    commas: int = 0
 
+class Lines:
+    """The lines of the key paths of a TOML text; elements and tables of arrays count from zero."""
 
-@dataclass
-class Scan:
-    """One pass over the tokens; exact on TOML, harmless on anything else, because `tomllib` judges the text later."""
+    def __init__(self, text: str, ends: Sequence[int]) -> None:
+        self.text, self.ends = text, ends
 
-    offsets: dict[KeyPath, int] = field(default_factory=dict)
-    tables: dict[KeyPath, int] = field(default_factory=dict)  # how many [[...]] of each array of tables so far
-    stack: list[_Frame] = field(default_factory=lambda: [_Frame(())])
-    key: list[str] = field(default_factory=list)
-    key_offset: int = 0
-    dotted: bool = False  # a dot came last
-    brackets: int = 0  # of the header in this line
-    in_value: bool = False
-
-    def read(self, text: str) -> dict[KeyPath, int]:
-        """Return the character offset of every key path of the text; raise DepthError."""
-        for match in _TOKEN.finditer(text):
-            kind, token, offset = match.lastgroup, match.group(), match.start()
-            if kind == "newline" and len(self.stack) == 1:
-                self.key, self.dotted, self.brackets, self.in_value = [], False, 0, False
-            elif kind in ("newline", "space"):
-                continue
-            elif self.in_value:
-                self._value(token, offset)
+    @cached_property
+    def places(self) -> dict[KeyPath, tuple[int, int]]:
+        """Line, counted from 1, of the statement that a key path is in, and its rank among all paths of the file."""
+        found, counts = dict[KeyPath, tuple[int, int]](), Counter[KeyPath]()
+        line, table = 1, KeyPath()
+        for start, end in pairwise([0, *self.ends]):
+            statement = self.text[start:end]
+            content: Any = tomllib.loads(statement)
+            if statement.lstrip().startswith("["):
+                table = ()
+                while content:
+                    if isinstance(content, list):
+                        counts[table] += 1
+                        table, content = (*table, counts[table] - 1), content[0]
+                        break
+                    part, content = next(iter(content.items()))
+                    table = (*table, part)
+                    if isinstance(content, dict) and counts[table]:  # in the last table of an array
+                        found.setdefault(table, (line, len(found)))
+                        table = (*table, counts[table] - 1)
+                    found.setdefault(table, (line, len(found)))
+                found[table] = (line, len(found))  # a better place than [table.below] before it
             else:
-                self._key(token, offset)
-        return self.offsets
+                for path in _paths(content, table):
+                    found.setdefault(path, (line, len(found)))
+            line += statement.count("\n")
+        return found
 
-    def _note(self, path: KeyPath, offset: int) -> None:
-        if len(path) > MAX_DEPTH:
-            raise DepthError(offset)
-        self.offsets.setdefault(path, offset)
+    def place(self, path: KeyPath) -> tuple[int, int]:
+        """Line and rank of `path`, else of its nearest table that is there, else of none."""
+        ways_up = (path[:length] for length in range(len(path), 0, -1))
+        return next((self.places[way] for way in ways_up if way in self.places), (0, -1))
 
-    def _key(self, token: str, offset: int) -> None:
-        if token == "[" and not self.key and len(self.stack) == 1:
-            self.brackets += 1
-        elif token == "]" and self.key and self.brackets:
-            self._header()
-        elif token == "=":
-            self._assign()
-        elif token == "}":
-            self._close()
-        elif token == ".":
-            self.dotted = True
-        elif token not in ("[", "]", "{", ","):
-            if not self.dotted:  # else a line of prose would count as a deep key
-                self.key, self.key_offset = [], offset
-            self.key, self.dotted = [*self.key, _unquoted(token)], False
-            if len(self.key) > MAX_DEPTH:
-                raise DepthError(offset)
-
-    def _header(self) -> None:
-        path: KeyPath = ()
-        for part in self.key[:-1]:
-            path = (*path, part)
-            self._note(path, self.key_offset)
-            path = (*path, self.tables[path] - 1) if path in self.tables else path
-        path = (*path, self.key[-1])
-        if self.brackets > 1:
-            self._note(path, self.key_offset)
-            self.tables[path] = self.tables.get(path, 0) + 1
-            path = (*path, self.tables[path] - 1)
-        self.offsets.pop(path, None)  # its own header is a better place than [path.below] before it
-        self._note(path, self.key_offset)
-        self.stack, self.key = [_Frame(path)], []
-
-    def _assign(self) -> None:
-        frame = self.stack[-1]
-        for length in range(1, len(self.key) + 1):
-            frame.value = (*frame.path, *self.key[:length])
-            self._note(frame.value, self.key_offset)
-        self.key, self.in_value = [], True
-
-    def _value(self, token: str, offset: int) -> None:
-        frame = self.stack[-1]
-        path = (*frame.path, frame.commas) if frame.is_array else frame.value
-        if token in ("]", "}"):
-            self._close()
-        elif token == "," and frame.is_array:
-            frame.commas += 1
-        elif token == ",":
-            self.in_value = len(self.stack) == 1
-        else:
-            self._note(path, offset)
-            if token in ("[", "{"):
-                self.stack.append(_Frame(path, is_array=token == "["))
-                self.in_value = token == "["
-
-    def _close(self) -> None:
-        if len(self.stack) > 1:
-            self.stack.pop()
-        self.in_value = True
+    def line(self, path: KeyPath) -> int | None:
+        """The line of `path`, else of its nearest table that is there, else None."""
+        return self.place(path)[0] or None
 
 
-def _unquoted(token: str) -> str:
-    if token[0] == '"' and "\\" in token:
-        try:
-            return str(tomllib.loads(f"key = {token}")["key"])
-        except ValueError:
-            return token
-    return token[1:-1] if token[0] in "\"'" else token
+def line_of(text: str, offset: int) -> int:
+    """Return the line, counted from 1, at a character offset."""
+    return text.count("\n", 0, offset) + 1
+
+
+def _paths(content: Any, above: KeyPath) -> Iterator[KeyPath]:
+    inner = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    for part, value in inner:
+        yield (*above, part)
+        yield from _paths(value, (*above, part))
 
 
 MAX_BYTES = 2**20
@@ -254,7 +184,7 @@ class TomlFile(NamedTuple):
     """What a TOML file says, and on which lines."""
 
     data: dict[str, Any]
-    lines: LineIndex
+    lines: Lines
 
 
 def read_toml(path: Path) -> TomlFile:
@@ -268,7 +198,7 @@ def read_toml(path: Path) -> TomlFile:
     """
     text = read_text(path)
     try:
-        lines = LineIndex(text, Scan().read(text))
+        lines = Lines(text, [*_ends(text)])
         return TomlFile(tomllib.loads(text), lines)
     except DepthError as error:
         place = place_of(path, line_of(text, error.offset))
@@ -293,7 +223,7 @@ def bad_key(path: Path, key: tuple[str | int, ...], said: str) -> BadInput:
 
 
 def validate(
-    model_class: type[Model], path: Path, completed: Callable[[dict[str, Any], LineIndex], dict[str, Any]] | None = None
+    model_class: type[Model], path: Path, completed: Callable[[dict[str, Any], Lines], dict[str, Any]] | None = None
 ) -> Model:
     """Read a TOML file into a model of it; `completed` adds what the file says by naming another file.
 
@@ -303,59 +233,24 @@ def validate(
         As `read_toml`, the file is of another kind, or a key is missing, unknown or has a value the model refuses: the
         first such value in the file is named, the others are counted; missing keys are named all.
     """
-    return validate_partly(model_class, path, {}, completed)[0]
-
-
-def validate_partly(
-    model_class: type[Model],
-    path: Path,
-    spare: Mapping[str, Any],
-    completed: Callable[[dict[str, Any], LineIndex], dict[str, Any]] | None = None,
-) -> tuple[Model, list[str]]:
-    """As `validate`, what is missing taken from `spare`, values by key path; returns the keys that are missing, too.
-
-    A key that is missing and not among the spare ones is refused as ever.
-    """
     data, lines = read_toml(path)
     require_plain_stem(path)
-    data = data if completed is None else completed(data, lines)
-    try:
-        return model_class.model_validate(data), []
-    except ValidationError as error:
-        problems = _problems(error, data)
     expected = getattr(model_class, "kind", None)
     found = kind_of(data, expected)
+    data = data if completed is None else completed(data, lines)
+    try:
+        return model_class.model_validate(data)
+    except ValidationError as error:
+        problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
-    missing = _missing(model_class, data, problems)
-    if spare:
-        data = copy.deepcopy(data)
-        for key in spare.keys() & set(missing):
-            *tables, name = key.split(".")
-            table = data
-            for each in tables:
-                table = table.setdefault(each, {})
-            table[name] = spare[key]
-        try:
-            return model_class.model_validate(data), missing
-        except ValidationError as error:
-            problems = _problems(error, data)
-    wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.offset(problem.path))
-    keys = _missing(model_class, data, problems)
+    wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.place(problem.path))
+    keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     said = [sentence(wrong[0], model_class, data) + more] if wrong else []
     said += [missing_sentence(keys)] if keys else []
-    first = wrong[0] if wrong else min(problems, key=lambda problem: lines.offset(problem.path))
+    first = wrong[0] if wrong else min(problems, key=lambda problem: lines.place(problem.path))
     raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {'; '.join(said)}"))
-
-
-def _problems(error: ValidationError, data: dict[str, Any]) -> list[Problem]:
-    return merged([problem_of(details, data) for details in error.errors(include_url=False)])
-
-
-def _missing(model_class: type[BaseModel], data: dict[str, Any], problems: list[Problem]) -> list[str]:
-    """Key paths that are missing."""
-    return [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
 
 
 def _is_json(text: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
@@ -16,20 +15,14 @@ from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, validate
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 from flexfem.mechanism.materials import Material
 
 CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
 STEEL = (206e3, 0.3)  # bearing steel, MPa and Poisson's ratio: of balls and of ends of stacks if no file states it
 
-Stroke: TypeAlias = Annotated[
-    float, *quantities.above_zero(quantities.STROKE), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
-]
-Rate: TypeAlias = Annotated[
-    float,
-    *quantities.above_zero(quantities.STACK_STIFFNESS),
-    *converted(lambda n_um: 1e3 * n_um, lambda n_mm: n_mm / 1e3),
-]
+Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STROKE), *in_unit("um")]
+Rate: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STACK_STIFFNESS), *in_unit("n_per_um")]
 Force: TypeAlias = Annotated[float, *quantities.above_zero(quantities.FORCE)]
 Voltage: TypeAlias = Annotated[float, *quantities.above_zero(quantities.VOLTAGE)]
 StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue())})]
@@ -131,7 +124,7 @@ ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "li
 BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke and stiffness
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
-Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *converted(math.radians, math.degrees)]
+Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *in_unit("deg")]
 Preload: TypeAlias = Annotated[float, *quantities.from_zero(quantities.FORCE)]
 Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 

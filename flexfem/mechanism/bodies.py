@@ -98,18 +98,8 @@ def polyline(*points: complex) -> list[Segment]:
 
 
 def area(loop: Sequence[Segment]) -> float:
-    """Exact area enclosed by a closed counter-clockwise loop, mm^2.
-
-    Notes
-    -----
-    Green's theorem: the polygon of the end points, and for each arc its circular segment `r^2 (turn - sin turn) / 2`.
-    """
-    total = 0.0
-    for s in loop:
-        total += (s.start.conjugate() * s.end).imag / 2.0
-        if s.centre is not None:
-            total += abs(s.start - s.centre) ** 2 * (s.turn - np.sin(s.turn)) / 2.0
-    return total
+    """Area enclosed by a closed counter-clockwise loop, mm^2."""
+    return float(area_moments(loop)[0])
 
 
 def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:

@@ -13,6 +13,7 @@ is read at its rigid hub, has no station.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -51,24 +52,42 @@ class Station(NamedTuple):
         """Where each line or arc of the path begins, and where the last ends, mm along the path."""
         return np.cumsum([0.0, *(segment.length for segment in self.path)])
 
+    def spread(self, times: float) -> Station:
+        """With so many times its length about the same middle, as far as the strip reaches."""
+        return self._replace(half=float(min(times * self.half, self.middle, self.starts[-1] - self.middle)))
+
 
 def station(stage: StageContent, chain: int, link: int, point: complex) -> Station:
     """The station of link 1 or 2 of a chain (1 to 3) nearest to a point in the frame of chain 1, within its strip."""
     path = centrelines(stage, chain)[link]
-    length = sum(segment.length for segment in path)
-    half = min(SPREAD * stage.chain.link_width, length / 2)
-    middle = min(max(_nearest(path, point), half), length - half)
-    return Station(path, stage.chain.link_width, middle, half)
+    return _station(stage, path, SPREAD, nearest(path, point).along)
 
 
-def _nearest(path: tuple[Segment, ...], point: complex) -> float:
-    """Distance along a path, mm, to its point nearest to one aside."""
-    found, start = list[tuple[float, float]](), 0.0
+def _station(stage: StageContent, path: tuple[Segment, ...], spread: float, middle: float) -> Station:
+    """The station of half a length `spread`, per link width, about the middle, mm along the path, within the strip."""
+    width, length = stage.chain.link_width, sum(segment.length for segment in path)
+    half = min(spread * width, length / 2)
+    return Station(path, width, min(max(middle, half), length - half), half)
+
+
+class Nearest(NamedTuple):
+    """A place of a path: how far it is from a point, and along the path, mm; where, and the unit normal to the left."""
+
+    distance: float
+    along: float
+    place: complex
+    normal: complex
+
+
+def nearest(path: Sequence[Segment], point: complex) -> Nearest:
+    """The place of a path that is nearest to a point."""
+    found, start = list[Nearest](), 0.0
     for segment in path:
-        share = min(max(shares_of(segment, np.array([point]))[0], 0.0), 1.0)
-        found.append((abs(middle_at(segment, np.array([share]))[0] - point), start + share * segment.length))
+        share = np.clip(shares_of(segment, np.array(point)), 0.0, 1.0)
+        place, normal = complex(middle_at(segment, share)), 1j * complex(tangent_at(segment, share))
+        found.append(Nearest(abs(point - place), start + float(share) * segment.length, place, normal))
         start += segment.length
-    return min(found)[1]
+    return min(found, key=lambda each: each[:2])
 
 
 def shares_of(segment: Segment, points: AnyArray) -> Array:
@@ -153,11 +172,6 @@ def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array]:
     return moment / by_moment, pull / by_force, shear / by_force
 
 
-def spread_over(of: Station, times: float) -> Station:
-    """The station with so many times its length about the same middle, as far as the strip reaches."""
-    return of._replace(half=float(min(times * of.half, of.middle, of.starts[-1] - of.middle)))
-
-
 def share_beyond(of: Station, s: Array) -> Array:
     """Share (n,) of a push that is beyond `s` (n,), mm along the path."""
     xi = np.clip((s - of.middle) / of.half, -1.0, 1.0)
@@ -219,9 +233,7 @@ class Stack(NamedTuple):
 
     def spread_over(self, times: float) -> Stack:
         """The stack with its pushes on links spread over so many times the length that is assumed."""
-        first, second = (
-            push._replace(station=push.station and spread_over(push.station, times)) for push in self.pushes
-        )
+        first, second = (push._replace(station=push.station and push.station.spread(times)) for push in self.pushes)
         return self._replace(pushes=(first, second))
 
     def placed(self, push: Push) -> Array:
@@ -239,11 +251,11 @@ def placed_stack(
     d = np.exp(1j * direction)
     wrench = np.array([d.real, d.imag, (np.conj(point) * d).imag])
     carrier, pushed = (BODY_NAMES.index(body) for body in between)
-    ends = ((pushed, wrench), (carrier, -wrench))
-    first, second = (
-        Push(body, q, station(stage, chain + 1, body, point) if body in LINKS else None) for body, q in ends
-    )
-    return Stack(chain, (first, second), point, ball)
+
+    def push(body: int, q: Array) -> Push:
+        return Push(body, q, station(stage, chain + 1, body, point) if body in LINKS else None)
+
+    return Stack(chain, (push(pushed, wrench), push(carrier, -wrench)), point, ball)
 
 
 BESIDE = 0.05  # half a station per link width; as short as meshes of 4 triangles across a neck resolve
@@ -262,16 +274,7 @@ def couple_names(positions: tuple[int, ...]) -> tuple[str, ...]:
 
 def _couple(stage: StageContent, chain: int, position: int) -> Stack:
     """A couple on the body beyond a hinge of a chain (1 to 3), and its opposite on the body before."""
-    unit = np.array([0.0, 0.0, 1.0])
-    beyond = Push(position + 1, unit, _station(stage, chain, position + 1, beyond=True))
-    return Stack(chain - 1, (beyond, Push(position, -unit, _station(stage, chain, position, beyond=False))))
-
-
-def _station(stage: StageContent, chain: int, body: int, beyond: bool) -> Station | None:
-    """Where a pad or link meets the notch before it (`beyond` that), or the one after it."""
-    if body == PLATFORM:
-        return None
-    path = centrelines(stage, chain)[body]
-    length = sum(segment.length for segment in path)
-    half = min(BESIDE * stage.chain.link_width, length / 2)
-    return Station(path, stage.chain.link_width, half if beyond else length - half, half)
+    unit, after, paths = np.array([0.0, 0.0, 1.0]), position + 1, centrelines(stage, chain)
+    first = None if after == PLATFORM else _station(stage, paths[after], BESIDE, 0.0)
+    last = _station(stage, paths[position], BESIDE, np.inf)
+    return Stack(chain - 1, (Push(after, unit, first), Push(position, -unit, last)))

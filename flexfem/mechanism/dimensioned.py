@@ -25,22 +25,26 @@ from pydantic import (
 
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
-from flexfem.files.refusals import KeyPath, key_path, merged, one_line, problem_of, shown, suggestion
+from flexfem.files.refusals import merged, one_line, problem_of, sentence
 from flexfem.files.toml import Table
 from flexfem.refused import BadInput
+from flexfem.units import UNITS
 
 INSIDE = "inside units"
 
 
 class Conversion(NamedTuple):
-    """What makes a number of a file one inside, and about the way back."""
+    """A number that files state in another unit than is held: what the number of a file is multiplied by."""
 
-    inside: Callable[[float], float]
-    back: Callable[[float], float]
+    factor: float
+
+    def inside(self, value: float) -> float:
+        """The number that is held."""
+        return self.factor * value
 
     def stated(self, value: float) -> float:
         """The number of a file that becomes `value`: of those that do the shortest; where none does, the nearest."""
-        near = [self.back(value)]
+        near = [value / self.factor]
         for _ in range(3):
             near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
         return min(near, key=lambda number: (abs(self.inside(number) - value), len(repr(number))))
@@ -55,38 +59,35 @@ class Conversion(NamedTuple):
         return self.stated(value) if info.by_alias and value is not None else value
 
 
-def converted(inside: Callable[[float], float], back: Callable[[float], float]) -> tuple[Any, ...]:
-    """Annotations of a number that files state in another unit than is held."""
-    of = Conversion(inside, back)
+def in_unit(name: str) -> tuple[Any, ...]:
+    """Annotations of a number that files state in a unit of `units.UNITS`."""
+    of = Conversion(1 / UNITS[name].factor)
     return AfterValidator(of.inside), BeforeValidator(of.before), PlainSerializer(of.dumped)
 
 
 Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
 Strength: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STRENGTH)]
 Density: TypeAlias = Annotated[float, *quantities.above_zero(quantities.DENSITY)]
-Modulus: TypeAlias = Annotated[
-    float, *quantities.above_zero(quantities.MODULUS), *converted(lambda gpa: 1e3 * gpa, lambda mpa: mpa / 1e3)
-]
+Modulus: TypeAlias = Annotated[float, *quantities.above_zero(quantities.MODULUS), *in_unit("gpa")]
 Poisson: TypeAlias = Annotated[float, Field(ge=0, lt=0.5), keywords(**COUNT)]
 LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
 LEAST_OF_FRAME, LOWEST_OF_FRAME = 1e-3, -50.0  # um/(m K): glass of no expansion but for what is measured; alloys
 
 
 _ALUMINIUM = " um/(m K), aluminium 23.6"  # not per kelvin, nor per cent
-_PER_KELVIN = converted(lambda per_million: 1e-6 * per_million, lambda per_kelvin: per_kelvin / 1e-6)
 Expansion: TypeAlias = Annotated[
     float,
     Field(ge=0, le=LARGEST_EXPANSION),
     *quantities.zero_or(LEAST_EXPANSION, unit=_ALUMINIUM),
-    *_PER_KELVIN,
+    *in_unit("um_per_m_k"),
 ]
 FrameExpansion: TypeAlias = Annotated[
     float,
     Field(ge=LOWEST_OF_FRAME, le=LARGEST_EXPANSION),
     *quantities.zero_or(LEAST_OF_FRAME, signed=True, unit=_ALUMINIUM),
-    *_PER_KELVIN,
+    *in_unit("um_per_m_k"),
 ]
-Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *converted(math.radians, math.degrees)]
+Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *in_unit("deg")]
 
 
 class Dimensioned(Table):
@@ -141,29 +142,8 @@ def plain(value: Any) -> Any:
 def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationError) -> str:
     """The first thing wrong, and how many more there are."""
     problems = merged([problem_of(details, given) for details in error.errors(include_url=False)])
-    first = problems[0]
-    key, more = key_path(first.path, given), f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-    fields = _fields(model, first.path[:-1])
-    if first.kind == "missing":
-        return f"{key} is missing{more}"
-    if first.kind == "extra_forbidden":
-        close = suggestion(str(first.path[-1]), fields)
-        return one_line(f"{key} is an unknown name{close or ', expected one of ' + ', '.join(fields)}{more}")
-    value: Any = given
-    for part in first.path:
-        value = value[part]
-    unit = fields.get(str(next((part for part in reversed(first.path) if isinstance(part, str)), "")), "")
-    expected = f"{unit} {first.expected}" if unit.endswith(("_gpa", "_deg", "_um")) else first.expected
-    return one_line(f"{key} = {shown(value)}, expected {expected}{more}" if key else f"expected {expected}{more}")
-
-
-def _fields(model: type[BaseModel], path: KeyPath) -> dict[str, str]:
-    """Names of the table at a path and the keys that files have for them."""
-    for part in path:
-        annotation: Any = model.model_fields[part].annotation if part in model.model_fields else model
-        inner = (annotation, *getattr(annotation, "__args__", ()))
-        model = next((each for each in inner if isinstance(each, type) and issubclass(each, BaseModel)), model)
-    return {name: field.alias or name for name, field in model.model_fields.items() if name != "provenance"}
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return one_line(sentence(problems[0], model, given, by_name=True) + more)
 
 
 Of = TypeVar("Of")  # a stage

@@ -24,13 +24,14 @@ from flexfem.mechanism.actuators import (
     series_stiffness,
 )
 from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector, turn
-from flexfem.mechanism.contacts import Push, Stack, middle_at, placed_stack, tangent_at
+from flexfem.mechanism.contacts import Push, Stack, middle_at, nearest, placed_stack, tangent_at
 from flexfem.mechanism.designs import CHAIN_TURN, Designs, chain_rotation, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
 from flexfem.refused import BadInput
 
 ON_OUTLINE = 0.01  # distance of a contact from the outline of its body, per link width: coordinates are rounded
+NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # of a drive, each design its own
 INTO = 0.1  # least cosine between the direction of a push and the inward normal
 
 
@@ -55,6 +56,10 @@ class StageDrive(NamedTuple):
     lowest: Array
     highest: Array
     friction: Array = np.zeros(0)
+
+    def at(self, which: AnyArray | int | None) -> StageDrive:
+        """With the numbers of some designs (k,), or of one, of many; None gives them an axis of one design."""
+        return self._replace(**{name: getattr(self, name)[which] for name in NUMBERS})
 
     @property
     def rubbing(self) -> tuple[int, ...]:
@@ -83,16 +88,9 @@ def _drive(stage: StageContent) -> StageDrive:
         for index, of in enumerate(row):
             for contact in contacts(stage, chain, index):
                 stacks.append(placed_stack(stage, chain - 1, of.between, *contact, of.ball_radius or 0.0))
-    many = _of_stacks(lower(stage), chains, stacks)
     friction = [one.friction for row in chains for one in row for _ in range(1 + one.pair)]
-    return many._replace(
-        stiffness=many.stiffness[0],
-        preload=many.preload[0],
-        blocking_force=many.blocking_force[0],
-        lowest=many.lowest[0],
-        highest=many.highest[0],
-        friction=np.array([np.nan if each is None else each for each in friction]),
-    )
+    stated = np.array([np.nan if each is None else each for each in friction])
+    return _of_stacks(lower(stage), chains, stacks).at(0)._replace(friction=stated)
 
 
 class Contact(NamedTuple):
@@ -157,11 +155,11 @@ def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
 def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
     actuator, (point, direction) = actuators_of(stage)[chain - 1][index], contact
     body = f"{actuator.between[1]} of chain {chain}"
-    distance, nearest, inward = min((_nearest(segment, point) for segment in outline), key=lambda found: found[0])
+    distance, _, place, inward = nearest(outline, point)
     if distance > ON_OUTLINE * stage.chain.link_width:
         raise BadInput(
             f"{_place_of(stage, chain, index)}, contact off the metal: expected a point of the outline of {body}, the "
-            f"nearest is [{nearest.real:.4g}, {nearest.imag:.4g}]"
+            f"nearest is [{place.real:.4g}, {place.imag:.4g}]"
         )
     if (np.exp(1j * direction) * np.conj(inward)).real < INTO:
         key, turned = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
@@ -195,20 +193,6 @@ def _free(stage: StageContent, chain: int, body: str) -> list[Segment]:
     return [segment for segment, label in zip(face.loop, face.labels, strict=True) if label == "free"]
 
 
-def _nearest(segment: Segment, point: complex) -> tuple[float, complex, complex]:
-    """Distance of a point from a line or arc, mm, the nearest point of it, and the unit normal to its left there."""
-    if segment.centre is None:
-        along = (segment.end - segment.start) / segment.length
-        s = min(max(((point - segment.start) / along).real, 0.0), segment.length)
-        found = segment.start + s * along
-        return abs(point - found), found, 1j * along
-    spoke = segment.start - segment.centre
-    swept = float(np.angle((point - segment.centre) / spoke * np.exp(-0.5j * segment.turn)))
-    half = abs(segment.turn) / 2
-    away = spoke * np.exp(1j * (segment.turn / 2 + min(max(swept, -half), half)))
-    return abs(point - segment.centre - away), segment.centre + away, -np.sign(segment.turn) * away / abs(away)
-
-
 def _crossings(segment: Segment, point: complex, push: complex) -> list[float]:
     """Distances, mm, along a line from a point, at which it crosses a line or arc."""
     start, end = ((z - point) / push for z in (segment.start, segment.end))
@@ -221,7 +205,7 @@ def _crossings(segment: Segment, point: complex, push: complex) -> list[float]:
         return []
     chord = np.sqrt(radius**2 - centre.imag**2)
     found = [centre.real - chord, centre.real + chord]
-    return [float(t) for t in found if _nearest(segment, point + t * push)[0] < 1e-9 * radius]
+    return [float(t) for t in found if nearest([segment], point + t * push).distance < 1e-9 * radius]
 
 
 STRAIGHT = 1e-12  # rad, and mm per mm: two necks in line
@@ -263,19 +247,25 @@ def drives_of(
     wrenches = np.array([[each.wrench for each in row] for row in placed])  # (3, actuators, n, 3)
     unsure = np.any([~each.sure for row in placed for each in row], axis=0) & (reason == "")
     _draw(designs, np.flatnonzero(unsure), wrenches, reason, stage_at)
-    return _of_placed(designs, chains, wrenches)
+    stacks = list[Stack]()
+    for (chain, index), q in zip(
+        np.ndindex(wrenches.shape[:2]), wrenches.reshape(-1, *wrenches.shape[2:]), strict=True
+    ):
+        one = chains[chain][index]
+        carrier, pushed = (BODY_NAMES.index(body) for body in one.between)
+        for sign in (1.0, -1.0) if one.pair else (1.0,):
+            stacks.append(Stack(chain, (Push(pushed, sign * q, None), Push(carrier, -sign * q, None))))
+    return _of_stacks(designs, chains, stacks)
 
 
-def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], numbers: Numbers, reason: AnyArray) -> None:
-    most = _blocking(numbers)
+def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], of: Numbers, reason: AnyArray) -> None:
+    refused = {
+        "preload_n: above the blocking force of the stack": of.preload > _blocking(of) * (1 + BLOCKING_ROUND_OFF),
+        "ball_radius_mm: a ball without preload": (of.preload == 0) & ~np.isnan(of.ball_radius),
+    }
     for index, actuator in enumerate(chains[0]):
-        above = np.any(numbers.preload[:, :, index] > most[:, :, index] * (1 + BLOCKING_ROUND_OFF), axis=1)
-        loose = np.any((numbers.preload[:, :, index] == 0) & ~np.isnan(numbers.ball_radius[:, :, index]), axis=1)
-        for text, where in (
-            ("preload_n: above the blocking force of the stack", above),
-            ("ball_radius_mm: a ball without preload", loose),
-        ):
-            reason[where & (reason == "")] = f"actuator.{actuator.name}.{text}"
+        for text, where in refused.items():
+            reason[np.any(where[:, :, index], axis=1) & (reason == "")] = f"actuator.{actuator.name}.{text}"
 
 
 def _blocking(of: Numbers) -> Array:
@@ -336,18 +326,6 @@ def _draw(
         starts = np.argmax(drive.differential != 0, axis=0)  # the first stack of every command
         found = np.array([drive.stacks[k].pushes[0].wrench for k in starts])
         wrenches[:, :, mine] = found.reshape(*wrenches.shape[:2], 1, 3)
-
-
-def _of_placed(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], wrenches: Array) -> StageDrive:
-    """The drive of designs whose contacts are placed: wrenches (3, actuators, n, 3)."""
-    stacks = list[Stack]()
-    for chain, row in enumerate(chains):
-        for index, one in enumerate(row):
-            carrier, pushed = (BODY_NAMES.index(body) for body in one.between)
-            for sign in (1.0, -1.0) if one.pair else (1.0,):
-                q = sign * wrenches[chain, index]
-                stacks.append(Stack(chain, (Push(pushed, q, None), Push(carrier, -q, None))))
-    return _of_stacks(designs, chains, stacks)
 
 
 def _of_stacks(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], stacks: list[Stack]) -> StageDrive:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
+from functools import partial
+from itertools import combinations, combinations_with_replacement, product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,35 +20,10 @@ from flexfem.refused import BadInput
 
 Holds = NDArray[np.bool_]
 
-PLACES = [(chain, position) for chain in range(3) for position in range(3)]
-PAIRS = list(combinations(PLACES, 2))
+PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, (chain, position)
 _FIRST, _SECOND = (np.array([places[k] for places in PAIRS]).T for k in (0, 1))
 TOUCHING = 1e-6  # mm^2; round-off of polygons that share an edge
 _ROUND_OFF = 1e-12  # the deepest radius is a difference of decimals
-
-
-class Conditions(NamedTuple):
-    """What holds of n designs, and the lengths (mm) it depends on.
-
-    Attributes
-    ----------
-    neck_narrow : (n, 3 chains, 3 hinges), the neck is narrower than the link.
-    notch_fits : (n, 3, 3), the notch is no deeper than the link, its radius at most `deepest` (n, 3, 3).
-    hub_fits : (n,), the hub is smaller than the platform.
-    clear : (n, 3, 3), the hinge is outside the platform: its `distance` (n, 3, 3) from the centre exceeds the
-        platform's radius and half its own height.
-    apart : (n, 36), the hinges of each of `PAIRS` are farther apart, `gap` (n, 36), than their `radii` together.
-    """
-
-    neck_narrow: Holds
-    notch_fits: Holds
-    deepest: Array
-    hub_fits: Holds
-    clear: Holds
-    distance: Array
-    apart: Holds
-    gap: Array
-    radii: Array
 
 
 class Broken(NamedTuple):
@@ -57,54 +33,87 @@ class Broken(NamedTuple):
     where: Holds
 
 
-def conditions(designs: Designs) -> Conditions:
-    """Evaluate the conditions of n designs."""
+class Condition(NamedTuple):
+    """What must hold of n designs at p places, such as the hinges of one name on three chains.
+
+    reason : the key, and what is wrong.   room : (n, p), mm, what is left; negative where the condition is broken.
+    said : of a stage, the place and its room there, the refusal.
+    """
+
+    reason: str
+    holds: Holds
+    room: Array
+    said: Callable[[StageContent, int, float], str]
+
+
+def conditions(designs: Designs) -> list[Condition]:
+    """Evaluate all conditions of n designs, in the order in which one stage is refused for them."""
     radius, neck, disc, centres = designs.radius, designs.neck, designs.platform_radius, designs.frames.centres
     width = designs.link_width[:, None, None]
     deepest = (width - neck) / 2
     x, y = centres[..., 0], centres[..., 1]
-    distance = np.hypot(x, y)
+    clear = np.hypot(x, y) - (disc[:, None, None] + radius + neck / 2)
     gap = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND])
-    radii = radius[..., *_FIRST] + radius[..., *_SECOND]
-    return Conditions(
-        neck_narrow=neck < width,
-        notch_fits=radius <= deepest * (1 + _ROUND_OFF),
-        deepest=deepest,
-        hub_fits=designs.hub_radius < disc,
-        clear=distance > disc[:, None, None] + radius + neck / 2,
-        distance=distance,
-        apart=gap > radii,
-        gap=gap,
-        radii=radii,
+    apart = gap - (radius[..., *_FIRST] + radius[..., *_SECOND])
+    narrow, fits, found = width - neck, radius <= deepest * (1 + _ROUND_OFF), list[Condition]()
+    for k, name in enumerate(HINGE_NAMES):
+        key, at = f"hinges.{name}", (..., k)
+        said = partial(_neck, name), partial(_notch, name)
+        found.append(Condition(f"{key}.neck_mm: neck as wide as the link", narrow[at] > 0, narrow[at], said[0]))
+        reason = f"{key}.radius_mm: notch deeper than the link"
+        found.append(Condition(reason, fits[at], (deepest - radius)[at], said[1]))
+    hub = (disc - designs.hub_radius)[:, None]
+    found.append(Condition("platform.hub_radius_mm: hub larger than the platform", hub > 0, hub, _hub))
+    for k, name in enumerate(HINGE_NAMES):
+        reason, room = f"platform.radius_mm: the platform swallows the {name} hinge", clear[..., k]
+        found.append(Condition(reason, room > 0, room, partial(_swallows, name)))
+    for one, other in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
+        pairs = [k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other}]
+        names = f"{HINGE_NAMES[one]} and {HINGE_NAMES[other]} hinges" if one != other else f"{HINGE_NAMES[one]} hinges"
+        reason, room = f"chain.link_lengths_mm: {names} closer than their radii", apart[:, pairs]
+        found.append(Condition(reason, room > 0, room, partial(_closer, pairs)))
+    return found
+
+
+def broken(found: list[Condition]) -> list[Broken]:
+    """Every condition by its reason, and which designs break it."""
+    return [Broken(each.reason, ~np.all(each.holds, axis=-1)) for each in found]
+
+
+def _neck(name: str, stage: StageContent, chain: int, room: float) -> str:
+    said = f"{key_of(stage, chain + 1, name, 'neck_mm')} = {stage.hinge(chain + 1, name).neck:g}"
+    return f"{said}, neck as wide as the link, expected < chain.link_width_mm = {stage.chain.link_width:g}"
+
+
+def _notch(name: str, stage: StageContent, chain: int, room: float) -> str:
+    hinge = stage.hinge(chain + 1, name)
+    return (
+        f"{key_of(stage, chain + 1, name, 'radius_mm')} = {hinge.radius:g}, notch deeper than the link, "
+        f"expected <= (link_width - neck)/2 = {hinge.radius + room:g}"
     )
 
 
-def broken(found: Conditions) -> list[Broken]:
-    """Every condition by its reason, the key first, and which designs break it, in the order of `check_feasible`."""
-    of_hinge = {
-        "neck_mm: neck as wide as the link": found.neck_narrow,
-        "radius_mm: notch deeper than the link": found.notch_fits,
-    }
-    all_broken = [
-        Broken(f"hinges.{name}.{reason}", ~np.all(holds[..., position], axis=-1))
-        for position, name in enumerate(HINGE_NAMES)
-        for reason, holds in of_hinge.items()
-    ]
-    all_broken.append(Broken("platform.hub_radius_mm: hub larger than the platform", ~found.hub_fits))
-    for position, name in enumerate(HINGE_NAMES):
-        reason = f"platform.radius_mm: the platform swallows the {name} hinge"
-        all_broken.append(Broken(reason, ~np.all(found.clear[..., position], axis=-1)))
-    for one, other in sorted({(min(a[1], b[1]), max(a[1], b[1])) for a, b in PAIRS}):
-        pairs = [k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other}]
-        names = f"{HINGE_NAMES[one]} and {HINGE_NAMES[other]} hinges" if one != other else f"{HINGE_NAMES[one]} hinges"
-        reason = f"chain.link_lengths_mm: {names} closer than their radii"
-        all_broken.append(Broken(reason, ~np.all(found.apart[..., pairs], axis=-1)))
-    return all_broken
+def _hub(stage: StageContent, _: int, room: float) -> str:
+    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    return f"platform.hub_radius_mm = {hub:g}, hub larger than the platform, expected < platform.radius_mm = {disc:g}"
 
 
-def describe(pair: int) -> str:
-    """The two hinges of a pair, "base hinge of chain 1 and elbow hinge of chain 2"."""
-    return " and ".join(f"{HINGE_NAMES[position]} hinge of chain {chain + 1}" for chain, position in PAIRS[pair])
+def _swallows(name: str, stage: StageContent, chain: int, room: float) -> str:
+    disc = stage.platform.radius
+    return (
+        f"platform.radius_mm = {disc:g}, the platform swallows the {name} hinge of chain {chain + 1}, expected < "
+        f"{disc + room:g} (distance of the hinge from the platform centre less its notch)"
+    )
+
+
+def _closer(pairs: list[int], stage: StageContent, place: int, room: float) -> str:
+    ends = [(chain + 1, HINGE_NAMES[position]) for chain, position in PAIRS[pairs[place]]]
+    radii = sum(stage.hinge(*end).radius for end in ends)
+    return (
+        f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: "
+        f"{' and '.join(f'{name} hinge of chain {chain}' for chain, name in ends)} are {radii + room:.4g} mm apart, "
+        f"expected > {radii:g}"
+    )
 
 
 def check_feasible(stage: StageContent) -> None:
@@ -127,7 +136,7 @@ def _raise(refused: BadInput | None) -> None:
 
 @once
 def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadInput | None:
-    """What a check says of a stage, looked at once."""
+    """What a check says of a stage."""
     try:
         with located(stage):
             check(stage)
@@ -137,52 +146,9 @@ def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadI
 
 
 def _check_conditions(stage: StageContent) -> None:
-    found = conditions(lower(stage))
-    one = Conditions(*(part[0] for part in found))
-    _check_notches(stage, one)
-    _check_platform(stage, one)
-    _check_distances(stage, one)
-
-
-def _check_notches(stage: StageContent, found: Conditions) -> None:
-    width = stage.chain.link_width
-    for chain, position in PLACES:
-        name = HINGE_NAMES[position]
-        hinge = stage.hinge(chain + 1, name)
-        if not found.neck_narrow[chain, position]:
-            raise BadInput(
-                f"{key_of(stage, chain + 1, name, 'neck_mm')} = {hinge.neck:g}, neck as wide as the link, "
-                f"expected < chain.link_width_mm = {width:g}"
-            )
-        if not found.notch_fits[chain, position]:
-            raise BadInput(
-                f"{key_of(stage, chain + 1, name, 'radius_mm')} = {hinge.radius:g}, notch deeper than the link, "
-                f"expected <= (link_width - neck)/2 = {found.deepest[chain, position]:g}"
-            )
-
-
-def _check_platform(stage: StageContent, found: Conditions) -> None:
-    disc, hub = stage.platform.radius, stage.platform.hub_radius
-    if not found.hub_fits:
-        raise BadInput(
-            f"platform.hub_radius_mm = {hub:g}, hub larger than the platform, expected < platform.radius_mm = {disc:g}"
-        )
-    for chain, position in PLACES:
-        if not found.clear[chain, position]:
-            hinge = stage.hinge(chain + 1, HINGE_NAMES[position])
-            raise BadInput(
-                f"platform.radius_mm = {disc:g}, the platform swallows the {HINGE_NAMES[position]} hinge of chain "
-                f"{chain + 1}, expected < {found.distance[chain, position] - hinge.radius - hinge.neck / 2:g} "
-                "(distance of the hinge from the platform centre less its notch)"
-            )
-
-
-def _check_distances(stage: StageContent, found: Conditions) -> None:
-    for pair in np.flatnonzero(~found.apart):
-        raise BadInput(
-            f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: "
-            f"{describe(int(pair))} are {found.gap[pair]:.4g} mm apart, expected > {found.radii[pair]:g}"
-        )
+    for each in conditions(lower(stage)):
+        for place in np.flatnonzero(~each.holds[0]):
+            raise BadInput(each.said(stage, int(place), float(each.room[0, place])))
 
 
 def _check_bodies(stage: StageContent) -> None:

@@ -22,7 +22,7 @@ from flexfem import own
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
 from flexfem.files.refusals import key_path, place_of, problem_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, LineIndex, Path, Table, read_toml, validate
+from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
@@ -353,7 +353,7 @@ def read_materials(path: Path) -> dict[str, Registered]:
     return found
 
 
-def with_material_of_file(path: Path, data: dict[str, Any], lines: LineIndex) -> dict[str, Any]:
+def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dict[str, Any]:
     """What the stage file at `path` says, with the numbers of a material that it names in a `file` beside it.
 
     Raises BadInput as `read_materials`, and when the file has no material of that name.

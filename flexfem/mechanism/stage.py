@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Doubts, key_paths, values_by_key
-from flexfem.files.refusals import key_path
-from flexfem.files.toml import Path, validate, validate_partly
+from flexfem.files.refusals import Problem, key_path, needed
+from flexfem.files.toml import Lines, Path, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.designs import Elastic, lower
 from flexfem.mechanism.dimensioned import KEPT
 from flexfem.mechanism.drives import check_drive
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.materials import sources_of, with_material_of_file
+from flexfem.mechanism.materials import materials, sources_of, with_material_of_file
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
 from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.stage_file import Hinge as Hinge
@@ -268,20 +268,26 @@ def load_partly(path: Path) -> PartialStage:
 
     Raises BadInput as `load_stage` for what is wrong in it, and as `check_feasible` where nothing is missing.
     """
-    spare = dict(_by_path(tomllib.loads(read_data("new-stage.toml")), ""))
-    spare |= {f"material.{key}": value for key, value in METAL.items()} | {"name": "unnamed"}
-    stage, missing = validate_partly(Stage, path, spare, partial(with_material_of_file, path))
+    spare, missing = tomllib.loads(read_data("new-stage.toml")) | {"material": METAL, "name": "unnamed"}, list[str]()
+
+    def completed(data: dict[str, Any], lines: Lines) -> dict[str, Any]:
+        data = with_material_of_file(path, data, lines)
+        material = data.get("material")
+        known = isinstance(material, dict) and material.get("name") in materials()
+        for key in needed(Problem("missing", (), ""), Stage):
+            *tables, name = key.split(".")
+            table: Any = data
+            source: Any = spare
+            for each in tables:
+                table, source = table.setdefault(each, {}) if isinstance(table, dict) else None, source[each]
+            if isinstance(table, dict) and name not in table and not (known and tables == ["material"]):
+                table[name] = source[name]
+                missing.append(key)
+        return data
+
+    stage = validate(Stage, path, completed)
     stage.__dict__["origin"] = Origin(os.fspath(path))
     found = PartialStage(stage, missing)
     if found.whole:
         check_feasible(stage)
     return found
-
-
-def _by_path(table: Mapping[str, Any], above: str) -> Iterator[tuple[str, Any]]:
-    """Values of nested tables by key path."""
-    for key, value in table.items():
-        if isinstance(value, Mapping):
-            yield from _by_path(value, f"{above}{key}.")
-        else:
-            yield f"{above}{key}", value

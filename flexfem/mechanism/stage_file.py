@@ -9,18 +9,18 @@ import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import Rule, both, has, ruled, when, without
-from flexfem.files.refusals import key_path, path_of, place_of, problem_of, refusal, shown, suggestion
+from flexfem.files.refusals import KeyPath, key_path, path_of, place_of, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Label, read_toml
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
-from flexfem.mechanism.actuators import Actuator, Coordinate, Force, Friction, Preload, Rate, StackName, Stroke, Tilt
+from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.actuators import HingeName as HingeName
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, FrameExpansion, Length, Modulus, Poisson, once, plain
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, FrameExpansion, Length, once, plain
 from flexfem.mechanism.materials import Material, sources_of, with_changes
 from flexfem.refused import BadInput
 
@@ -118,7 +118,7 @@ def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[
 
 
 def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
-    found = {_place(each): each for each in held}
+    found = {place_of_override(each): each for each in held}
     for place, values in given.items():
         about = place if isinstance(place, tuple) else (None, place)
         match about:
@@ -137,8 +137,11 @@ def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
     return list(found.values())
 
 
-def _place(override: Mapping[str, Any]) -> tuple[Any, ...]:
-    """As `Override.place`, of what a stage holds."""
+Place: TypeAlias = tuple[int | str, ...]
+
+
+def place_of_override(override: Mapping[str, Any]) -> Place:
+    """What an override is about: chain and hinge, or chain, "actuator" and the actuator's name."""
     if override.get("actuator") is not None:
         return override["chain"], "actuator", override["actuator"]
     return override["chain"], override["hinge"]
@@ -200,14 +203,8 @@ def scopes_of(doubted: Iterable[str]) -> str:
     return ", ".join(f"{count} of {scope}" for scope, count in counts.items())
 
 
-def _as_of(table: type[BaseModel], name: str) -> Any:
-    """The key of a table, which an override need not give."""
-    key = table.model_fields[name]
-    return Field(default=None, alias=key.alias, description=key.description, examples=key.examples)
-
-
-class Override(Dimensioned):
-    """What differs at one of the nine hinges, or at an actuator on one chain; None keeps the value of its table."""
+class _About(Dimensioned):
+    """The part of an override that says what it is about."""
 
     model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _about_one_thing(schema)))
 
@@ -216,41 +213,22 @@ class Override(Dimensioned):
     actuator: Label | None = Field(
         default=None, description="Instead of `hinge`: the name of the actuator that it is about", examples=["base"]
     )
-    radius: Length | None = _as_of(Hinge, "radius")
-    neck: Length | None = _as_of(Hinge, "neck")
-    prismatic: bool | None = _as_of(Hinge, "prismatic")
-    axis: Angle | None = _as_of(Hinge, "axis")
-    arm: Length | None = _as_of(Actuator, "arm")
-    side: Literal["left", "right"] | None = _as_of(Actuator, "side")
-    tilt: Tilt | None = _as_of(Actuator, "tilt")
-    point: tuple[Coordinate, Coordinate] | None = _as_of(Actuator, "point")
-    direction: Angle | None = _as_of(Actuator, "direction")
-    stack: StackName | None = _as_of(Actuator, "stack")
-    stroke: Stroke | None = _as_of(Actuator, "stroke")
-    stiffness: Rate | None = _as_of(Actuator, "stiffness")
-    blocking_force: Force | None = _as_of(Actuator, "blocking_force")
-    contact_stiffness: Rate | None = _as_of(Actuator, "contact_stiffness")
-    ball_radius: Length | None = _as_of(Actuator, "ball_radius")
-    ball_youngs_modulus: Modulus | None = _as_of(Actuator, "ball_youngs_modulus")
-    ball_poissons_ratio: Poisson | None = _as_of(Actuator, "ball_poissons_ratio")
-    preload: Preload | None = _as_of(Actuator, "preload")
-    friction: Friction | None = _as_of(Actuator, "friction")
 
     @model_validator(mode="after")
-    def _of_one_thing(self) -> Override:
+    def _of_one_thing(self) -> Self:
         if (self.hinge is None) == (self.actuator is None):
             raise refusal("the hinge or the actuator that it is about, one of the two")
         return self
 
     @model_validator(mode="after")
-    def _changes_something(self) -> Override:
-        known = [field.alias or name for name, field in type(self).model_fields.items() if name in self._possible]
-        for name, field in type(self).model_fields.items():
+    def _changes_something(self) -> Self:
+        fields = {name: field.alias or name for name, field in type(self).model_fields.items()}
+        known = ", ".join(fields[name] for name in self._possible)
+        for name, key in fields.items():
             if getattr(self, name) is not None and name not in (*ABOUT_IT, *self._possible):
-                thing = "a hinge" if self.actuator is None else "an actuator"
-                raise refusal(f"with {thing} only {', '.join(known)}", field.alias or name)
+                raise refusal(f"with {'a hinge' if self.actuator is None else 'an actuator'} only {known}", key)
         if not self.changes:
-            raise refusal(f"at least one of {', '.join(known)}")
+            raise refusal(f"at least one of {known}")
         return self
 
     @property
@@ -263,13 +241,36 @@ class Override(Dimensioned):
         return {name: getattr(self, name) for name in self._possible if getattr(self, name) is not None}
 
     @property
-    def place(self) -> tuple[int | str, ...]:
-        """What it is about: chain and hinge, or chain, "actuator" and the actuator's name."""
-        return (self.chain, str(self.hinge)) if self.actuator is None else (self.chain, "actuator", self.actuator)
+    def place(self) -> Place:
+        """What it is about."""
+        return place_of_override(vars(self))
 
 
-ABOUT_IT = ("chain", "hinge", "actuator")
-OF_ACTUATORS = tuple(name for name in Override.model_fields if name not in (*ABOUT_IT, *OF_HINGES))
+ABOUT_IT = tuple(_About.model_fields)
+NOT_OVERRIDDEN = ("name", "between", "hinge", "pair", "ball_loose")
+OF_ACTUATORS = tuple(name for name in Actuator.model_fields if name not in NOT_OVERRIDDEN)
+
+
+def _optional(table: type[BaseModel], name: str) -> Any:
+    """The field of a table, which an override need not give."""
+    of = table.model_fields[name]
+    kind: Any = Annotated[of.annotation, *of.metadata] if of.metadata else of.annotation
+    extra: dict[str, Any] = {"json_schema_extra": of.json_schema_extra} if of.json_schema_extra else {}
+    return kind | None, Field(default=None, alias=of.alias, description=of.description, examples=of.examples, **extra)
+
+
+_FIELDS: dict[str, Any] = {name: _optional(Hinge, name) for name in OF_HINGES}
+_FIELDS |= {name: _optional(Actuator, name) for name in OF_ACTUATORS}
+if TYPE_CHECKING:
+    Override = _About
+else:
+    Override = create_model(
+        "Override",
+        __base__=_About,
+        __module__=__name__,
+        __doc__="What differs at one of the nine hinges, or at an actuator on one chain; None keeps its table's value.",
+        **_FIELDS,
+    )
 
 
 def _about_one_thing(schema: Rule) -> None:
@@ -401,14 +402,10 @@ def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
 def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     """The actuators of every chain, overrides applied."""
     own = {override.place: override for override in stage.override}
+    places = [[(each, (chain, "actuator", each.name)) for each in stage.actuator] for chain in CHAINS]
     return tuple(
-        tuple(
-            Actuator.model_validate(_content(each, own[place]))
-            if (place := (chain, "actuator", each.name)) in own
-            else each
-            for each in stage.actuator
-        )
-        for chain in CHAINS
+        tuple(Actuator.model_validate(_content(each, own[at])) if at in own else each for each, at in row)
+        for row in places
     )
 
 
@@ -428,20 +425,19 @@ def drive_content(stage: StageContent) -> list[Any]:
 
 def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:
     """Key path in the stage file of a value of an actuator on a chain, an override's where there is one."""
-    for place, override in enumerate(stage.override):
-        mine = (chain, "actuator", stage.actuator[index].name)
-        if override.place == mine and key in override.model_dump(by_alias=True, exclude_none=True):
-            return key_path(("override", place, key), stage)
-    return key_path(("actuator", index, key), stage)
+    return _key(stage, (chain, "actuator", stage.actuator[index].name), ("actuator", index), key)
 
 
 def key_of(stage: StageContent, chain: int, hinge: str, key: str) -> str:
     """Key path in the stage file that sets a hinge's value, an override's where there is one."""
-    attribute = key.rsplit("_", 1)[0]
+    return _key(stage, (chain, hinge), ("hinges", hinge), key)
+
+
+def _key(stage: StageContent, place: Place, table: KeyPath, key: str) -> str:
     for index, override in enumerate(stage.override):
-        if override.place == (chain, hinge) and getattr(override, attribute) is not None:
-            return key_path(("override", index, key), stage)
-    return key_path(("hinges", hinge, key))
+        if override.place == place and key in override.model_dump(by_alias=True, exclude_none=True):
+            table = ("override", index)
+    return key_path((*table, key), stage)
 
 
 def of_stage(stage: StageContent) -> dict[str, Any]:

@@ -60,22 +60,6 @@ class PageFigure:
     data: Markup | None = None
 
 
-@dataclass(frozen=True)
-class Page:
-    """A page: its title, a line below it, what it must say first of numbers in doubt, its sections.
-
-    command : line that makes it again.   made : time, UTC.   doubts : "" without any.
-    """
-
-    title: str
-    subtitle: str
-    doubts: str
-    sections: Sequence[PageSection]
-    command: str
-    made: str
-    versions: dict[str, str]
-
-
 class Cell(NamedTuple):
     """A cell of a table whose place in the sorted order is not that of its text.
 
@@ -108,15 +92,20 @@ def file_text(name: str) -> str:
     return loader.get_source(templates(), name)[0]
 
 
-def html_of(page: Page) -> str:
-    """The page as the text of a file."""
-    scripts = [file_text("page.js"), *dict.fromkeys(each.script for each in page.sections if each.script)]
-    styles = [file_text("page.css"), *dict.fromkeys(each.style for each in page.sections if each.style)]
+def html_of(sections: Sequence[PageSection], **page: Any) -> str:
+    """The page as the text of a file.
+
+    `page` : its title and subtitle, doubts that it must say first, the command that makes it again, when it was made,
+    and versions.
+    """
+    scripts = [file_text("page.js"), *dict.fromkeys(each.script for each in sections if each.script)]
+    styles = [file_text("page.css"), *dict.fromkeys(each.style for each in sections if each.style)]
     hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts)
     allowed = " ".join(f"'sha256-{each}'" for each in hashes)  # these scripts alone run, and nothing is loaded
     policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}; "
     policy += "base-uri 'none'; form-action 'none'"
-    return str(markup("page.html", page=page, policy=policy, scripts=map(Markup, scripts), styles=map(Markup, styles)))
+    code = {"policy": policy, "scripts": map(Markup, scripts), "styles": map(Markup, styles)}
+    return str(markup("page.html", sections=sections, **page, **code))
 
 
 def table(
@@ -170,16 +159,7 @@ def figure_html(figure: PageFigure, name: str) -> Markup:
 def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None) -> Markup:
     """A figure of the package as a part of a section, the lines of its header as its caption.
 
-    Parameters
-    ----------
-    name : str
-        Its id, once on a page.
-    draw : callable
-        Makes it, as the functions `..._figure` of `flexfem.plot` do.
-    description : str
-        What a screen reader says of it.
-    data : Markup, optional
-        A table of its numbers.
+    `name` : its id, once on a page.   `description` : for a screen reader.   `data` : a table of its numbers.
     """
     with headless() as lines:
         figure = draw()
@@ -215,28 +195,22 @@ def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]
             xy = np.asarray(line.get_xydata(), dtype=float)
             if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MOST:
                 continue
-            label = str(line.get_label())
+            label = str(line.get_label()).strip()
             for (x, y), (left, top) in zip(xy.tolist(), places_on(ax, xy).tolist(), strict=True):
-                text = f"{x_name}: {significant(x)}\n{y_name}: {significant(y)}"
-                text = text if label.startswith("_") else f"{label.strip()}\n{text}"
+                lines = [label, f"{x_name}: {significant(x)}", f"{y_name}: {significant(y)}"]
                 if np.isfinite(left + top):
+                    text = "\n".join(lines[label.startswith("_") :])
                     yield left - LEAST, top - LEAST, 2 * LEAST, 2 * LEAST, text
-        names = [label.get_text() for label in ax.get_yticklabels()]
-        rows = dict(zip(map(round, ax.get_yticks()), names, strict=True))
+        rows = {round(at): name.get_text() for at, name in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)}
         for bars in ax.containers:
+            label = str(bars.get_label())
             for bar in getattr(bars, "patches", ()):
-                (left, low), (right, high) = places_on(ax, bar.get_corners()[[0, 2]]).tolist()
-                label = str(bars.get_label())
+                corners = places_on(ax, bar.get_corners()[[0, 2]])
                 name = rows.get(round(bar.get_y() + bar.get_height() / 2), "").replace("\n", " ")
-                name = name if label.startswith("_") else f"{name}, {label}"
-                if np.isfinite(left + low + right + high):
-                    yield (
-                        min(left, right),
-                        min(low, high),
-                        abs(right - left),
-                        abs(high - low),
-                        (f"{name}\n{x_name}: {significant(bar.get_width())}"),
-                    )
+                name += "" if label.startswith("_") else f", {label}"
+                if np.isfinite(corners).all():
+                    (left, top), (wide, high) = corners.min(axis=0).tolist(), np.ptp(corners, axis=0).tolist()
+                    yield left, top, wide, high, f"{name}\n{x_name}: {significant(bar.get_width())}"
 
 
 def places_on(ax: Axes, points: Array) -> Array:

@@ -12,7 +12,10 @@ from typing import Any
 
 _HOMES = {
     "design": ("plot_history", "plot_margins", "plot_sensitivity", "plot_tradeoff"),
-    "drive": ("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),
+    "drive": (
+        *("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),
+        *("plot_solid", "plot_strokes", "plot_tangents"),
+    ),
     "errors": ("plot_budget", "plot_convergence", "plot_displaced", "plot_errors"),
     "experiment": ("plot_push", "plot_region", "plot_remains"),
     "fields": ("plot_displacement", "plot_drift"),
@@ -22,8 +25,14 @@ _HOMES = {
     "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
     "study": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
 }
-_HOMES["drive"] += ("plot_solid", "plot_strokes", "plot_tangents")
 __all__ = sorted(name for names in _HOMES.values() for name in names)
+
+
+def figures_of(result: Any) -> dict[str, Any]:
+    """What the class of a result draws, by the ending of the file: a figure, or what writes one beside a path."""
+    module, _, draw = result.figure.rpartition(".")
+    drawn = getattr(import_module(f"flexfem.plot.{module}"), draw)(result)
+    return drawn if isinstance(drawn, dict) else {"": drawn}
 
 
 def __getattr__(name: str) -> Any:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullFormatter
 
-from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Stated
+from flexfem.design.result import Designed, FrontDesign, Goal, Requirement
 from flexfem.files.refusals import shown
 from flexfem.mechanism.stage import Stage
 from flexfem.plot.stage import Outline, draw_outline, outline_of
@@ -40,7 +40,7 @@ def design_figure(found: Designed) -> Figure:
     state = "every requirement is met" if found.feasible else "not every requirement is met"
     counted = ", ".join(f"{n:,} by {name}" for name, n in found.evaluations.items() if name != "drawn")
     lines = [
-        "; ".join(f"{goal.label}: {_value(goal)}" for goal in found.objectives) + f"; {state}.",
+        "; ".join(f"{goal.label}: {goal.said()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
         "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
         f"Evaluations: {counted}. Seed {found.seed}. Corrected model and finite elements differ by at most "
         f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
@@ -65,14 +65,6 @@ def design_figure(found: Designed) -> Figure:
     for letter, ax, title in zip("abcd", axes, titles, strict=False):
         ax.set_title(f"({letter}) {title}", loc="left")
     return figure
-
-
-def _value(of: Stated) -> str:
-    band = "" if of.band is None else f" ± {significant(of.band, 2)}"
-    if of.push_spread is not None:
-        band += f" (mesh) ± {significant(of.push_spread, 2)} (spread of the pushes)"
-    by = ", exact" if of.checked_by == "exact" else f" by {of.checked_by}"
-    return f"{significant(of.value, 5)}{band} {of.unit}".rstrip() + by
 
 
 def _outline(stage: str) -> Outline:
@@ -202,10 +194,9 @@ def sensitivity_figure(found: Designed) -> Figure:
     for place, (ax, each) in enumerate(zip(axes, quantities, strict=False)):
         plot_sensitivity(ax, found, each.name)
         ends = [f"the {each.better} the better"] if isinstance(each, Goal) else []
-        ends += [f"{end} {each.unit}".rstrip() for end in each.wanted] if isinstance(each, Requirement) else []
-        goal = " and ".join(ends)
+        ends += [f"{each.wanted} {each.unit}".rstrip()] if isinstance(each, Requirement) else []
         ax.set(xlim=(-reach, reach))
-        ax.set_title(wrapped(f"{each.label}, {goal}", BAR_WIDTH - 0.2, 9.5), loc="left", size=9.5)
+        ax.set_title(wrapped(", ".join([each.label, *ends]), BAR_WIDTH - 0.2, 9.5), loc="left", size=9.5)
         if place % across:
             ax.set_yticklabels([])
     for ax in axes[len(quantities) :]:

@@ -407,6 +407,7 @@ ELEMENTS: dict[int, tuple[str, dict[str, Any]]] = {
     HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
     LOADED: ("finite elements under the load of exact equilibrium", MARKS | {"marker": "v", "color": COLOURS[3]}),
 }
+COLUMNS = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
 HONEST = 1e-4  # per cent: half the axis of a panel that has nothing but round-off to show
 
 
@@ -432,14 +433,8 @@ def large_figure(found: Large) -> Figure:
     ]
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"
     figure, every = panels((WIDTH, 8.5), title, lines, 3, 3, doubts)
-    columns = {
-        "tangent stiffness": plot_tangents,
-        "error of linear theory along": plot_along,
-        "error of linear theory across": plot_across,
-    }
-    for index, (direction, (name, draw)) in enumerate(product(DIRECTIONS, columns.items())):
-        draw(every[index], found, direction)
-        titled(every[index], "abcdefghi"[index], f"{NAMES[direction]}: {name}")
+    for index, (direction, column) in enumerate(product(DIRECTIONS, COLUMNS)):
+        titled(_plot_way(every[index], found, direction, column), "abcdefghi"[index], f"{NAMES[direction]}: {column}")
     legend_below(figure, every[1:2], 3, fontsize=9.5, handlelength=3.6)
     return figure
 
@@ -452,54 +447,48 @@ def _both_sides(found: Large, axis: Direction, share: float) -> str:
 
 def plot_tangents(ax: Axes, found: Large, direction: Direction) -> Axes:
     """Draw the change of the tangent stiffness along the way in one direction, by every model; returns `ax`."""
-    curves = found.at("tangent", direction=direction)
-    _draw_models(ax, _frame(ax, found, direction, "change from rest (%)"), curves)
-    _write_terms(ax, curves)
-    return ax
+    return _plot_way(ax, found, direction, COLUMNS[0])
 
 
 def plot_along(ax: Axes, found: Large, direction: Direction) -> Axes:
     """Draw the error of linear theory along the command, by every model; returns `ax`."""
-    curves = found.at("errors", direction=direction, component=direction)
-    _draw_models(ax, _frame(ax, found, direction, "error (% of the command)"), curves)
-    _write_terms(ax, curves)
-    return ax
+    return _plot_way(ax, found, direction, COLUMNS[1])
 
 
 def plot_across(ax: Axes, found: Large, direction: Direction) -> Axes:
     """Draw the errors of linear theory across the command, by every model; returns `ax`."""
-    commanded, largest = _frame(ax, found, direction, "error (% of the command)"), 0.0
-    for other in (each for each in DIRECTIONS if each != direction):
-        curves = found.at("errors", direction=direction, component=other)
-        largest = max(largest, float(np.max(np.abs(curves[:, EXACT]))))
-        _draw_models(ax, commanded, curves[:, :LOADED])
-        if largest > ROUND_OFF:
-            place = (float(commanded[-1]), float(curves[-1, EXACT]))
-            beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
-            ax.annotate(f"in {NAMES[other]}", place, (7, 0), **beside)
-            ax.set_xlim(right=1.4 * place[0])
-    if largest < ROUND_OFF:
-        ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
-        boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
-    return ax
+    return _plot_way(ax, found, direction, COLUMNS[2])
 
 
-def _frame(ax: Axes, found: Large, direction: Direction, label: str) -> Array:
-    """Labels, grid and the line of linear theory; returns the commands in the unit of the axis."""
+def _plot_way(ax: Axes, found: Large, direction: Direction, column: str) -> Axes:
     far = float(found.at("amplitude", direction=direction))
     unit = unit_for(direction, far)
-    ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})", ylabel=label)
+    commanded, aside = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS, column == COLUMNS[2]
+    ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})")
+    ax.set_ylabel("change from rest (%)" if column == COLUMNS[0] else "error (% of the command)")
     ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
     ax.grid()
-    return unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS
-
-
-def _draw_models(ax: Axes, commanded: Array, curves: Array) -> None:
-    """Draw curves (shares, theories), those of finite elements as marks where they were solved."""
-    for theory, (label, style) in (MODELS | ELEMENTS).items():
-        known = np.isfinite(curves[:, theory]) if theory < curves.shape[1] else np.zeros(len(curves), dtype=bool)
-        if known.any():
-            ax.plot(commanded[known], curves[known, theory], label=label, **style)
+    components = [each for each in DIRECTIONS if (each != direction) == aside]
+    every = [found.at("errors", direction=direction, component=each) for each in components]
+    if column == COLUMNS[0]:
+        every = [found.at("tangent", direction=direction)]
+    for curves in every:
+        for theory, (label, style) in (MODELS | ELEMENTS).items():
+            known = np.isfinite(curves[:, theory])
+            if known.any() and not (aside and theory == LOADED):
+                ax.plot(commanded[known], curves[known, theory], label=label, **style)
+    if not aside:
+        _write_terms(ax, every[0])
+        return ax
+    if max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
+        ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
+        boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
+        return ax
+    for other, curves in zip(components, every, strict=True):
+        beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
+        ax.annotate(f"in {NAMES[other]}", (float(commanded[-1]), float(curves[-1, EXACT])), (7, 0), **beside)
+    ax.set_xlim(right=1.4 * float(commanded[-1]))
+    return ax
 
 
 def _write_terms(ax: Axes, curves: Array) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexfem.arrays import Array
 from flexfem.files.refusals import shown
 from flexfem.plot.style import (
     COLOURS,
@@ -41,11 +40,7 @@ ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
 
 class Panel(NamedTuple):
-    """What one panel shows.
-
-    unit : of the errors.  half : half the height of the axis, in that unit.
-    largest : largest |error|, in that unit.  round_off : whether all of it is round-off.
-    """
+    """What a panel shows: unit of the errors; half the axis and largest |error| in it; whether all is round-off."""
 
     unit: Unit
     half: float
@@ -61,61 +56,37 @@ def _comparable(result: Verification, label: str, freedom: Direction) -> float:
 
 def panel_of(result: Verification, freedom: Direction) -> Panel:
     """Unit and axis of the panel of one freedom, and whether it has anything but round-off to show."""
+    sizes = np.max(np.abs(result.at("error", direction=freedom)), axis=-1)
     amplitude = max(map(abs, result.commanded))
-    sizes = {
-        label: float(np.max(np.abs(result.at("error", curve=label, direction=freedom)))) for label in result.curves
-    }
-    commands = {label: amplitude * _comparable(result, label, freedom) for label in sizes}
-    largest, honest = max(sizes.values()), HONEST * max(commands.values())
-    round_off = all(size < ROUND_OFF * commands[label] for label, size in sizes.items())
+    commands = amplitude * np.array([_comparable(result, label, freedom) for label in result.curves])
+    largest, honest, round_off = float(sizes.max()), HONEST * commands.max(), bool(np.all(sizes < ROUND_OFF * commands))
     unit = unit_for(freedom, honest if round_off else largest)
-    half = honest if round_off else 1.1 * largest
-    return Panel(unit, half * unit.factor, largest * unit.factor, round_off)
-
-
-def mesh_band(result: Verification, label: str, freedom: Direction) -> Array:
-    """Half-width (points,), mm or rad, of the mesh uncertainty of one curve: its percentage of every command."""
-    share = result.band("percent", curve=label, direction=freedom) / 100.0
-    return np.abs(result.commanded) * _comparable(result, label, freedom) * share
+    return Panel(unit, unit.factor * (honest if round_off else 1.1 * largest), largest * unit.factor, round_off)
 
 
 def normalisation(result: Verification) -> str:
     """How the percentages of the figure are normalised, in words."""
     levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
-    command, l3 = NAMES[result.direction], f"l₃ = {levers} {LENGTH}"
-    if result.direction == "theta":
-        cross = f"X and Y relative to the commanded rotation times {l3}"
-    else:
+    command, l3, theta = NAMES[result.direction], f"l₃ = {levers} {LENGTH}", NAMES["theta"]
+    cross = f"X and Y relative to the commanded rotation times {l3}"
+    if result.direction != "theta":
         other = "Y" if command == "X" else "X"
-        cross = f"{other} relative to the commanded translation; {NAMES['theta']} times {l3} likewise"
+        cross = f"{other} relative to the commanded translation; {theta} times {l3} likewise"
     return f"Percentages at the largest command. {command}: relative to the command; cross directions: {cross}."
 
 
 @in_house_style
 def error_figure(result: Verification, displacement: bool = False) -> Figure:
-    """Draw a verification as one page of three panels, X, Y and theta.
+    """Draw a verification as one page of three panels, X, Y and theta: Figs. 5 to 7 of the paper.
 
-    Parameters
-    ----------
-    result : Verification
-        A stored verification; mm and rad, shown with the SI prefix that suits the numbers.
-    displacement : bool
-        Draw the displacement itself in the commanded direction, as the captions of the paper's Figs. 5(a) and 7(c)
-        have it, instead of its error.
-
-    Notes
-    -----
-    Figs. 5 to 7 of the paper. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
+    `displacement` : draw the displacement itself in the commanded direction, as the captions of Figs. 5(a) and 7(c)
+    have it, instead of its error. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
     """
     what = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
     where = OF_STAGE[result.elements].replace(",", "")
     given = "large displacements in both models" if result.analysis == "nonlinear" else BRIEF[result.drive]
-    lines = [
-        f"Finite-element displacement{where} {what}, {given}. ±, shaded: {BANDS[result.elements]}.",
-        normalisation(result),
-    ]
-    doubts = (result.assumed, result.not_stated)
-    figure, found = panels((WIDTH, 8.6), result.name, lines, 3, doubts=doubts)
+    said = f"Finite-element displacement{where} {what}, {given}. ±, shaded: {BANDS[result.elements]}."
+    figure, found = panels((WIDTH, 8.6), result.name, [said, normalisation(result)], 3, doubts=result)
     for letter, axes, freedom in zip("abc", found, DIRECTIONS, strict=True):
         along = freedom == result.direction
         titled(axes, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
@@ -129,11 +100,7 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
 
 
 def plot_displaced(ax: Axes, result: Verification) -> Axes:
-    """Draw displacement over command of every curve in the commanded direction; returns `ax`.
-
-    The grey line is the command itself, where an exact model has every curve. Mesh bands are drawn, and errors stated,
-    as by `plot_errors`.
-    """
+    """Draw displacement over command of every curve, with mesh bands, and the command itself in grey; returns `ax`."""
     freedom = result.direction
     unit = unit_for(freedom, max(map(abs, result.commanded)))
     x = np.array(result.commanded) * unit.factor
@@ -169,7 +136,8 @@ def _draw_curves(
     size = 9.0 if len(result.curves) < 5 else 6.5 if len(result.curves) < 9 else 5.0
     for index, label in enumerate(result.curves):
         where = {"curve": label, "direction": freedom}
-        y, band = base + result.at("error", **where) * unit.factor, mesh_band(result, label, freedom)
+        share = _comparable(result, label, freedom) * result.band("percent", **where) / 100.0
+        y, band = base + result.at("error", **where) * unit.factor, np.abs(result.commanded) * share
         lines += ax.plot(x, y, label=f"{label} ", **curve_style(index, len(result.curves), len(x)))
         if not round_off:
             ends = y - band * unit.factor, y + band * unit.factor
@@ -186,10 +154,8 @@ def _draw_curves(
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     """Colour, dashes, marker and breadth of one of so many curves; markers are staggered where curves coincide."""
     step = max(1, points // 7)
-    return {
-        "color": COLOURS[index % len(COLOURS)],
-        "linestyle": DASHES[index % len(DASHES)],
-        "marker": MARKERS[index % len(MARKERS)],
+    kinds = {"color": COLOURS, "linestyle": DASHES, "marker": MARKERS}
+    return {key: each[index % len(each)] for key, each in kinds.items()} | {
         "markevery": (index * max(1, step // 2) % step, step),
         "markersize": 6.0,
         "markerfacecolor": "white",
@@ -207,8 +173,7 @@ def budget_figure(budget: Budget) -> Figure:
         "The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
-    doubts = (budget.about.assumed, budget.about.not_stated)
-    figure, found = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, doubts=doubts)
+    figure, found = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, doubts=budget.about)
     for letter, axes, direction in zip("abc", found, DIRECTIONS, strict=True):
         plot_budget(axes, budget, direction)
         titled(axes, letter, f"command in {NAMES[direction]}")
@@ -237,20 +202,19 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
     """
     if direction not in DIRECTIONS:
         raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
-    *values, total = budget.at("share", direction=direction).tolist()
-    names, band = budget.axes["share"][:-1], float(budget.band("share", share=TOTAL, direction=direction))
-    ends = np.cumsum(values)
-    starts = ends - np.array(values)
+    values, names = budget.at("share", direction=direction), [*budget.axes["share"][:-1], "total"]
+    band, ends = float(budget.band("share", share=TOTAL, direction=direction)), np.cumsum(values[:-1])
+    starts, total = ends - values[:-1], float(values[-1])
     reach = float(np.max(np.abs([*starts, *ends, total])))
-    for place, (start, end, value) in enumerate(zip(starts, ends, values, strict=True)):
+    for place, (start, end, value) in enumerate(zip(starts, ends, values[:-1], strict=True)):
         look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "hatch": HATCHES[place % len(HATCHES)]}
         ax.barh(place, value, left=start, height=0.62, edgecolor="white", **look)
         ax.plot([end] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
         ax.text(max(start, end) + 0.015 * reach, place, minus(f"{value:+.3f}"), va="center", color=INK)
-    ax.barh(len(names), total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
+    ax.barh(len(ends), total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
     text = minus(f"{total:.3f} ± {band:.3f} %")
-    ax.text(max(total, 0.0) + band + 0.015 * reach, len(names), text, va="center", color=INK)
-    ax.set_yticks(range(len(names) + 1), [*(wrapped(name, NAME, 8.5) for name in names), "total"])
+    ax.text(max(total, 0.0) + band + 0.015 * reach, len(ends), text, va="center", color=INK)
+    ax.set_yticks(range(len(names)), [wrapped(name, NAME, 8.5) for name in names])
     ax.invert_yaxis()
     low = min(0.0, float(np.min([*starts, *ends])))
     ax.set(xlim=(1.05 * low, 1.3 * reach), xlabel="error in the commanded direction (per cent of the command)")
@@ -267,8 +231,8 @@ def convergence_figure(study: MeshConvergence) -> Figure:
         "unknowns: distance from the value extrapolated to vanishing triangles. "
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
-    doubts = (study.about.assumed, study.about.not_stated)
-    figure, (axes,) = panels((WIDTH, 4.8), f"{study.about.name}: mesh convergence", lines, 1, doubts=doubts)
+    title = f"{study.about.name}: mesh convergence"
+    figure, (axes,) = panels((WIDTH, 4.8), title, lines, 1, doubts=study.about)
     plot_convergence(axes, study)
     return figure
 

@@ -28,13 +28,12 @@ SHADES = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
 @in_house_style
 def experiment_figure(found: Experiment) -> Figure:
     """Draw load over displacement for the three pushes, and below what its line leaves."""
-    of, asked = found.about, found.settings
-    title = f"{of.name}: stiffness as read"
+    asked, title = found.settings, f"{found.about.name}: stiffness as read"
     lines = [
         f"Simulated readings, {asked['fixture']}; the stage is by {asked['stage']}. Slopes by regression of both "
         f"readings on the commanded stroke, intervals of {asked['confidence']} by Fieller's theorem. {NOT_THE_PAPERS}"
     ]
-    figure, every = panels((WIDTH, HEIGHT), title, lines, 2, 3, (of.assumed, of.not_stated), height_ratios=(1.7, 1.0))
+    figure, every = panels((WIDTH, HEIGHT), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
     for k, direction in enumerate(DIRECTIONS):
         plot_push(every[k], found, direction)
         every[k].set_title(f"({'abc'[k]}) {NAMES[direction]}", loc="left")
@@ -100,15 +99,13 @@ def _readings(ax: Axes, moved: Array, unit: Unit, values: Array) -> None:
 @in_house_style
 def identification_figure(found: Identification) -> Figure:
     """Draw which neck offsets and fixtures fit the measured slopes."""
-    of = found.about
-    title = f"{of.name}: what fits the slopes"
     stated = ", ".join(
         f"{NAMES[axis]} {significant(found.slope[k, 0])} ± {significant(found.sd[k], 2)} {STIFFNESSES[k]}"
         for k, axis in enumerate(DIRECTIONS)
         if np.isfinite(found.sd[k])
     )
     lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
-    figure, (ax,) = panels(REGION, title, lines, 1, 1, (of.assumed, of.not_stated))
+    figure, (ax,) = panels(REGION, f"{found.about.name}: what fits the slopes", lines, 1, 1, found.about)
     plot_region(ax, found)
     legend_below(figure, [ax], 2)
     return figure

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
 from matplotlib.tri import Triangulation
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.bodies import BODIES
-from flexfem.plot.stage import boundary_of, draw_boundary, draw_hub, fit, place_label, quarters
+from flexfem.plot.stage import arrow, boundary_of, draw_boundary, draw_hub, fit, place_label, quarters
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
 from flexfem.plot.text import SHOWN_OF_SOLID, round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
@@ -36,11 +35,13 @@ WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stre
 }
 
 
-class CommandedStage(NamedTuple):
-    """A stage at a command: what is said of it, and its fields."""
-
-    said: str
-    fields: Fields
+def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize) -> None:
+    """Draw a mesh with its nodes moved, coloured by values at them; in grey its outline at rest."""
+    boundary, grid = boundary_of(triangles), Triangulation(moved[:, 0], moved[:, 1], quarters(triangles))
+    ax.tripcolor(grid, values, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
+    draw_boundary(ax, nodes, boundary, "#8A8A8A", 0.9, zorder=1)
+    draw_boundary(ax, moved, boundary, INK, 0.5)
+    ax.set_axis_off()
 
 
 def plot_displacement(
@@ -69,26 +70,19 @@ def plot_displacement(
     Axes
         Those that were drawn on.
     """
-    nodes, triangles, displacement, stress = fields.nodes, fields.triangles, fields.displacement, fields.stress
     ax = ax or new_axes()
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
-    moved, boundary = nodes + factor * displacement, boundary_of(triangles)
-    grid = Triangulation(moved[:, 0], moved[:, 1], quarters(triangles))
-    colours: Any = {"cmap": COLOURS, "norm": norm}
-    ax.tripcolor(grid, np.clip(stress, norm.vmin, None), shading="gouraud", rasterized=True, zorder=2, **colours)
-    draw_boundary(ax, nodes, boundary, "#8A8A8A", 0.9, zorder=1)
-    draw_boundary(ax, moved, boundary, INK, 0.5)
-    draw_hub(ax, nodes, moved, hub_radius)
-    fit(ax, np.concatenate([nodes, moved]), 0.03)
-    ax.set_axis_off()
+    moved = fields.nodes + factor * fields.displacement
+    draw_field(ax, fields.nodes, fields.triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
+    draw_hub(ax, fields.nodes, moved, hub_radius)
+    fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
 
 
 def exaggeration(*fields: Fields) -> float:
     """A round factor by which the largest displacement becomes visible but does not spoil the shape."""
-    largest = max(
-        float(np.linalg.norm(field.displacement, axis=1).max() / np.ptp(field.nodes, axis=0).max()) for field in fields
-    )
+    largest = max(float(np.linalg.norm(field.displacement, axis=1).max() / np.ptp(field.nodes, axis=0).max())
+                  for field in fields)  # fmt: skip
     return round_factor(VISIBLE / largest) if largest > 0 else 1.0
 
 
@@ -98,47 +92,56 @@ def stress_scale(*fields: Fields) -> LogNorm:
     return LogNorm(largest / 10**DECADES, largest)
 
 
-def draw_scale(figure: Figure, axes: Any, norm: LogNorm, per: str = "", **place: Any) -> None:
-    """Colour bar of stress below one or several panels."""
-    bar = figure.colorbar(ScalarMappable(norm, COLOURS), ax=axes, location="bottom", extend="min", **place)
-    bar.ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
-    bar.ax.xaxis.set_minor_formatter(NullFormatter())
-    bar.set_label(f"von Mises stress ({STRESS}{per})")
+def draw_scale(figure: Figure, axes: Any, norm: Normalize, label: str, **place: Any) -> None:
+    """A colour bar below one or several panels."""
+    place = {"aspect": 38, "shrink": 6.0 / figure.get_figwidth()} | place
+    bar = figure.colorbar(ScalarMappable(norm, COLOURS), ax=axes, location="bottom", **place)
+    if isinstance(norm, LogNorm):
+        bar.ax.xaxis.set_major_formatter(lambda value, _: significant(value, 1))
+        bar.minorticks_off()
+    bar.set_label(label)
 
 
-def _panel_height(*fields: Fields) -> float:
-    """Height of a panel, in inches, that holds the tallest stage."""
-    ratios = [float(np.divide(*np.ptp(field.nodes, axis=0)[::-1])) for field in fields]
-    return PANEL * min(max(*ratios, 0.6), 1.5)
+def _displaced(
+    title: str, lines: list[str], fields: dict[str, Fields], hubs: list[float], columns: int, doubts: Any
+) -> tuple[Figure, list[Axes], float]:
+    """A panel for each stage, all with one exaggeration and one scale of stress; figure, panels and exaggeration."""
+    factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
+    tallest = max(float(np.divide(*np.ptp(field.nodes, axis=0)[::-1])) for field in fields.values())
+    size = (columns * PANEL + 0.3, rows * (PANEL * min(max(tallest, 0.6), 1.5) + TITLE) + SCALE)
+    lines = [
+        f"{lines[0]} × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale.",
+        *lines[1:],
+    ]
+    figure, found = panels(size, title, lines, rows, columns, doubts)
+    for spare in found[len(fields) :]:
+        spare.remove()
+    for axes, (label, each), hub in zip(found, fields.items(), hubs, strict=False):
+        axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
+        plot_displacement(axes, each, factor=factor, norm=norm, hub_radius=hub)
+    draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
+    return figure, found, factor
+
+
+@in_house_style
+def stress_figure(fields: dict[str, Fields], hub_radius: float) -> Figure:
+    """Draw the stage under every load, by what is said of it."""
+    return _displaced("", ["Displacements"], fields, [hub_radius] * len(fields), len(fields), ((), ()))[0]
 
 
 @in_house_style
 def deformed_figure(result: Verification, fields: dict[str, Fields]) -> Figure:
-    """Draw the deformed stage of every curve at full command, with von Mises stress and the largest one named.
-
-    All panels share one exaggeration and one scale of stress.
-    """
-    doubts, models = (result.assumed, result.not_stated), result.models
-    count, factor, norm = len(fields), exaggeration(*fields.values()), stress_scale(*fields.values())
-    columns = max(2, count if count < 4 else int(np.ceil(np.sqrt(count))))
-    rows = -(-count // columns)
-    size = (columns * PANEL + 0.3, rows * (_panel_height(*fields.values()) + TITLE) + SCALE)
-    command = unit_for(result.direction, result.commanded[-1])
+    """Draw the deformed stage of every curve at full command, with von Mises stress and the largest one named."""
+    models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
-    lines = [
-        f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command}, displacements "
-        f"× {significant(factor, 1)}; grey: undeformed. Colour: von Mises stress on a logarithmic scale."
-    ]
-    if result.elements == "three_dimensional":
-        lines.append(f"Three dimensions. {SHOWN_OF_SOLID}")
-    figure, found = panels(size, result.name, lines, rows, columns, doubts)
-    for axes in found[count:]:
-        axes.remove()
-    for axes, label in zip(found, result.curves, strict=False):
-        axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        plot_displacement(axes, fields[label], factor=factor, norm=norm, hub_radius=models[label].hub_radius)
-        _name_largest(axes, models[label], fields[label], factor)
-    draw_scale(figure, figure.axes, norm, aspect=38, shrink=6.0 / size[0])
+    lines = [f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command}, displacements"]
+    lines += [f"Three dimensions. {SHOWN_OF_SOLID}"] if result.elements == "three_dimensional" else []
+    columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
+    shown = {label: fields[label] for label in result.curves}
+    hubs = [models[label].hub_radius for label in shown]
+    figure, found, factor = _displaced(result.name, lines, shown, hubs, columns, result)
+    for axes, (label, each) in zip(found, shown.items(), strict=False):
+        _name_largest(axes, models[label], each, factor)
     return figure
 
 
@@ -152,9 +155,8 @@ def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
 
 def name_of_place(model: CurveModels, fields: Fields, node: int) -> str:
     """The hinge whose notch holds a node, else the body."""
-    at = fields.nodes[node]
     for number, hinge in enumerate(model.hinges, start=1):
-        if np.hypot(*(at - hinge.centre)) <= hinge.radius + hinge.neck:
+        if np.hypot(*(fields.nodes[node] - hinge.centre)) <= hinge.radius + hinge.neck:
             return f"hinge {number} ({hinge.hinge}, chain {hinge.chain})"
     triangle = int(np.argmax((fields.triangles == node).any(axis=1)))
     chain, body = divmod(int(fields.bodies[triangle]), len(BODIES))
@@ -167,28 +169,10 @@ def _name_largest(axes: Axes, model: CurveModels, fields: Fields, factor: float)
     node, place = largest_stress(model, fields)
     text = f"largest {significant(float(fields.stress[node]), 3)} {STRESS} at {place}"
     axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
-    style: dict[str, Any] = {"colour": NOTE_COLOUR, "weight": "bold"}
-    spot = place_label(axes, moved[node], "max", [moved[::4], fields.nodes[::4]], 0.09 * np.ptp(moved), **style)
-    arrow = {"arrowstyle": "-|>", "color": NOTE_COLOUR, "linewidth": 1.2, "shrinkA": 8.0, "shrinkB": 4.0}
-    axes.annotate("", tuple(moved[node]), tuple(spot), arrowprops=arrow, zorder=6)
+    around, reach = [moved[::4], fields.nodes[::4]], 0.09 * float(np.ptp(moved))
+    spot = place_label(axes, moved[node], "max", around, reach, colour=NOTE_COLOUR, weight="bold")
+    arrow(axes, spot, moved[node], colour=NOTE_COLOUR, width=1.2, shrinkA=14.0, shrinkB=4.0)
     axes.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor=NOTE_COLOUR, zorder=6)
-
-
-@in_house_style
-def commanded_figure(
-    title: str, found: list[CommandedStage], hub_radius: float, doubts: tuple[list[str], ...]
-) -> Figure:
-    """Draw the stage at every command, one exaggeration and one scale of stress; mm, MPa."""
-    fields = [each.fields for each in found]
-    factor, norm = exaggeration(*fields), stress_scale(*fields)
-    lines = [f"Displacements × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress, logarithmic scale."]
-    size = (len(found) * PANEL + 0.3, _panel_height(*fields) + SCALE)
-    figure, axes = panels(size, title, lines, 1, len(found), doubts)
-    for ax, each in zip(axes, found, strict=True):
-        plot_displacement(ax, each.fields, factor=factor, norm=norm, hub_radius=hub_radius)
-        ax.set_title(each.said, size=11)
-    draw_scale(figure, axes, norm, aspect=38, shrink=6.0 / size[0])
-    return figure
 
 
 @in_house_style
@@ -202,14 +186,15 @@ def drift_figure(found: Drift) -> Figure:
         "gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, which "
         "the frame carries along. Stress at the corners of these grows with finer meshes; titles: at the necks."
     ]
-    doubts = (of.assumed, of.not_stated)
-    figure, axes = panels((3 * width + 0.3, height), f"{of.name}: warm", lines, 1, 3, doubts)
+    figure, axes = panels((3 * width + 0.3, height), f"{of.name}: warm", lines, 1, 3, of)
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
-        text = f"{WARM[name][0]}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, of.lever)}"
+        said, per, _ = WARM[name]
+        text = f"{said}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, of.lever)}"
         titled(ax, letter, f"{text}; necks to {significant(float(np.max(stress)), 3)} {STRESS}", size=9.5)
-        draw_scale(figure, ax, stress_scale(fields[name]), f" per {WARM[name][1]}", aspect=30, shrink=0.9)
+        label = f"von Mises stress ({STRESS} per {per})"
+        draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
     return figure
 
 
@@ -234,8 +219,8 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     draw_boundary(ax, moved, warm.ground, INK, 3.0, zorder=4)
     x, y = WARM[case][2]
     if x or y:
-        arrow = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
-        ax.annotate("", (0.02 + x, 0.86 + y), (0.02, 0.86), xycoords="axes fraction", arrowprops=arrow)
+        look = {"arrowstyle": "-|>", "color": INK, "shrinkA": 0, "shrinkB": 0}
+        ax.annotate("", (0.02 + x, 0.86 + y), (0.02, 0.86), xycoords="axes fraction", arrowprops=look)
         ax.text(0.04 + x, 0.86 + y / 2, "warmer", transform=ax.transAxes, va="center", size=8.5)
     return ax
 

@@ -17,7 +17,6 @@ from flexfem.questions.life import Life
 from flexfem.results import ANALYTIC
 from flexfem.units import STRESS
 
-WIDTH, HEIGHT = 9.0, 5.2  # in
 SHOWN = 1e14  # cycles; necks beyond are not drawn, but counted: no such life is ever seen
 FIRST = 1e2  # cycles at the left edge
 HINGES = {"base": "s", "elbow": "o", "platform": "^"}
@@ -26,14 +25,6 @@ HINGES = {"base": "s", "elbow": "o", "platform": "^"}
 @in_house_style
 def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
-    of = found.about
-    title = f"{of.name}: fatigue life of the necks"
-    figure, (axes,) = panels((WIDTH, HEIGHT), title, _lines(found), 1, 1, (of.assumed, of.not_stated))
-    plot_life(axes, found)
-    return figure
-
-
-def _lines(found: Life) -> list[str]:
     asked, first = found.settings, []
     for k, model in enumerate(found.axes["model"]):
         life = float(found.life[k])
@@ -41,16 +32,19 @@ def _lines(found: Life) -> list[str]:
         chain, hinge = _first(found.equivalent[k])
         first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
     law, *others = found.notes
-    return [
+    lines = [
         f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
         f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
     ]
+    title = f"{found.about.name}: fatigue life of the necks"
+    figure, (axes,) = panels((9.0, 5.2), title, lines, 1, 1, found.about)
+    plot_life(axes, found)
+    return figure
 
 
 def _first(stress: Array) -> tuple[int, int]:
     """Chain and hinge of the highest of stresses (3, 3)."""
-    chain, hinge = np.unravel_index(int(np.argmax(stress)), stress.shape)
-    return int(chain), int(hinge)
+    return divmod(int(np.argmax(stress)), 3)
 
 
 def plot_life(ax: Axes, found: Life) -> Axes:

@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -20,6 +19,7 @@ from matplotlib.tri import Triangulation
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
+from flexfem.plot.fields import draw_field, draw_scale
 from flexfem.plot.stage import boundary_of, curves, draw_boundary, draw_hub, fit, quarters
 from flexfem.plot.style import (
     COLOURS,
@@ -36,16 +36,17 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import significant
+from flexfem.plot.write import write_beside
 from flexfem.questions.dynamic_model import DynamicModel
 from flexfem.questions.modes import NaturalModes, PlaneVibration, SolidVibration
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, UNITS, Direction
 
 DRAWN = 0.07  # largest drawn displacement, per size of the stage
-SHAPES = "viridis"
+SHARE = Normalize(0, 1)
 PANEL = 3.6  # in, width
 FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames of a cycle, per second, and its size in inches
-CONTOURS = np.array([-0.8, -0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8])  # of w over its largest size
+CONTOURS = np.arange(-4, 5) / 5  # of w over its largest size
 POINTS = 1500
 LOWEST, HIGHEST = 0.05, 1.2  # of the drawn frequencies, over the first and the last natural one
 Part = Literal["magnitude", "phase"]
@@ -56,7 +57,8 @@ def figures(found: NaturalModes) -> dict[str, Any]:
     """What is written beside natural modes: their shapes, the frequency response, and an animation of each mode."""
     drawn: dict[str, Any] = {"": modes_figure(found)}
     if isinstance(found.fields, PlaneVibration):
-        drawn["-response"] = response_figure(found.fields.reduced, found)
+        model = found.fields.reduced
+        drawn["-response"] = lambda beside: write_beside(beside, response_figure(model, found))
         for number in range(1, len(found.axes["mode"]) + 1):
             drawn[f"-{number}"] = partial(write_animation, found, number)
     return drawn
@@ -65,20 +67,17 @@ def figures(found: NaturalModes) -> dict[str, Any]:
 @in_house_style
 def modes_figure(found: NaturalModes) -> Figure:
     """Draw all modes, each with its frequency and band and the share of the mass that goes with it."""
-    of, mesh = found.about, _fields(found).mesh
-    titles = [title_of(found, number) for number in range(1, len(found.axes["mode"]) + 1)]
-    columns = min(3, len(titles))
-    rows = -(-len(titles) // columns)
+    mesh, count = _fields(found).mesh, len(found.axes["mode"])
+    columns = min(3, count)
+    rows = -(-count // columns)
     height = PANEL * float(np.divide(*np.ptp(mesh.nodes, axis=0)[::-1])) + 0.55
-    size, doubts = (max(columns * PANEL + 0.3, 7.4), rows * height + 0.8), (of.assumed, of.not_stated)
-    figure, axes = panels(size, f"{of.name}: natural modes", [_said_of(found)], rows, columns, doubts)
-    for spare in axes[len(titles) :]:
+    size, title = (max(columns * PANEL + 0.3, 7.4), rows * height + 0.8), f"{found.about.name}: natural modes"
+    figure, axes = panels(size, title, [_said_of(found)], rows, columns, found.about)
+    for spare in axes[count:]:
         spare.remove()
-    for number, (each, title) in enumerate(zip(axes, titles, strict=False), start=1):
-        plot_mode(each, found, number).set_title(wrapped(title, PANEL - 0.2, 10), size=10)
-    place: dict[str, Any] = {"location": "bottom", "aspect": 38, "shrink": 6.0 / size[0]}
-    bar = figure.colorbar(ScalarMappable(Normalize(0, 1), SHAPES), ax=figure.axes, **place)
-    bar.set_label("displacement, over the largest of the mode")
+    for number, each in enumerate(axes[:count], start=1):
+        plot_mode(each, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
+    draw_scale(figure, figure.axes, SHARE, "displacement, over the largest of the mode")
     return figure
 
 
@@ -91,20 +90,16 @@ def _fields(found: NaturalModes) -> PlaneVibration | SolidVibration:
 
 def _said_of(found: NaturalModes) -> str:
     """What the modes are of, and what is not in them."""
-    solid, asked = isinstance(found.fields, SolidVibration), found.settings
+    solid, asked, mass = isinstance(found.fields, SolidVibration), found.settings, UNITS["kg"]
     said = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
     said += f" drives {asked['drives']};" + (f" payload {asked['payload']};" if asked["payload"] else "")
     said += (
-        f" mass {UNITS['kg'].factor * float(found.mass):.4g} {UNITS['kg']}. Titles: the largest effective modal mass, "
+        f" mass {mass.factor * float(found.mass):.4g} {mass}. Titles: the largest effective modal mass, "
         "of the whole mass or, in theta, moment of inertia. Displacements are exaggerated, each mode by its own "
         "factor; grey: at rest."
     )
-    if solid:
-        said += (
-            " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
-            "opposite, thick where it is zero."
-        )
-    return said
+    drawn = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
+    return said + (f"{drawn}opposite, thick where it is zero." if solid else "")
 
 
 def title_of(found: NaturalModes, number: int) -> str:
@@ -128,39 +123,22 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
     if not 1 <= number <= count:
         raise BadInput(f"mode {number!r}, expected 1 to {count}")
     ax, mesh = ax or new_axes(), fields.mesh
-    if isinstance(fields, PlaneVibration):
-        return _draw_shape(ax, mesh, fields.shapes[number - 1], math.sin(phase))
-    field = fields.field(number - 1)[:, 0]
-    if fields.chosen[number - 1][0] == 0:
-        return _draw_shape(ax, mesh, field[:, :2], math.sin(phase))
-    w = field[:, 2] / np.abs(field[:, 2]).max()
-    linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero and its contour says nothing
-    looks: dict[str, Any] = {"colors": INK, "linewidths": np.where(CONTOURS == 0.0, 1.6, 0.6), "zorder": 2.5}
-    if w.min() < 0.0 < w.max():
-        looks["negative_linestyles"] = "dashed"
-    _shade(ax, mesh, mesh.nodes, np.abs(w))
-    ax.tricontour(
-        Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], quarters(mesh.triangles[linked])), w, levels=CONTOURS, **looks
-    )
-    return ax
-
-
-def _draw_shape(ax: Axes, mesh: StageMesh, field: Array, phase: float = 1.0) -> Axes:
-    """Draw a mesh displaced by so much of a field (n, 2) that is exaggerated, coloured by how far it moves."""
-    size = np.linalg.norm(field, axis=1)
-    draw_boundary(ax, mesh.nodes, boundary_of(mesh.triangles), "#8A8A8A", 0.8, zorder=1)
-    _shade(ax, mesh, mesh.nodes + phase * _exaggerated(mesh, field), size / size.max())
-    return ax
-
-
-def _shade(ax: Axes, mesh: StageMesh, nodes: Array, values: Array) -> None:
-    """Draw a mesh with its nodes at these places, coloured by values from 0 to 1, framed at rest."""
-    grid, colours = Triangulation(nodes[:, 0], nodes[:, 1], quarters(mesh.triangles)), Normalize(0, 1)
-    ax.tripcolor(grid, values, shading="gouraud", cmap=SHAPES, norm=colours, rasterized=True, zorder=2)
-    draw_boundary(ax, nodes, boundary_of(mesh.triangles), INK, 0.5)
-    draw_hub(ax, mesh.nodes, nodes, float(np.hypot(*mesh.nodes[mesh.edges["hub"][0, 0]])))
+    field = fields.field(number - 1)[:, 0] if isinstance(fields, SolidVibration) else fields.shapes[number - 1]
+    if isinstance(fields, SolidVibration) and fields.chosen[number - 1][0]:
+        w = field[:, 2] / np.abs(field[:, 2]).max()
+        linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero, its contour says nothing
+        grid = Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], quarters(mesh.triangles[linked]))
+        looks: dict[str, Any] = {"negative_linestyles": "dashed"} if w.min() < 0.0 < w.max() else {}
+        widths = np.where(CONTOURS == 0.0, 1.6, 0.6)
+        ax.tricontour(grid, w, levels=CONTOURS, colors=INK, linewidths=widths, zorder=2.5, **looks)
+        moved, values = mesh.nodes, np.abs(w)
+    else:
+        sizes = np.linalg.norm(field[:, :2], axis=1)
+        moved, values = mesh.nodes + math.sin(phase) * _exaggerated(mesh, field[:, :2]), sizes / sizes.max()
+    draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
+    draw_hub(ax, mesh.nodes, moved, float(np.hypot(*mesh.nodes[mesh.edges["hub"][0, 0]])))
     fit(ax, mesh.nodes, DRAWN + 0.01)
-    ax.set_axis_off()
+    return ax
 
 
 def _exaggerated(mesh: StageMesh, field: Array) -> Array:
@@ -207,16 +185,16 @@ def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
         f"{of.settings['drives']}. Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in the "
         "plane only."
     ]
-    size, doubts = (12.6, 5.0 * len(kinds)), (of.about.assumed, of.about.not_stated)
-    figure, axes = panels(size, f"{of.about.name}: frequency response", lines, 2 * len(kinds), 3, doubts)
+    size, title = (12.6, 5.0 * len(kinds)), f"{of.about.name}: frequency response"
+    figure, axes = panels(size, title, lines, 2 * len(kinds), 3, of.about)
     for row, kind in enumerate(kinds):
         for column, name in enumerate(DIRECTIONS):
             upper, lower = axes[6 * row + column], axes[6 * row + 3 + column]
             plot_response(upper, model, name, kind, "magnitude")
             plot_response(lower, model, name, kind, "phase")
             upper.set_title(f"{NAMES[name]} under {'its load' if kind == 'load' else 'strokes'}", loc="left", size=11)
-            if kind == "stroke" and column == 2:
-                legend_beside(upper, fontsize=8)
+        if kind == "stroke":
+            legend_beside(upper, fontsize=8)
     return figure
 
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from itertools import pairwise
 from os import environ
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,7 +18,7 @@ from matplotlib.path import Path
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
-from flexfem.mechanism.bodies import Segment, draw_sector, necks, polygon_points, turn
+from flexfem.mechanism.bodies import draw_sector, necks, polygon_points, turn
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
 from flexfem.mechanism.drawing import LETTER as NARROW
 from flexfem.mechanism.drawing import Dimensions, dimensions_of, part_of
@@ -36,14 +36,12 @@ from flexfem.plot.style import (
     panels,
 )
 from flexfem.plot.text import SPACE
-from flexfem.questions.check import StageReport
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
 from flexfem.results import Fields
 from flexfem.units import DEGREE, LENGTH
 
 Point = Sequence[float] | Array
-HasHinges: TypeAlias = Stage | StageReport | CurveModels
 MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0072B2", "#00664A"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
@@ -58,13 +56,16 @@ MEANING = {
     "shear": "slider across the neck: shear",
 }
 PLAIN = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
+SAID: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
 
 
-def arrow(axes: Axes, tail: Point, head: Point, style: str = "-|>", colour: str = INK, width: float = 1.0) -> None:
+def arrow(
+    axes: Axes, tail: Point, head: Point, style: str = "-|>", colour: str = INK, width: float = 1.0, **shape: Any
+) -> None:
     """A slim arrow from `tail` to `head`, in data coordinates."""
     points: Any = [(float(p[0]), float(p[1])) for p in (tail, head)]
-    shape: dict[str, Any] = {"arrowstyle": style, "mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0}
-    axes.add_patch(FancyArrowPatch(*points, color=colour, linewidth=width, **shape))
+    look: dict[str, Any] = {"mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0} | shape
+    axes.add_patch(FancyArrowPatch(*points, arrowstyle=style, color=colour, linewidth=width, **look))
 
 
 def write(axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any) -> None:
@@ -131,9 +132,9 @@ def draw_hub(axes: Axes, nodes: Array, moved: Array, radius: float) -> None:
 
 def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
     """Draw filled triangles with their curved sides, and their boundary in a thicker line."""
-    sides = [curves(nodes, triangles[:, list(side)])[:, :-1] for side in SIDES]
+    outlines = np.concatenate([curves(nodes, triangles[:, list(side)])[:, :-1] for side in SIDES], axis=1)
     look: dict[str, Any] = {"facecolors": PALE, "edgecolors": MESH_COLOUR, "linewidths": width, "zorder": 2}
-    axes.add_collection(PolyCollection(list(np.concatenate(sides, axis=1)), rasterized=True, **look), autolim=False)
+    axes.add_collection(PolyCollection(list(outlines), rasterized=True, **look), autolim=False)
     draw_boundary(axes, nodes, boundary_of(triangles), INK, max(0.8, 2 * width))
 
 
@@ -142,9 +143,9 @@ def hatch_ground(axes: Axes, ends: Array, depth: float) -> None:
     along = ends[:, 1] - ends[:, 0]
     outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
     strips = np.concatenate([ends, (ends + depth * outward[:, None])[:, ::-1]], axis=1)
-    look: dict[str, Any] = {"facecolors": "none", "edgecolors": INK, "linewidths": 0.0, "hatch": "//////", "zorder": 4}
-    axes.add_collection(PolyCollection(list(strips), **look), autolim=False)
-    axes.add_collection(LineCollection(list(ends), colors=INK, linewidths=2.2, zorder=4), autolim=False)
+    hatched = PolyCollection(list(strips), facecolors="none", edgecolors=INK, linewidths=0.0, hatch="//////", zorder=4)
+    for each in (hatched, LineCollection(list(ends), colors=INK, linewidths=2.2, zorder=4)):
+        axes.add_collection(each, autolim=False)
 
 
 def frame_cross(axes: Axes, length: float) -> None:
@@ -164,32 +165,20 @@ def fit(axes: Axes, nodes: Array, room: float = 0.1) -> float:
     return size
 
 
-def hinges_of(given: HasHinges) -> list[HingeDrawing]:
-    """The hinges of a stage, of the record of `flexfem.check` or of a stored model, chain by chain. Raises BadInput."""
+def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
+    """The hinges of a stage or of a stored model, chain by chain. Raises BadInput."""
     if isinstance(given, CurveModels):
         return given.hinges
-    if isinstance(given, StageReport):
-        return [
-            _hinge(one.chain, one.hinge, one.centre_mm, np.deg2rad(one.axis_deg), one.radius_mm, one.neck_mm,
-                   one.prismatic)
-            for one in given.hinges
-        ]  # fmt: skip
     if not isinstance(given, Stage):
-        raise BadInput(f"{shown(given)}: expected a stage, or the record of flexfem.check")
+        raise BadInput(f"{shown(given)}: expected a stage")
     check_feasible(given)
-    frames = stage_frames(given)
-    found = []
+    frames, found = stage_frames(given), []
     for chain, k in np.ndindex(3, 3):
         one, (x, y) = given.hinge(chain + 1, HINGE_NAMES[k]), frames.centres[chain, k].tolist()
-        axis = frames.axes[chain, k]
-        found.append(_hinge(chain + 1, HINGE_NAMES[k], (x, y), axis, one.radius, one.neck, one.prismatic))
+        freedoms: list[Any] = ["rotation", *(["axial"] * one.prismatic)]
+        axis = float(frames.axes[chain, k])
+        found.append(HingeDrawing(chain + 1, HINGE_NAMES[k], (x, y), axis, one.radius, one.neck, freedoms))
     return found
-
-
-def _hinge(chain: int, name: Any, at: Any, axis: Any, radius: float, neck: float, prismatic: bool) -> HingeDrawing:
-    freedoms = ["rotation", *(["axial"] * prismatic)]
-    place: dict[str, Any] = {"chain": chain, "hinge": name, "centre": at, "axis": float(axis), "freedoms": freedoms}
-    return HingeDrawing(radius=radius, neck=neck, **place)
 
 
 class Outline(NamedTuple):
@@ -209,15 +198,10 @@ def outline_of(stage: Stage) -> Outline:
             loop = turn(face.loop, chain)
             outline.bodies.append(np.asarray(polygon_points(loop, STEP)))
             for segment, label in zip(loop, face.labels, strict=True):
-                lines = {"free": outline.rims, "ground": outline.grounds}.get(label)
-                if lines is not None:
-                    lines.append(_points(segment))
+                if label in ("free", "ground"):
+                    z = np.append(segment.points(STEP), segment.end)
+                    (outline.rims if label == "free" else outline.grounds).append(np.column_stack([z.real, z.imag]))
     return outline
-
-
-def _points(segment: Segment) -> Array:
-    z = np.append(segment.points(STEP), segment.end)
-    return np.column_stack([z.real, z.imag])
 
 
 def draw_outline(axes: Axes, outline: Outline, at: tuple[float, float] = (0.0, 0.0)) -> None:
@@ -245,18 +229,10 @@ def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
 
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
-    """Draw the stage with its mesh, the numbers of its hinges and chains, its clamped edges and its rigid hub, in mm.
-
-    Parameters
-    ----------
-    model : CurveModels
-        The models of one curve of a stored verification.
-    fields : Fields
-        Nodes, mm, triangles and displacement of the same curve.
-    """
+    """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
     across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
-    size, doubts = (8.27, 7.2 * min(max(up / across, 0.5), 1.5) + 0.7), (model.assumed, model.not_stated)
-    figure, (axes,) = panels(size, model.stage, [mesh_size(model), KEY], 1, doubts=doubts)
+    size = (8.27, 7.2 * min(max(up / across, 0.5), 1.5) + 0.7)
+    figure, (axes,) = panels(size, model.stage, [mesh_size(model), KEY], 1, doubts=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_mesh(axes, model, fields)
     return figure
@@ -298,14 +274,12 @@ def neck_figure(model: CurveModels, fields: Fields) -> Figure:
 
     Coordinates run along and across each neck.
     """
-    doubts, title = (model.assumed, model.not_stated), f"{model.stage}: necks of chain 1"
-    figure, found = panels((10.0, 7.1), title, [mesh_size(model)], 2, 3, doubts)
+    figure, found = panels((10.0, 7.1), f"{model.stage}: necks of chain 1", [mesh_size(model)], 2, 3, model)
     for column, hinge in enumerate(model.hinges[:3]):
         plot_notch(found[column], fields, hinge).set_title(f"{hinge.hinge} hinge")
         plot_neck(found[3 + column], fields, hinge)
-        if column:
-            found[column].set_ylabel("")
-            found[3 + column].set_ylabel("")
+    for axes in (*found[1:3], *found[4:]):
+        axes.set_ylabel("")
     return figure
 
 
@@ -341,23 +315,20 @@ def _draw_close(axes: Axes, fields: Fields, hinge: HingeDrawing, half: float) ->
 
 @in_house_style
 def model_sketch(model: CurveModels) -> Figure:
-    """Draw the pseudo-rigid-body model: links, joints with their freedoms, ground, platform and its frame.
-
-    Notes
-    -----
-    Figs. 3 and 4 of the paper. Lengths and angles of (19) and (20) are written at chain 1.
-    """
+    """Draw the pseudo-rigid-body model, Figs. 3 and 4 of the paper: see `plot_model`."""
     span = np.ptp([hinge.centre for hinge in model.hinges], axis=0)
     height = 7.6 * min(max(np.divide(*(span + 0.3 * max(span))[::-1]), 0.5), 1.4) + 1.0
-    title, doubts = f"{model.stage}: model of mobility {model.mobility}", (model.assumed, model.not_stated)
-    figure, (axes,) = panels((8.27, height), title, [mobility_line(model)], 1, doubts=doubts)
-    axes.set_axis_off()
+    title = f"{model.stage}: model of mobility {model.mobility}"
+    figure, (axes,) = panels((8.27, height), title, [mobility_line(model)], 1, doubts=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_model(axes, model)
-    kinds = [kind for kind in MEANING if any(kind in hinge.freedoms for hinge in model.hinges)]
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}
     handles: list[Any] = [Line2D([], [], linestyle="none", label=MEANING["rotation"], **ring)]
-    handles += [Patch(facecolor="white", edgecolor=SLIDER, linewidth=1.6, label=MEANING[kind]) for kind in kinds[1:]]
+    handles += [
+        Patch(facecolor="white", edgecolor=SLIDER, linewidth=1.6, label=MEANING[kind])
+        for kind in ("axial", "shear")
+        if any(kind in hinge.freedoms for hinge in model.hinges)
+    ]
     figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
 
@@ -378,11 +349,11 @@ def links_of_chain(hinges: Sequence[HingeDrawing]) -> tuple[Array, Array]:
     return np.linalg.norm(links, axis=1), -((-relative + np.pi) % (2 * np.pi) - np.pi)  # half a turn counts as +pi
 
 
-def plot_model(ax: Axes, stage: HasHinges) -> Axes:
+def plot_model(ax: Axes, stage: Stage | CurveModels) -> Axes:
     """Draw links, joints with their freedoms, ground, platform and its frame, with the lengths and angles of chain 1.
 
-    `stage` may be the record of `flexfem.check`. Labels stand where there is room at the size that `ax` has when this
-    is called; returns `ax`. Raises BadInput when it is no stage.
+    Labels stand where there is room at the size that `ax` has when this is called; returns `ax`. Raises BadInput when
+    `stage` is none.
     """
     hinges = hinges_of(stage)
     points = np.array([hinge.centre for hinge in hinges]).reshape(3, 3, 2)
@@ -405,15 +376,15 @@ def plot_model(ax: Axes, stage: HasHinges) -> Axes:
 def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
     """A circle for the rotation with its sliders: ahead of a base hinge, which has its ground behind, else behind."""
     at, along = np.array(hinge.centre), np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
-    across = np.array([-along[1], along[0]])
-    if hinge.hinge == "base":
-        foot = at - 3.2 * radius * along
-        corners = [at, foot + 1.7 * radius * across, foot - 1.7 * radius * across]
+    across, base = np.array([-along[1], along[0]]), hinge.hinge == "base"
+    if base:
+        foot, side = at - 3.2 * radius * along, radius * across
+        corners = [at, foot + 1.7 * side, foot - 1.7 * side]
         axes.add_patch(Polygon(corners, facecolor="white", edgecolor=LINK, linewidth=1.5, zorder=2.5))
-        hatch_ground(axes, np.array([[foot + 2.6 * radius * across, foot - 2.6 * radius * across]]), 1.4 * radius)
+        hatch_ground(axes, np.array([[foot + 2.6 * side, foot - 2.6 * side]]), 1.4 * radius)
     sliders = [way for kind, way in (("axial", along), ("shear", across)) if kind in hinge.freedoms]
     for place, way in enumerate(sliders, start=1):
-        middle = at + (1 if hinge.hinge == "base" else -1) * place * PITCH * radius * along
+        middle = at + (1 if base else -1) * place * PITCH * radius * along
         half, thick = 1.05 * radius * way, 0.62 * radius * np.array([-way[1], way[0]])
         block = [middle + half + thick, middle - half + thick, middle - half - thick, middle + half - thick]
         axes.add_patch(Polygon(block, facecolor="white", edgecolor=SLIDER, linewidth=1.6, zorder=4))
@@ -430,40 +401,38 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
     headings, arc = np.cumsum(angles), min(0.1 * size, 0.45 * float(lengths.min()))
     axes.plot(*corners[2:].T, color=GREY, linewidth=1.2, linestyle=(0, (6, 2, 1.5, 2)), zorder=3)
     around = 2.0 * radius * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    taken = [(corners[:, None] + around).reshape(-1, 2), (points[:, :, None] + around).reshape(-1, 2)]
     cross = 0.09 * size * np.array([[-0.3, 0.9], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.9, -0.3]])
     lines: list[Array] = [*points, corners, np.vstack([points[:, 2], points[:1, 2]]), cross]
+    taken = [(points[:, :, None] + around).reshape(-1, 2), corners[3] + around]
     taken += [np.linspace(a, b, 24) for line in lines for a, b in pairwise(line)]
-    for at, heading, angle in zip(corners, headings, angles, strict=False):
-        reference = at + 1.35 * arc * np.array([[0.0, 0.0], [np.cos(heading - angle), np.sin(heading - angle)]])
-        axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=(0, (4, 3)), zorder=6)
+    labels: list[tuple[Array, str, str]] = []
+    for k, (at, heading, angle) in enumerate(zip(corners, headings, angles, strict=False), start=1):
         turned = heading - angle + angle * np.linspace(0, 1, 60)
         curve = at + arc * np.column_stack([np.cos(turned), np.sin(turned)])
+        reference = np.array([at, at + 1.35 * (curve[0] - at)])
+        axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=(0, (4, 3)), zorder=6)
         axes.plot(*curve.T, color=NOTE_COLOUR, linewidth=1.1, zorder=6)
         arrow(axes, curve[-4], curve[-1], colour=NOTE_COLOUR, width=0.01)
         taken += [curve[::3], np.linspace(reference[0], reference[1], 12)]
-    style: dict[str, Any] = {"size": 10, "parse_math": True}
-    for k, (at, heading, angle) in enumerate(zip(corners, headings, angles, strict=False), start=1):
-        middle = at + arc * np.array([np.cos(heading - angle / 2), np.sin(heading - angle / 2)])
-        text = rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}".replace("-", "\N{MINUS SIGN}")
-        place_label(axes, middle, text, taken, 0.05 * size, colour=NOTE_COLOUR, **style)
-        text = f"$l_{k}$ = {lengths[k - 1]:.4g} {LENGTH}"
-        place_label(axes, (corners[k - 1] + corners[k]) / 2, text, taken, 0.05 * size, colour=LINK, **style)
+        said = rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}".replace("-", "\N{MINUS SIGN}")
+        length = f"$l_{k}$ = {lengths[k - 1]:.4g} {LENGTH}"
+        labels += [(curve[30], said, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length, LINK)]
+    for anchor, text, colour in labels:
+        place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True)
     for chain, (at, hinge) in enumerate(zip(points[:, 0], hinges[::3], strict=True), start=1):
         foot = at - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
         taken.append(foot + 1.5 * around)
-        place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, colour=INK, **style)
+        place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, size=10)
 
 
 def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
     """Draw a stage to scale with its dimensions, in mm; returns `ax`, or new axes.
 
-    missing : key paths that its file does not give; of such a stage only what does not need them is drawn.
+    `missing` : key paths that its file does not give; of such a stage only what does not need them is drawn.
 
     Raises BadInput when nothing is missing and its bodies cannot be drawn.
     """
-    found = PartialStage(stage, list(missing))
-    ax = ax or new_axes()
+    found, ax = PartialStage(stage, list(missing)), ax or new_axes()
     if found.whole:
         part = part_of(stage)
         plot_stage(ax, stage)
@@ -481,38 +450,36 @@ def _xy(z: complex) -> tuple[float, float]:
 
 def _draw_dimensions(ax: Axes, of: Dimensions) -> Array:
     """Draw lengths and labels; returns places (n, 2) that must be seen."""
-    seen, style = list[complex](), {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
+    seen, lines = list[complex](), list[tuple[complex, ...]]()
     for span in of.spans:
         start, end = span.line
-        for foot, head in ((span.start, start), (span.end, end)):
-            ax.plot(*np.transpose([_xy(foot), _xy(head)]), color=DIMENSION, linewidth=0.5, zorder=6)
+        lines += [(span.start, start), (span.end, end)]
         arrow(ax, _xy(start), _xy(end), "<|-|>", DIMENSION, 0.8)
         short = abs(end - start) < 2 * NARROW * of.height * len(span.text)  # its text goes beside the line
         aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * of.height * 1.5 if short else 0j
-        heading = float(np.rad2deg(np.angle(end - start)))
-        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=heading, **style)  # type: ignore[arg-type]
+        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=float(np.rad2deg(np.angle(end - start))), **SAID)
         seen += [start + 2 * aside, end + 2 * aside]
     for label in of.labels:
-        ax.plot(*np.transpose([_xy(end) for end in label.line]), color=DIMENSION, linewidth=0.5, zorder=6)
-        write(ax, _xy(label.place), label.text, **style)  # type: ignore[arg-type]
+        lines.append(tuple(label.line))
+        write(ax, _xy(label.place), label.text, **SAID)
         seen += [label.place - label.half, label.place + label.half]
+    for line in lines:
+        ax.plot(*np.transpose([_xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
     return np.array([_xy(z) for z in seen])
 
 
 def _draw_partial(ax: Axes, found: PartialStage) -> Array:
     """Draw what does not need what is missing; returns places (n, 2) that must be seen."""
     stage, seen = found.stage, [np.zeros((1, 2))]
-    style: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
     for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
         if found.given(f"platform.{key}_mm"):
             radius = getattr(stage.platform, key)
             ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
-            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **style)
+            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **SAID)
             seen.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
     if not found.given("chain.link_lengths_mm", "chain.joint_angles_deg"):
         return np.concatenate(seen)
-    centres = stage_frames(stage).centres
-    lines = np.concatenate([centres, np.zeros((3, 1, 2))], axis=1)
+    lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
     size = fit(ax, 1.05 * lines.reshape(-1, 2), 0.03)
     taken = [np.linspace(line[:-1], line[1:], 9).reshape(-1, 2) for line in lines]
     labels = [(f"chain {chain}", line[0]) for chain, line in zip(CHAINS, lines, strict=True)]
@@ -523,7 +490,7 @@ def _draw_partial(ax: Axes, found: PartialStage) -> Array:
         texts = [f"{name} hinge {_draw_notches(ax, found, chain, name)}".strip() for chain in CHAINS]
         labels += [(text, lines[chain, k]) for chain, text in enumerate(texts) if chain == 0 or text != texts[0]]
     for text, anchor in labels:
-        place_label(ax, anchor, text, taken, 0.05 * size, **style)
+        place_label(ax, anchor, text, taken, 0.05 * size, **SAID)
     return np.concatenate([*seen, *taken, 1.05 * lines.reshape(-1, 2)])
 
 

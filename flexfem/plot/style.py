@@ -5,11 +5,10 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import wraps
-from typing import Any, ParamSpec
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -20,8 +19,6 @@ from matplotlib.figure import Figure
 from flexfem.arrays import Array
 from flexfem.plot.text import doubt_note
 from flexfem.units import Direction
-
-P = ParamSpec("P")
 
 STYLE: Any = {
     "font.family": ["DejaVu Sans"],
@@ -77,15 +74,7 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def in_house_style(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Decorate a plot function so that it draws in the house style."""
-
-    @wraps(draw)
-    def styled(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with house_style():
-            return draw(*args, **kwargs)
-
-    return styled
+in_house_style = house_style()  # decorates what draws a figure
 
 
 @contextmanager
@@ -156,7 +145,7 @@ def panels(
 ) -> tuple[Figure, list[Axes]]:
     """A figure of panels below a header, row by row, laid out by matplotlib, so wide and the panels so high in inches.
 
-    `doubts` : keys that are assumed, and those without a source.   `grid` : settings of matplotlib's GridSpec.
+    `doubts` : keys that are assumed and those without a source, or what has both.   `grid` : of matplotlib's GridSpec.
     """
     figure = below_header(size, title, lines, doubts)
     return figure, list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
@@ -165,6 +154,7 @@ def panels(
 def below_header(size: tuple[float, float], title: str, lines: Sequence[str], doubts: Any = ((), ())) -> Figure:
     """A figure with a header as `panels` has it, without panels, and a layout engine for what is below."""
     width, height = size
+    doubts = (doubts.assumed, doubts.not_stated) if hasattr(doubts, "assumed") else doubts
     used = header(new_figure(width, height), title, lines, *doubts)
     figure = new_figure(width, height + used)
     header(figure, title, lines, *doubts)

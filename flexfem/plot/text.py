@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from flexfem.results import number
+
 if TYPE_CHECKING:
     from flexfem.questions.case import Drive, Elements
     from flexfem.questions.errors import Verification
@@ -73,8 +75,7 @@ def banded(value: float, band: float) -> str:
     """A percentage with its band, both to the band's second digit: 14.071 ± 0.015 %; round-off as `percent` has it."""
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
-    digits = min(max(1 - math.floor(math.log10(band)), 0), 9)
-    return f"{minus(f'{value:.{digits}f}')}{SPACE}±{SPACE}{band:.{digits}f}{SPACE}%"
+    return minus(number(value, band)).replace(" ", SPACE) + SPACE + "%"
 
 
 def minus(text: str) -> str:
@@ -102,13 +103,7 @@ def _what(keys: Sequence[str]) -> str:
 
 
 def markdown_report(results: Sequence[Verification]) -> str:
-    """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them.
-
-    Parameters
-    ----------
-    results : list of Verification
-        Stored verifications, in the order in which they are to appear.
-    """
+    """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them."""
     kinds = ("assumed", "not_stated")
     note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in kinds))
     exact = ", in nonlinear cases by its exact equilibrium," if any(r.analysis == "nonlinear" for r in results) else ""

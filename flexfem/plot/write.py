@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 from matplotlib.figure import Figure
 
@@ -20,7 +20,7 @@ from flexfem.plot.hinge import hinge_sketch
 from flexfem.plot.stage import model_sketch, neck_figure, stage_figure
 from flexfem.plot.style import rendered
 from flexfem.plot.text import markdown_report
-from flexfem.questions.errors import CurveModels, Verification
+from flexfem.questions.errors import Verification
 from flexfem.results import Fields
 
 Stored: TypeAlias = tuple[Verification, dict[str, Fields]]
@@ -28,56 +28,18 @@ FORMS = ("png", "pdf")
 PAGE = "verification.md"
 
 
-class Plan(NamedTuple):
-    """A figure to draw and the name of its files, without extension."""
+def write_figures(results: list[Stored], folder: Path, displacement: bool = False) -> list[Path]:
+    """Draw every figure of stored verifications as PNG and PDF and write the page of text beside them.
 
-    name: str
-    draw: Callable[[], Figure]
-
-
-def write_figures(
-    results: list[Stored],
-    folder: Path,
-    each: Callable[..., Iterable[list[bytes]]] = map,
-    displacement: bool = False,
-) -> list[Path]:
-    """Draw every figure of the results as PNG and PDF and write the page of text beside them.
-
-    Parameters
-    ----------
-    results : list of (Result, dict of Fields)
-        Stored verifications, each with its fields by label.
-    folder : Path
-        Where the files go; made when missing.
-    each : callable
-        Applies a function to every figure, in order, as `map` does; that of a pool of processes draws side by side.
-    displacement : bool
-        Show displacements in the commanded direction instead of errors, see `errors.error_figure`.
-
-    Returns
-    -------
-    list of Path
-        The files written.
-
-    Raises
-    ------
-    BadInput
-        When the folder does not take a file.
+    `displacement` : show displacements in the commanded direction instead of errors. Raises BadInput when the folder
+    does not take a file.
     """
-    planned, paths = plans(results, displacement), []
-    stored = [folder / f"{plan.name}.json" for plan in planned]
-    require_unread(*figure_files(*stored), folder / PAGE)
-    for path, contents in zip(stored, each(drawn, planned), strict=True):
-        paths += [_written(file, content) for file, content in zip(figure_files(path), contents, strict=True)]
-    pictures = "\n".join(f"![{plan.name}]({plan.name}.png)" for plan in planned)
+    planned = plans(results, displacement)
+    require_unread(*figure_files(*(folder / f"{name}.json" for name in planned)), folder / PAGE)
+    paths = [path for name, draw in planned.items() for path in write_beside(folder / f"{name}.json", draw())]
+    pictures = "\n".join(f"![{name}]({name}.png)" for name in planned)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
-
-
-def drawn(plan: Plan) -> list[bytes]:
-    """A figure as the bytes of its files, one for each of `FORMS`."""
-    figure = plan.draw()
-    return [rendered(figure, form) for form in FORMS]
 
 
 def figure_files(*stored: Path) -> list[Path]:
@@ -102,16 +64,18 @@ def write_design_figures(found: Designed, stored: Path) -> list[Path]:
     return [path for beside, draw in named.items() for path in write_beside(beside, draw(found))]
 
 
-def plans(results: list[Stored], displacement: bool = False) -> list[Plan]:
-    """The figures of the results, each stage once, under names that differ even where case does not matter."""
-    named: dict[str, Plan] = {}
+def plans(results: list[Stored], displacement: bool = False) -> dict[str, Callable[[], Figure]]:
+    """What draws each figure, each stage once, by names of files that differ even where case does not matter."""
+    named: dict[str, Callable[[], Figure]] = {}
+    taken = set[str]()
     for wanted, draw in [*_of_cases(results, displacement), *_of_stages(results)]:
         name, count = wanted, 1
-        while name.casefold() in named:
+        while name.casefold() in taken:
             count += 1
             name = f"{wanted}-{count}"
-        named[name.casefold()] = Plan(name, draw)
-    return list(named.values())
+        taken.add(name.casefold())
+        named[name] = draw
+    return named
 
 
 def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, Callable[[], Figure]]]:
@@ -123,27 +87,17 @@ def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, 
 
 def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure]]]:
     """Mesh, necks and hinge of every distinct stage, the model of every distinct mobility of it."""
-    models = [(model, fields[label]) for result, fields in results for label, model in result.models.items()]
-    hashes: dict[str, set[str]] = {}
-    for model, _ in models:
-        hashes.setdefault(_stem(model).casefold(), set()).add(model.hash)
     seen = set()
-    for model, field in models:
-        stem = _stem(model)
-        if len(hashes[stem.casefold()]) > 1:
-            stem = f"{stem}-{model.hash[:6]}"
-        freedoms = str([hinge.freedoms for hinge in model.hinges])
-        if model.hash not in seen:
-            yield f"stage-{stem}", partial(stage_figure, model, field)
-            yield f"neck-{stem}", partial(neck_figure, model, field)
-            yield f"hinge-{stem}", partial(hinge_sketch, model)
-        if (model.hash, freedoms) not in seen:
-            yield f"model-{stem}-mobility{model.mobility}", partial(model_sketch, model)
-        seen |= {model.hash, (model.hash, freedoms)}
-
-
-def _stem(model: CurveModels) -> str:
-    return _file_name(Path(model.file).stem)
+    for result, fields in results:
+        for label, model in result.models.items():
+            stem, freedoms = _file_name(Path(model.file).stem), str([hinge.freedoms for hinge in model.hinges])
+            if model.hash not in seen:
+                yield f"stage-{stem}", partial(stage_figure, model, fields[label])
+                yield f"neck-{stem}", partial(neck_figure, model, fields[label])
+                yield f"hinge-{stem}", partial(hinge_sketch, model)
+            if (model.hash, freedoms) not in seen:
+                yield f"model-{stem}-mobility{model.mobility}", partial(model_sketch, model)
+            seen |= {model.hash, (model.hash, freedoms)}
 
 
 def _file_name(text: str) -> str:

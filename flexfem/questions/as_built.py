@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import os
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -18,13 +18,12 @@ from flexfem.files.provenance import Sourced, doubts
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
 from flexfem.files.toml import Table, read_text, read_toml, validate
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.dimensioned import converted
+from flexfem.mechanism.dimensioned import in_unit
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
 from flexfem.questions import warnings as warning
 from flexfem.questions.setup import DEFAULT, Analytic, about
-from flexfem.questions.stiffness import OWN_STIFFNESS, STIFFNESSES
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -34,9 +33,8 @@ QUANTILES = (0.025, 0.975)
 PLAUSIBLE = (0.5, 2.0)  # a measured neck over the drawn one; beyond it the unit or the hinge is more likely wrong
 WIDEST = 0.2  # standard deviation over the neck
 
-_MICROMETRES = converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
-Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *_MICROMETRES]
-Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *_MICROMETRES]
+Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *in_unit("um")]
+Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *in_unit("um")]
 
 
 class MeasuredNeck(Table):
@@ -89,22 +87,15 @@ class AsBuilt(Result):
 
     title = "stage as built"
     columns = ("component",)
-    stiffness = Quantity("stiffness as built", STIFFNESSES, ("direction", "component"), EXACT, "matrix")
-    drawn = Quantity("stiffness as drawn", STIFFNESSES, ("direction", "component"), EXACT, "matrix", shown=False)
+    stiffness = Quantity("stiffness as built", "stiffness matrix", ("direction", "component"), EXACT, "matrix")
+    drawn = Quantity("stiffness as drawn", "stiffness matrix", ("direction", "component"), EXACT, "matrix", shown=False)
     deviation = Quantity("deviation from the drawing", "percent", ("direction",))
-    spread = Quantity("standard deviation", OWN_STIFFNESS, ("direction",), SOLVED)
-    low = Quantity("95 % of stages from", OWN_STIFFNESS, ("direction",), SOLVED)
-    high = Quantity("to", OWN_STIFFNESS, ("direction",), SOLVED)
+    spread = Quantity("standard deviation", "stiffness", ("direction",), SOLVED)
+    low = Quantity("95 % of stages from", "stiffness", ("direction",), SOLVED)
+    high = Quantity("to", "stiffness", ("direction",), SOLVED)
     necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
     sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
     unanswered = Quantity("draws without an answer", shown=False)
-
-
-class _Rows(NamedTuple):
-    """What a table says, and on which lines."""
-
-    data: dict[str, Any]
-    lines: list[int]
 
 
 def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
@@ -117,8 +108,7 @@ def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
         necks, found = validate(Necks, path), read_toml(path)
         lines = [found.lines.line(("neck", k)) or 1 for k in range(len(necks.neck))]
     else:
-        rows = _table(path)
-        necks, lines = _of_rows(path, rows), rows.lines
+        necks, lines = _of_table(path)
     for one, line in zip(necks.neck, lines, strict=True):
         drawn, um = stage.hinge(one.chain, one.hinge).neck, MICROMETRE.factor
         low, high = (share * drawn for share in PLAUSIBLE)
@@ -133,8 +123,8 @@ def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
     return necks
 
 
-def _table(path: Path) -> _Rows:
-    """Rows of a CSV file as TOML would give them."""
+def _of_table(path: Path) -> tuple[Necks, list[int]]:
+    """The necks of a CSV file, and their lines."""
     numbered = [(k, line) for k, line in enumerate(read_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
     if not numbered:
         raise BadInput(f"{place_of(path)}: empty, expected columns chain, hinge, neck_um and, if known, sd_um")
@@ -148,8 +138,16 @@ def _table(path: Path) -> _Rows:
     for (line, _), row in zip(numbered[1:], rows, strict=True):
         if len(row) != len(keys):
             raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(keys)}, as the first line has")
-    data = [{key: _value(cell) for key, cell in zip(keys, row, strict=True) if cell} for row in rows]
-    return _Rows({"neck": data}, [line for line, _ in numbered[1:]])
+    data = {"neck": [{key: _value(cell) for key, cell in zip(keys, row, strict=True) if cell} for row in rows]}
+    lines = [line for line, _ in numbered[1:]]
+    try:
+        return Necks.model_validate(data), lines
+    except ValidationError as error:
+        first = problem_of(error.errors(include_url=False)[0], data)
+        at = [part for part in first.path if isinstance(part, int)]
+        place = place_of(path, lines[at[0]] if at else None)
+        said = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
+        raise BadInput(one_line(f"{place}: {said}")) from None
 
 
 def _value(cell: str) -> int | float | str:
@@ -159,17 +157,6 @@ def _value(cell: str) -> int | float | str:
         except ValueError:
             continue
     return cell
-
-
-def _of_rows(path: Path, rows: _Rows) -> Necks:
-    try:
-        return Necks.model_validate(rows.data)
-    except ValidationError as error:
-        first = problem_of(error.errors(include_url=False)[0], rows.data)
-        at = [part for part in first.path if isinstance(part, int)]
-        place = place_of(path, rows.lines[at[0]] if at else None)
-        said = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, rows.data)
-        raise BadInput(one_line(f"{place}: {said}")) from None
 
 
 def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:

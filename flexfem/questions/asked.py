@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from flexfem.analytic.model import at_rest
+from flexfem.analytic.network import ElasticBodies
 from flexfem.analytic.paper import Freedoms
-from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_plane, many, mass_matrix, rates_of
+from flexfem.analytic.responses import DriftRates, WarmBodies, in_plane, many, mass_matrix, rates_of
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
@@ -122,7 +123,7 @@ def ask_frequencies(
     freedoms: Freedoms,
     moments: Moments,
     payload: Payload,
-    elastic: LinkParts | None = None,
+    elastic: ElasticBodies | None = None,
 ) -> Array:
     """The three lowest natural frequencies (n, 3), rad/s, of n designs by the analytic model; nan where it has none.
 
@@ -141,7 +142,7 @@ def ask_drift(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: 
 
 
 def ask_drives(
-    designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
+    designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: ElasticBodies | None = None
 ) -> DriveRanges:
     """The analytic model of n driven designs, with `elastic` links of n designs or rigid ones; nan where singular."""
     model = driven_compliance(designs.frames, hinges, freedoms, drive.stacks, elastic)
@@ -173,8 +174,6 @@ def ask_elements(
     BadInput : the finite elements refuse the design.
     ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
     """
-    from flexfem.fem.fields import base_rotations, neck_stresses
-    from flexfem.fem.fields import envelope as meshed
     from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
     from flexfem.fem.structure import plate_of
@@ -182,21 +181,13 @@ def ask_elements(
     from flexfem.questions.modes import vibrating
 
     response = elements(stage, resolution, clock)
-    stiffness = np.linalg.inv(response.compliance)
-    stiffness = (stiffness + stiffness.T) / 2  # round-off
-    # row j of the stiffness: the loads of a unit displacement j
-    stress = neck_stresses(stage, response, stiffness).highest.max(
-        axis=(1, 2)
-    )  # row j: the loads of a unit displacement j
-    turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
-    strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
-    found = Answers(stiffness[None], stress[None], turning[None], strength, size)
+    found = _at_rest(stage, response)
     if payload is not None:
         structure = vibrating(stage, response.mesh, payload, "disengaged")
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
-        found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
+        found = found._replace(lives=lives(strained, lower(stage).fatigue, found.yield_strength, repeated))
     if driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
@@ -212,20 +203,25 @@ def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answe
 
     Raises as `ask_elements`; the time limit is that of gmsh.
     """
-    from flexfem.fem.fields import base_rotations, neck_stresses
-    from flexfem.fem.fields import envelope as meshed
     from flexfem.fem.mesh import mesh_sectors
     from flexfem.fem.response import unit_response
     from flexfem.fem.structure import layers_of, sheet_of
 
-    plate = sheet_of(stage)
-    response = unit_response(mesh_sectors(stage, resolution, *clock), plate, layers_of(stage, layers))
-    stiffness = np.linalg.inv(response.compliance)
-    stiffness = (stiffness + stiffness.T) / 2  # round-off
-    stress = neck_stresses(stage, response, stiffness).highest.max(axis=(1, 2))
-    turning = np.abs(stiffness @ base_rotations(stage, response)).max(axis=1)
-    strength, size = np.array([stage.material.yield_strength]), np.array([meshed(response)])
-    return Answers(stiffness[None], stress[None], turning[None], strength, size)
+    response = unit_response(mesh_sectors(stage, resolution, *clock), sheet_of(stage), layers_of(stage, layers))
+    return _at_rest(stage, response)
+
+
+def _at_rest(stage: Stage, response: Response) -> Answers:
+    """What finite elements always answer, n = 1."""
+    from flexfem.fem.fields import base_rotations, neck_stresses
+    from flexfem.fem.fields import envelope as meshed
+
+    K = np.linalg.inv(response.compliance)
+    K = (K + K.T) / 2  # round-off
+    turning = np.abs(K @ base_rotations(stage, response)).max(axis=1)
+    strength = np.array([stage.material.yield_strength])
+    highest = neck_stresses(stage, response, K).highest.max(axis=(1, 2))
+    return Answers(K[None], highest[None], turning[None], strength, np.array([meshed(response)]))
 
 
 def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
@@ -234,8 +230,7 @@ def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
     from flexfem.fem.response import unit_response
     from flexfem.fem.structure import plate_of
 
-    plate = plate_of(stage)
-    return unit_response(mesh_sectors(stage, resolution, *clock), plate)
+    return unit_response(mesh_sectors(stage, resolution, *clock), plate_of(stage))
 
 
 def _errors(
@@ -249,8 +244,8 @@ def _errors(
         return ErrorPercentages(along[None], across[None], None)
     coarser = _coarser(stage, resolution, clock)
     values = [np.diag(error_matrix(predicted, compliance, lever)) for compliance in coarser.values()]
-    resolutions = np.array([*coarser, resolution])
-    found = [mesh_band(resolutions, each) for each in np.transpose([*values, along])]
+    steps = np.array([*coarser, resolution])
+    found = [mesh_band(steps, each) for each in np.transpose([*values, along])]
     return ErrorPercentages(along[None], across[None], np.array([found]))
 
 

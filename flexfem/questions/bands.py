@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from flexfem.arrays import Array
-from flexfem.clock import Limit
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, TIME_LIMIT, mesh_sectors
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
@@ -252,10 +251,9 @@ def error_bands(
     stiffness: Array, compliances: Array, resolutions: tuple[int, ...], lever: float
 ) -> tuple[Array, Array]:
     """Error percentages (3, 3) on the finest mesh and their bands, column j for command j; as `command_errors`."""
-    steps = np.array(resolutions)
-    curves = [command_errors(steps, compliances, stiffness, direction, lever) for direction in DIRECTIONS]
-    found = np.array([[(each.values[-1], each.band) for each in curve] for curve in curves])
-    return found[..., 0].T, found[..., 1].T
+    curves = [command_errors(np.array(resolutions), compliances, stiffness, each, lever) for each in DIRECTIONS]
+    values, bands = np.transpose([[(each.values[-1], each.band) for each in curve] for curve in curves])
+    return values, bands
 
 
 def compliance_bands(resolutions: Array, compliances: Array) -> Array:
@@ -299,6 +297,12 @@ def stress_bands(resolutions: Array, values: Array) -> Array:
     return np.asarray(CAUTIOUS * np.max(np.abs(_to_finest(resolutions**STRESS_ORDER, values)), axis=0))
 
 
+def highest_band(resolutions: Array, values: Array, bands: Callable[[Array, Array], Array] = stress_bands) -> Array:
+    """Bands of values (3 levels, ...) on the finest mesh: that of the highest, nan for the others."""
+    highest = np.max(values.reshape(3, -1), axis=1)
+    return np.where(values[-1] == highest[-1], bands(resolutions, highest), np.nan)
+
+
 def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
     """Half-widths (3, cases) of the mesh uncertainty of poses (levels, 3, cases) on three meshes, coarse to fine.
 
@@ -336,15 +340,11 @@ class SolidLevels(NamedTuple):
         return RelativeError(abs(lowest + highest) / 2, (highest - lowest) / 2)
 
 
+@once
 def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
     """Mesh and solve a feasible stage in three dimensions. Raises BadInput, ComputationFailed."""
-    return _solved(stage, resolution, layers)
-
-
-@once
-def _solved(stage: Stage, resolution: int, layers: int, limit: float | Limit = TIME_LIMIT) -> Response:
     check_feasible(stage)
-    return unit_response(mesh_sectors(stage, resolution, limit), sheet_of(stage), layers_of(stage, layers))
+    return unit_response(mesh_sectors(stage, resolution), sheet_of(stage), layers_of(stage, layers))
 
 
 @once
@@ -378,3 +378,22 @@ def solid_bands(of: SolidLevels, resolution: int) -> tuple[Array, Array]:
     for k in range(3):
         plane[k, k] = mesh_band(steps, of.planes[:, k, k], 0.0)
     return plane, thickness
+
+
+def solid_pose_bands(solve: Callable[[int, int], Array], resolution: int, layers: int) -> Array:
+    """Half-widths (3, cases) of poses, all mm, that `solve` gives for a mesh in the plane and layers."""
+    meshed, layered = coarser(solve, resolution, layers)
+    return pose_bands(np.array(levels(resolution), dtype=float), np.array(meshed), 1.0) + layer_bands(*layered)
+
+
+def layer_bands(few: Array, many: Array) -> Array:
+    """Half-widths (3, cases) by the layers of poses (3, cases), all mm, by fewer and by more.
+
+    Notes
+    -----
+    The largest change of a case's components bounds all of them, times `SAFETY`; what is round-off by both has the
+    larger of its values.
+    """
+    largest = np.maximum(np.abs(few), np.abs(many))
+    common = SAFETY * np.max(np.abs(many - few), axis=0)
+    return np.asarray(np.where(largest <= ROUND_OFF * np.max(largest, axis=0), largest, common))

@@ -33,7 +33,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings
 from flexfem.questions.bands import SAFETY, command_errors, error_matrix, levels, solve_solid
-from flexfem.questions.setup import about, solved
+from flexfem.questions.setup import about, on_meshes, question, solved
 from flexfem.refused import BadInput
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -50,7 +50,6 @@ SHARES = (
 )
 TOTAL = "total"
 CHART, MEASURED, IN_ALL = "hinges of three dimensions, by the chart", "three dimensions", "total in three dimensions"
-PERCENT = ("percent",) * 3
 POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
 
 
@@ -59,19 +58,24 @@ class Budget(Result):
 
     title = "error budget"
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
-    figure = "accuracy.budget_figure"
+    figure = "errors.budget_figure"
     reading = ("per cent of the command, along it; a share is what one step from the model to the elements changes",)
-    share = Quantity("share of the error in the commanded direction", PERCENT, ("share", "direction"), POINTS)
-    solid = Quantity("outside the planar total", PERCENT, ("outside", "direction"), POINTS)
+    share = Quantity("share of the error in the commanded direction", "percents", ("share", "direction"), POINTS)
+    solid = Quantity("outside the planar total", "percents", ("outside", "direction"), POINTS)
     across = Quantity(
-        "share of the error, by commanded direction", PERCENT, ("share", "commanded", "direction"), POINTS, shown=False
+        "share of the error, by commanded direction",
+        "percents",
+        ("share", "commanded", "direction"),
+        POINTS,
+        shown=False,
     )
     solid_across = Quantity(
-        "outside the planar total, by commanded direction", PERCENT, ("outside", "commanded", "direction"), POINTS,
+        "outside the planar total, by commanded direction", "percents", ("outside", "commanded", "direction"), POINTS,
         shown=False,
     )  # fmt: skip
 
 
+@question
 def budget(
     stage: Stage,
     *,
@@ -84,27 +88,11 @@ def budget(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     amplitude : tuple of float
         Commands in x, y and theta at which the share of large displacement is taken: mm, mm, rad.
-    resolution : int
-        Triangles across every neck on the finest of three meshes, from 4.
     plane : bool
         Leave out what three dimensions change.
-    progress : callable, optional
-        Called with a line after each mesh.
-
-    Returns
-    -------
-    Budget
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made, or a hinge is not on the hinge chart.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
     """
     check_feasible(stage)
     commands = np.asarray(arguments.poses("amplitude", amplitude, 1)).ravel()
@@ -113,16 +101,11 @@ def budget(
     steps, lever = levels(arguments.resolution(resolution, 4)), stage.chain.link_lengths[2]
     paper = analyse(stage)
     models = [paper, *(analyse(stage, 21, *more) for more in ((), (CALIBRATED,), (CALIBRATED, True)))]
-    meshes = []
-    for level in steps:
-        meshes.append(solved(stage, level))
-        if progress is not None:
-            progress(f"{meshes[-1].unknowns} unknowns")
+    meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
     K, C = paper.stiffness, np.array([each.compliance for each in meshes])
     errors = [command_errors(np.array(steps), C, K, direction, lever) for direction in DIRECTIONS]
-    finest = np.array([[each.band for each in one] for one in errors]).T
-    limit = np.array([[each.extrapolated for each in one] for one in errors]).T
-    on_mesh = np.array([[each.values[-1] for each in one] for one in errors]).T
+    read = [[(each.band, each.extrapolated, each.values[-1]) for each in one] for one in errors]
+    finest, limit, on_mesh = np.transpose(read, (2, 1, 0))
     bent = _bent(stage, K, meshes[-1], commands)  # on one mesh: its own error drops out
     ladder = [error_matrix(K, each.compliance, lever) for each in models]
     rungs = np.array([*ladder, limit, limit + bent - on_mesh])  # column j for command j
@@ -137,32 +120,19 @@ def budget(
         outside[1], outside_band[1] = measured(stage)
         outside[2], outside_band[2] = shares[-1] + outside[1], band[-1] + outside_band[1]
         settings["three dimensions"] = f"{SOLID[0]} triangles, {SOLID[1]} layers"
-    found = command_warnings(stage, meshes[-1], K.T * commands[:, None], "command")  # (18)
+    texts = warnings.of_result(stage, paper)
+    for direction, force in zip(DIRECTIONS, K.T * commands[:, None], strict=True):  # (18)
+        highest = float(np.max(load_case(stage, meshes[-1].mesh, meshes[-1], force).neck_stress))
+        texts += warnings.of_yield(highest, stage.material.yield_strength, f"command in {direction}")
+    along = {"share": shares, "solid": outside}
     return Budget(
         about(stage),
-        {"share": _along(shares), "solid": _along(outside)} | {"across": _rows(shares), "solid_across": _rows(outside)},
-        {"share": _along(band), "solid": _along(outside_band)},
+        {name: np.diagonal(each, axis1=1, axis2=2) for name, each in along.items()}
+        | {"across": np.moveaxis(shares, 1, 2), "solid_across": np.moveaxis(outside, 1, 2)},
+        {name: np.diagonal(each, axis1=1, axis2=2) for name, each in (("share", band), ("solid", outside_band))},
         settings=settings,
-        warnings=[*warnings.of_result(stage, paper), *found],
+        warnings=texts,
     )
-
-
-def _along(values: Array) -> Array:
-    """Of matrices (k, 3, 3), column j for command j, the diagonals (k, 3): along the command."""
-    return np.asarray(np.diagonal(values, axis1=1, axis2=2))
-
-
-def _rows(values: Array) -> Array:
-    return np.asarray(np.moveaxis(values, 1, 2))
-
-
-def command_warnings(stage: Stage, solution: Response, forces: Array, where: str) -> list[str]:
-    """Warnings on the highest neck stress under the forces (3, 3) of three commands, row by row."""
-    found = []
-    for direction, force in zip(DIRECTIONS, forces, strict=True):
-        highest = float(np.max(load_case(stage, solution.mesh, solution, force).neck_stress))
-        found += warnings.of_yield(highest, stage.material.yield_strength, f"{where} in {direction}")
-    return found
 
 
 def _bent(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
@@ -207,21 +177,3 @@ def change(stage: Stage, resolution: int, layers: int) -> Array:
     plane, lever = unit_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
     solid, flat = (error_matrix(predicted, each.compliance, lever) for each in (response, plane))
     return np.asarray(solid - flat)
-
-
-def other_thickness(stage: Stage, compliance: Array) -> dict[str, Array]:
-    """Compliances (3, 3) of the extruded stage, measured and by the chart of single hinges where they are all on it.
-
-    Parameters
-    ----------
-    compliance : (3, 3), of finite elements in the stage's plane, to which the change from plane to three dimensions is
-        added.
-    """
-    response = solve_solid(stage, *SOLID)
-    plane = unit_response(response.sectors, plate_of(stage)).compliance
-    found = {"finite elements in three dimensions": compliance + response.compliance - plane}
-    thick = thick_compliance(stage)
-    if thick is None:
-        return found
-    flat = analyse(stage, 21, CALIBRATED, links=True).compliance
-    return found | {"three dimensions by the chart of single hinges": compliance + thick - flat}

@@ -22,7 +22,7 @@ from flexfem.files.toml import Label, Table, validate
 from flexfem.hinges.formulas import formula, formulas
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
-from flexfem.units import Direction
+from flexfem.units import DIRECTIONS, Direction
 
 Analysis: TypeAlias = Literal["linear", "nonlinear"]
 Drive: TypeAlias = Literal["force", "joints", "strokes"]
@@ -143,47 +143,38 @@ class Case(Sourced):
         return {"resolution": SOLID_RESOLUTION} | given if solid else given
 
     @model_validator(mode="after")
-    def _one_amplitude_of_the_right_unit(self) -> Case:
+    def _keys_go_together(self) -> Case:
         given = [unit for unit in ("um", "mrad") if getattr(self, f"amplitude_{unit}") is not None]
         wanted = "mrad" if self.direction == "theta" else "um"
         if given != [wanted]:
             raise refusal(f"amplitude_{wanted} and no other amplitude for direction {self.direction}", "direction")
-        return self
-
-    @model_validator(mode="after")
-    def _labels_differ(self) -> Case:
-        labels = [curve.label for curve in self.curve]
-        for index, label in enumerate(labels):
-            if label in labels[:index]:
-                raise refusal("a label that no other curve has", "curve", index, "label")
-        return self
-
-    @model_validator(mode="after")
-    def _links_are_linear(self) -> Case:
+        labels, bent = [curve.label for curve in self.curve], self.analysis == "nonlinear"
         for index, curve in enumerate(self.curve):
-            if curve.links and self.analysis == "nonlinear":
-                raise refusal(
-                    'no links with analysis = "nonlinear", whose equilibrium is pseudo-rigid', "curve", index, "links"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _joints_are_linear(self) -> Case:
-        if self.drive != "force" and self.analysis == "nonlinear":
-            raise refusal('"force" with analysis = "nonlinear", whose loads are on the platform', "drive")
-        return self
-
-    @model_validator(mode="after")
-    def _three_dimensions_are_linear(self) -> Case:
-        if self.model == "fe":
-            if "layers" in self.model_fields_set:
-                raise refusal('no layers with model = "fe"', "layers")
-            return self
-        if self.analysis == "nonlinear":
+            if curve.label in labels[:index]:
+                raise refusal("a label that no other curve has", "curve", index, "label")
+            if curve.links and bent:
+                where = ("curve", index, "links")
+                raise refusal('no links with analysis = "nonlinear", whose equilibrium is pseudo-rigid', *where)
+        solid = self.model == "three_dimensional"
+        if not solid and "layers" in self.model_fields_set:
+            raise refusal('no layers with model = "fe"', "layers")
+        if solid and bent:
             raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
-        if self.drive != "force":
-            raise refusal('"force" with model = "three_dimensional": stacks push the plane stage alone', "drive")
+        if self.drive != "force" and (solid or bent):
+            loads = 'analysis = "nonlinear", whose loads are on the platform'
+            flat = 'model = "three_dimensional": stacks push the plane stage alone'
+            raise refusal(f'"force" with {flat if solid else loads}', "drive")
         return self
+
+    @property
+    def axis(self) -> int:
+        """Number of the direction: 0, 1 or 2."""
+        return DIRECTIONS.index(self.direction)
+
+    @property
+    def commands(self) -> Array:
+        """Commanded poses (points, 3), mm or rad."""
+        return np.asarray(self.commanded[:, None] * np.eye(3)[self.axis])
 
     @property
     def commanded(self) -> Array:

@@ -10,8 +10,10 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
+from flexfem.mechanism.stage_file import Plane, actuators_of, counted, of_drive, of_heat, of_stage
 from flexfem.questions import warnings as warning
+from flexfem.questions.setup import question
+from flexfem.units import FORCES, MICROMETRE
 
 
 class PlacedHinge(NamedTuple):
@@ -56,6 +58,16 @@ class DriveReport(NamedTuple):
     assumed: list[str]
     not_stated: list[str]
 
+    @property
+    def lines(self) -> list[str]:
+        """A line for each actuator, for terminals."""
+        return [
+            f"{one.name} (chain {', '.join(map(str, one.chains))}): {counted(len(one.contacts_mm), 'stack', 'stacks')} "
+            f"{one.stack or 'of the file'}, stroke {MICROMETRE.factor * one.stroke:.4g} {MICROMETRE.plain}, blocking "
+            f"force {one.blocking_force:.4g} {FORCES[0]}"
+            for one in self.actuators
+        ]
+
 
 class StageReport(NamedTuple):
     """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file.
@@ -78,18 +90,13 @@ class StageReport(NamedTuple):
     drive: DriveReport | None = None
 
 
+@question
 def check(stage: Stage) -> StageReport:
     """Validate a stage file; show hinges, drive, mobility and where the numbers come from.
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made.
+    {shared}
 
     Examples
     --------
@@ -99,13 +106,15 @@ def check(stage: Stage) -> StageReport:
     (6, True, 4.0, 17)
     """
     check_feasible(stage)
+    others = {"name", "hinges", "override", "actuator", "provenance", "frame"}  # of which other answers are made
+    left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
     return StageReport(
         **of_stage(stage),
         mobility=stage.mobility,
         model=stage.model,
         chains_alike=stage.chains_alike,
         hash=stage.hash,
-        dimensions=_dimensions(stage),
+        dimensions=stage.model_dump(mode="json", exclude=left_out, exclude_none=True),
         hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
         provenance={key: text for key, text in stage.sources.items() if text and not (of_drive(key) or of_heat(key))},
         warnings=warning.of_stage(stage),
@@ -113,32 +122,18 @@ def check(stage: Stage) -> StageReport:
     )
 
 
-def _dimensions(stage: Stage) -> dict[str, Any]:
-    """What a file says, less hinges, drive and expansion, of which other answers are made, and what it leaves open."""
-    others = {"name", "hinges", "override", "actuator", "provenance", "frame"}
-    left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
-    return stage.model_dump(mode="json", exclude=left_out, exclude_none=True)
-
-
 def _drive(stage: Stage) -> DriveReport:
-    return DriveReport(
-        actuators=[each for index in range(len(stage.actuator)) for each in _actuators(stage, index)],
-        hash=stage.drive_hash,
-        provenance={key: text for key, text in stage.sources.items() if text and of_drive(key)},
-        **stage.drive_doubts._asdict(),
-    )
-
-
-def _actuators(stage: Stage, index: int) -> list[PlacedActuator]:
-    """An actuator of the file, once for all chains on which it is the same."""
+    """The drive; an actuator of the file stands once for all chains on which it is the same."""
     found = list[PlacedActuator]()
-    for one in (_actuator(stage, chain, index) for chain in CHAINS):
+    for index, chain in np.ndindex(len(stage.actuator), len(CHAINS)):
+        one = _actuator(stage, CHAINS[chain], index)
         alike = next((each for each in found if one._replace(chains=each.chains) == each), None)
         if alike is None:
             found.append(one)
         else:
             alike.chains.extend(one.chains)
-    return found
+    sources = {key: text for key, text in stage.sources.items() if text and of_drive(key)}
+    return DriveReport(found, stage.drive_hash, sources, **stage.drive_doubts._asdict())
 
 
 def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:

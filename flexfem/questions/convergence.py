@@ -11,15 +11,13 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings
 from flexfem.questions.bands import COARSER, grid_convergence
-from flexfem.questions.setup import about, solved
+from flexfem.questions.setup import about, on_meshes, question, solved
 from flexfem.refused import BadInput
 from flexfem.results import COARSER as ON_COARSER
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 RESOLUTIONS = (3, 4, 6, 8, 11, 15)
-COMPLIANCES = (("mm_per_n", "mm_per_n", "per_n"), ("mm_per_n", "mm_per_n", "per_n"), ("per_n", "per_n", "rad_per_n_mm"))
-OWN = ("mm_per_n", "mm_per_n", "rad_per_n_mm")
 LARGE = 1e-3  # of a compliance: the accuracy that the default mesh is made for
 
 
@@ -27,14 +25,14 @@ class MeshConvergence(Result):
     """Platform compliance of a stage on meshes of growing resolution, and what it tends to."""
 
     title = "mesh convergence"
-    figure = "accuracy.convergence_figure"
-    along = Quantity("compliance along each direction", OWN, ("mesh", "direction"), ON_COARSER)
-    extrapolated = Quantity("extrapolated compliance", OWN, ("direction",), ON_COARSER)
+    figure = "errors.convergence_figure"
+    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_COARSER)
+    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_COARSER)
     order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
     triangles = Quantity("triangles", "", ("mesh",), Gate(0.05))
     unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
     compliance = Quantity(
-        "compliance", COMPLIANCES, ("mesh", "component", "direction"), ON_COARSER, "matrix", shown=False
+        "compliance", "compliance matrix", ("mesh", "component", "direction"), ON_COARSER, "matrix", shown=False
     )
 
     @property
@@ -48,6 +46,7 @@ class MeshConvergence(Result):
         return [note.partition(": ")[2] for note in self.notes]
 
 
+@question
 def converge(
     stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MeshConvergence:
@@ -55,23 +54,9 @@ def converge(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     resolutions : list of int, optional
         Triangles across every neck, coarse to fine, three or more, each 1.3 times the one before; by default 3 to 15.
-    progress : callable, optional
-        Called with a line after each mesh.
-
-    Returns
-    -------
-    MeshConvergence
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made, or the resolutions are too few or too near.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
 
     Notes
     -----
@@ -91,11 +76,7 @@ def converge(
             f"resolutions {', '.join(map(str, steps))}, expected three or more from 2 upwards, each at least "
             f"{COARSER:g} times the one before"
         )
-    meshes = []
-    for level in steps:
-        meshes.append(solved(stage, level))
-        if progress is not None:
-            progress(f"{level} triangles across every neck: {meshes[-1].unknowns} unknowns")
+    meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
     C = np.array([each.compliance for each in meshes])
     own = np.diagonal(C, axis1=1, axis2=2)
     found = [grid_convergence(np.array(steps), values, round_off=0.0) for values in own.T]

@@ -11,7 +11,7 @@ coordinate is `sum |h_i| mu_i N_i`, reached only where all contacts are about to
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -29,9 +29,9 @@ from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
 from flexfem.mechanism.actuators import Body
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import CHAIN_TURN, lower, stage_frames
-from flexfem.mechanism.drives import StageDrive, contacts, drive_of
+from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
 from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
@@ -42,7 +42,6 @@ from flexfem.questions.driven import (
     Driven,
     DriveRanges,
     Motion,
-    NeckSections,
     Unreachable,
     commands_for,
     drive_ranges,
@@ -55,8 +54,7 @@ from flexfem.questions.driven import (
 )
 from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Quantity, Result
-from flexfem.units import MICROMETRE
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
@@ -109,7 +107,10 @@ class Drive(Result):
         prefixed=True,
     )  # fmt: skip
     stiffness = Quantity("stiffness", STIFFNESS, ("state", "direction"), SOLVED)
-    change = Quantity("change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), SOLVED, "all")
+    change = Quantity(
+        "change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8),
+        "all",
+    )  # fmt: skip
     push_spread = Quantity("spread of the engaged stiffness (±)", STIFFNESS, ("direction",), SOLVED)
     error = Quantity(
         "error of finite elements with strokes by", MOTION, ("commanding model", "direction"), COARSER, "all",
@@ -289,8 +290,7 @@ def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     """
     of, plate = drive_of(stage), plate_of(stage)
     C, fields = driven_response(mesh, plate, of.stacks)
-    numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
-    one = of._replace(**{name: getattr(of, name)[None] for name in numbers})
+    one = of.at(None)
     return drive_ranges(lower(stage), driven(C[None], one), neck_wrenches(mesh, plate, fields)[None], one)
 
 
@@ -312,9 +312,8 @@ def push_spread(of: Commanding) -> Array:
 
 def neck_stresses(of: Commanding, loads: Array) -> Array:
     """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, of a load and forces of stacks (3 + n,)."""
-    sections = NeckSections(*(each[0] for each in sections_of(lower(of.stage))))
-    carried = neck_forces(stage_frames(of.stage), (of.model.necks @ loads)[..., None])
-    return np.asarray(np.max(stress_along(sections, type(carried)(*(each[..., 0] for each in carried))), axis=-1))
+    carried = neck_forces(stage_frames(of.stage), (of.model.necks @ loads)[..., None])[..., 0]
+    return np.asarray(np.max(stress_along(sections_of(lower(of.stage))[:, 0], carried), axis=-1))
 
 
 def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Array:
@@ -327,9 +326,8 @@ def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Ar
 def rotations(of: Commanding, motion: Motion, load: Array) -> Array:
     """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
     wrenches = of.model.necks @ np.concatenate([load, motion.force])
-    return np.asarray(
-        of.result.hinges.rotation * neck_forces(stage_frames(of.stage), wrenches[..., None]).moment[..., 0]
-    )
+    moment, _, _ = neck_forces(stage_frames(of.stage), wrenches[..., None])[..., 0]
+    return np.asarray(of.result.hinges.rotation * moment)
 
 
 def _with_friction(of: StageDrive) -> tuple[Stack, ...]:
@@ -453,47 +451,38 @@ def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) 
 
 def stack_names(of: StageDrive) -> tuple[str, ...]:
     """Names of the stacks (n) of a drive: of its actuators, the second of a pair as the partner."""
-    rows = [int(np.flatnonzero(row)[0]) for row in of.differential]
-    partner = [row[k] < 0 for k, row in zip(rows, of.differential, strict=True)]
-    return tuple(f"{of.names[k]}{', partner' if second else ''}" for k, second in zip(rows, partner, strict=True))
+    commands = np.argmax(of.differential != 0, axis=1).tolist()
+    signs = of.differential.sum(axis=1).tolist()
+    return tuple(f"{of.names[k]}{', partner' if sign < 0 else ''}" for k, sign in zip(commands, signs, strict=True))
 
 
 def stack_places(stage: Stage) -> list[StackPlace]:
     """The stacks (n) of a stage in the order of `StageDrive`."""
-    found = list[StackPlace]()
-    placed = [(chain, each) for chain in CHAINS for each in range(len(stage.actuator))]
-    for command, (chain, index) in enumerate(placed):
-        turn = np.exp(1j * (chain - 1) * CHAIN_TURN)
-        for point, direction in contacts(stage, chain, index):
-            at, push = turn * point, turn * np.exp(1j * direction)
-            ends = np.array([at.real, at.imag]), np.array([push.real, push.imag])
-            found.append(StackPlace(chain, stage.actuator[index].between, command, *ends))
+    drive, found = drive_of(stage), list[StackPlace]()
+    for stack, command in zip(drive.stacks, np.argmax(drive.differential != 0, axis=1).tolist(), strict=True):
+        turn = np.exp(1j * stack.chain * CHAIN_TURN)
+        ends = (np.array([z.real, z.imag]) for z in (turn * stack.point, turn * stack.direction))
+        between = stage.actuator[command % len(stage.actuator)].between
+        found.append(StackPlace(stack.chain + 1, between, command, *ends))
     return found
 
 
 def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
     """Limits that commands (m,) break, a sentence for each kind: how many, and the one farthest beyond."""
     broken = {name: used > 1 + ROUND_OFF for name, used in shares(of, own, x, load).items()}
-    force, stacks, um = own.preload + moved(of, own, x, load).force, stack_names(own), MICROMETRE
-    kinds = {
-        "strokes": (np.any(broken["stroke"].reshape(2, -1), axis=0), np.maximum(x - own.highest, own.lowest - x)),
-        "contacts": (broken["contact"], -force),
-        "forces": (broken["blocking force"], force - own.blocking_force),
-    }
-    found = []
-    for kind, (which, beyond) in kinds.items():
-        if not which.any():
-            continue
-        k = int(np.argmax(np.where(which, beyond, -np.inf)))
-        said = {
-            "strokes": lambda k: (
-                f"{own.names[k]} would need {um.factor * x[k]:.4g} {um.plain}, outside "
-                f"{um.factor * own.lowest[k]:.4g} to {um.factor * own.highest[k]:.4g} {um.plain}"
-            ),
-            "contacts": lambda k: f"{stacks[k]} would have to pull with {-force[k]:.4g} N",
-            "forces": lambda k: (
-                f"{stacks[k]} would have to push with {force[k]:.4g} N, above {own.blocking_force[k]:.4g} N"
-            ),
-        }[kind](k)
-        found.append(f"{criterion}: {np.count_nonzero(which)} {kind} beyond their limits, farthest {said}")
+    force, stacks, found = own.preload + moved(of, own, x, load).force, stack_names(own), list[str]()
+    ends, any_end = 1e3 * np.stack([x, own.lowest, own.highest]), np.any(broken["stroke"].reshape(2, -1), axis=0)
+
+    def say(kind: str, which: Any, beyond: Array, text: str, names: Sequence[str], *values: Array) -> None:
+        if which.any():
+            k = int(np.argmax(np.where(which, beyond, -np.inf)))
+            said = text.format(*(value[k] for value in values))
+            count = np.count_nonzero(which)
+            found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {said}")
+
+    outside = np.maximum(x - own.highest, own.lowest - x)
+    say("strokes", any_end, outside, "need {:.4g} um, outside {:.4g} to {:.4g} um", own.names, *ends)
+    say("contacts", broken["contact"], -force, "have to pull with {:.4g} N", stacks, -force)
+    above = "have to push with {:.4g} N, above {:.4g} N"
+    say("forces", broken["blocking force"], force - own.blocking_force, above, stacks, force, own.blocking_force)
     return found

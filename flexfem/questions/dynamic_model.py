@@ -5,10 +5,9 @@ Units are mm, N, tonne, s and rad, which go together: forces in N move masses in
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,9 +17,8 @@ from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage_file import counted
 from flexfem.refused import BadInput
-from flexfem.units import FORCES, LENGTH, POSES
+from flexfem.units import DIRECTIONS, FORCES, LENGTH, POSES
 
-DIRECTIONS = ("x", "y", "theta")
 UNITS = "mm, N, tonne, s, rad"
 
 
@@ -32,10 +30,8 @@ class Channels(NamedTuple):
 
 
 class StateSpace(NamedTuple):
-    """`s' = A s + B u`, `y = C s + D u`; the state is modal displacements, then their rates.
-
-    D is the static compliance of the modes that are left out, so that the response at rest is exact.
-    """
+    """`s' = A s + B u`, `y = C s + D u`; the state is modal displacements, then their rates. D is the static compliance
+    of the modes that are left out, so that the response at rest is exact."""
 
     A: Array
     B: Array
@@ -120,19 +116,17 @@ class DynamicModel(NamedTuple):
 
     def write(self, path: Path) -> None:
         """Write `arrays` by the file's extension, .npz or MATLAB's .mat. Raises BadInput."""
-        if path.suffix == ".mat":
-            from scipy.io import savemat
-
-            cells = {name: value.astype(object) if value.ndim and value.dtype.kind == "U" else value
-                     for name, value in self.arrays().items()}  # fmt: skip
-            with replacing(path) as temporary:
-                savemat(temporary, cells, oned_as="column")
-        elif path.suffix == ".npz":
-            arrays = self.arrays()
-            save: Callable[[BinaryIO], None] = lambda file: np.savez(file, **arrays)  # noqa: E731
-            write_atomically(path, save)
-        else:
+        if path.suffix not in (".npz", ".mat"):
             raise BadInput(f"{path}: extension {path.suffix!r}, expected .npz or .mat")
+        arrays = self.arrays()
+        if path.suffix == ".npz":
+            write_atomically(path, lambda file: np.savez(file, **arrays))
+            return
+        from scipy.io import savemat
+
+        texts = {name for name, value in arrays.items() if value.ndim and value.dtype.kind == "U"}  # cells of MATLAB
+        with replacing(path) as temporary:
+            savemat(temporary, arrays | {name: arrays[name].astype(object) for name in texts}, oned_as="column")
 
 
 def reduced_dynamics(of: VibratingStructure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:

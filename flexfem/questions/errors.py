@@ -30,10 +30,10 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.questions import bands, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
-from flexfem.questions.case import Analysis, Case, Curve, Drive, Elements, LoadedCase
+from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
 from flexfem.questions.imposed import elements, imposed, imposed_bands
-from flexfem.questions.setup import solved
+from flexfem.questions.setup import Answered, beside, question, solved
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
@@ -50,16 +50,12 @@ from flexfem.results import (
     Quantity,
     Result,
 )
-from flexfem.units import DIRECTIONS, Direction
+from flexfem.units import DIRECTIONS
 
-RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
 LARGE_BAND = 0.5  # percentage points of an error: a tenth of the errors that are to be explained
 UNSETTLED = 0.05  # percentage points: smaller bands of meshes that do not converge are below what tables are read for
 SOUND = ("converging", "round-off")  # verdicts on a sequence of meshes
-MOTION, WRENCH = ("mm", "mm", "rad"), ("n", "n", "n_mm")
-STIFFNESSES = (("n_per_mm", "n_per_mm", "n"), ("n_per_mm", "n_per_mm", "n"), ("n", "n", "n_mm_per_rad"))
-COMPLIANCES = (("mm_per_n", "mm_per_n", "per_n"), ("mm_per_n", "mm_per_n", "per_n"), ("per_n", "per_n", "rad_per_n_mm"))
-PERCENT = ("percent",) * 3
+POINT, MATRIX = ("curve", "point", "direction"), ("curve", "component", "direction")
 OF_HUNDRED = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # a change of the mesh is one of the displacement
 
 
@@ -119,104 +115,48 @@ class Verification(Result):
         "errors at the largest command, per cent: along the command relative to it; across it translations relative to "
         "a commanded translation, rotations times l3, a commanded rotation counts times l3",
     )
-    percent = Quantity("error, per cent of the command", PERCENT, ("curve", "direction"), OF_HUNDRED)
+    percent = Quantity("error, per cent of the command", "percents", ("curve", "direction"), OF_HUNDRED)
     along = Quantity(
-        "stiffness of the platform along each direction",
-        ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
-        ("curve", "model", "direction"),
-        FRESH,
+        "stiffness of the platform along each direction", "stiffness", ("curve", "model", "direction"), FRESH
     )
     peak = Quantity(
-        "highest neck stress per displacement along the command",
-        ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
-        ("curve", "model", "chain", "hinge", "direction"),
-        STRESS,
-        "all",
-        largest=("chain", "hinge"),
+        "highest neck stress per displacement along the command", "stress per motion",
+        ("curve", "model", "chain", "hinge", "direction"), STRESS, "all", largest=("chain", "hinge"),
         note="by the model with the other directions held; by finite elements over the displacement that they reach",
-    )
+    )  # fmt: skip
     neck_stress = Quantity(
         "neck stress of finite elements at the largest command", "mpa", ("curve", "chain", "hinge"), STRESS, "all",
         largest=("chain", "hinge"),
     )  # fmt: skip
-    load = Quantity("load on the platform at the largest command", WRENCH, ("curve", "direction"), SOLVED, "wrench")
-    command = Quantity("commanded displacement", MOTION, ("point", "direction"), EXACT, "pose", shown=False)
-    error = Quantity(
-        "finite-element less commanded displacement", MOTION, ("curve", "point", "direction"), COARSER, "pose",
-        shown=False,
-    )  # fmt: skip
-    force = Quantity(
-        "load of the model on the platform", WRENCH, ("curve", "point", "direction"), SOLVED, "wrench", shown=False
-    )
+    load = Quantity("load on the platform at the largest command", "wrench", ("curve", "direction"), SOLVED, "wrench")
+    command = Quantity("commanded displacement", "motion", ("point", "direction"), EXACT, "pose", shown=False)
+    error = Quantity("finite-element less commanded displacement", "motion", POINT, COARSER, "pose", shown=False)
+    force = Quantity("load of the model on the platform", "wrench", POINT, SOLVED, "wrench", shown=False)
     rotation = Quantity("imposed rotation", "rad", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
     stroke = Quantity("imposed stroke", "mm", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
-    stiffness = Quantity(
-        "analytic stiffness", STIFFNESSES, ("curve", "component", "direction"), EXACT, "matrix", shown=False
-    )
-    compliance = Quantity(
-        "compliance of finite elements", COMPLIANCES, ("curve", "component", "direction"), FRESH, "matrix", shown=False
-    )
+    stiffness = Quantity("analytic stiffness", "stiffness matrix", MATRIX, EXACT, "matrix", shown=False)
+    compliance = Quantity("compliance of finite elements", "compliance matrix", MATRIX, FRESH, "matrix", shown=False)
     on_meshes = Quantity(
-        "error on each mesh, coarse to fine", PERCENT, ("curve", "mesh", "direction"),
+        "error on each mesh, coarse to fine", "percents", ("curve", "mesh", "direction"),
         Gate(COARSER.relative, absolute=100 * COARSER.relative), shown=False,
     )  # fmt: skip
     layer_band = Quantity(
-        "share of the layers in the band of the error", PERCENT, ("curve", "direction"), Gate(0.05), shown=False
+        "share of the layers in the band of the error", "percents", ("curve", "direction"), Gate(0.05), shown=False
     )
-
-    @property
-    def name(self) -> str:
-        """Name of the case."""
-        return self.about.name
-
-    @property
-    def assumed(self) -> list[str]:
-        """Key paths of numbers that are assumed."""
-        return list(self.about.assumed)
-
-    @property
-    def not_stated(self) -> list[str]:
-        """Key paths of numbers without a stated source."""
-        return list(self.about.not_stated)
-
-    @property
-    def case(self) -> str:
-        """Name of the case file without its ending."""
-        return Path(self.about.file).stem
-
-    @property
-    def direction(self) -> Direction:
-        """Direction of the command."""
-        found: Direction = self.settings["direction"]
-        return found
-
-    @property
-    def analysis(self) -> Analysis:
-        """Linear or nonlinear."""
-        found: Analysis = self.settings["analysis"]
-        return found
-
-    @property
-    def drive(self) -> Drive:
-        """What the finite elements were given."""
-        found: Drive = self.settings["drive"]
-        return found
-
-    @property
-    def elements(self) -> Elements:
-        """Which finite elements."""
-        found: Elements = self.settings["model"]
-        return found
+    name = property(lambda of: of.about.name, doc="Name of the case.")
+    assumed = property(lambda of: list(of.about.assumed), doc="Key paths of numbers that are assumed.")
+    not_stated = property(lambda of: list(of.about.not_stated), doc="Key paths of numbers without a stated source.")
+    case = property(lambda of: Path(of.about.file).stem, doc="Name of the case file without its ending.")
+    direction = property(lambda of: of.settings["direction"], doc="Direction of the command.")
+    analysis = property(lambda of: of.settings["analysis"], doc="Linear or nonlinear.")
+    drive = property(lambda of: of.settings["drive"], doc="What the finite elements were given.")
+    elements = property(lambda of: of.settings["model"], doc="Which finite elements.")
+    curves = property(lambda of: of.axes["curve"], doc="Labels of the curves.")
 
     @property
     def commanded(self) -> Array:
         """Commands (points,), mm or rad."""
         return self.command[:, DIRECTIONS.index(self.direction)]
-
-    @property
-    def curves(self) -> tuple[str, ...]:
-        """Labels of the curves."""
-        return self.axes["curve"]
 
     @property
     def models(self) -> dict[str, CurveModels]:
@@ -226,19 +166,16 @@ class Verification(Result):
     def write(self, path: Path) -> Path:
         """Store the document as JSON and its fields beside it as .npz; returns the path of the former."""
         if self.fields is not None:
-            arrays = self._arrays()
+            arrays = {
+                f"{k}.{key}": value
+                for k, label in enumerate(self.curves)
+                for key, value in self.fields[label]._asdict().items()
+            }
             self.settings["stored"] = {"fields": digest_of_arrays(arrays)}
             write_atomically(
                 path.with_suffix(".npz"), lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
             )
         return super().write(path)
-
-    def _arrays(self) -> dict[str, Any]:
-        return {
-            f"{k}.{key}": value
-            for k, label in enumerate(self.curves)
-            for key, value in self.fields[label]._asdict().items()
-        }
 
     def read_fields(self, path: str | os.PathLike[str]) -> dict[str, Fields]:
         """The fields stored beside this result. Raises BadInput when they are missing or of another result."""
@@ -277,6 +214,7 @@ class Answer(NamedTuple):
     warnings: tuple[str, ...] = ()
 
 
+@question
 def verification(
     *cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None
 ) -> list[Verification]:
@@ -288,20 +226,7 @@ def verification(
         Case files, see flexfem schema case.
     output : Path, optional
         Folder for the results, which `flexfem plot` draws; none are stored with None.
-    progress : callable, optional
-        Called with a line whenever a case is done.
-
-    Returns
-    -------
-    list of Verification
-        One result for each case.
-
-    Raises
-    ------
-    BadInput
-        A file cannot be used, a stage does not suit its model, or two results would have one name.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
     """
     loaded, load, seen = list[LoadedCase](), cache(load_feasible), dict[str, Path]()
     for path in map(checked_path, cases):  # all are read before any is run
@@ -321,65 +246,68 @@ def verification(
 
 def run_case(loaded: LoadedCase) -> Verification:
     """Run every curve of a case. Raises BadInput when a stage does not suit the formula, ComputationFailed."""
-    case, labels = loaded.case, [curve.label for curve in loaded.case.curve]
-    axis, found = DIRECTIONS.index(case.direction), _doubts(loaded)
-    models = [analyse(loaded.stages[one.label], one.mobility, one.formula, one.links) for one in case.curve]
-    answers = [_answer(loaded, curve, model) for curve, model in zip(case.curve, models, strict=True)]
-    facts = {
-        curve.label: _facts(loaded, curve, model, answer)
-        for curve, model, answer in zip(case.curve, models, answers, strict=True)
+    case, stages, found = loaded.case, loaded.stages, _doubts(loaded)
+    models = [analyse(stages[one.label], one.mobility, one.formula, one.links) for one in case.curve]
+    curves = [
+        (curve, stages[curve.label], model, _answer(loaded, curve, model))
+        for curve, model in zip(case.curve, models, strict=True)
+    ]
+    joints = tuple(dict.fromkeys(name for *_, one in curves for name in one.joints))
+    facts = {curve.label: _facts(case, curve, stage, model, one) for curve, stage, model, one in curves}
+    answers = {curve.label: _quantities(case, stage, model, one, joints) for curve, stage, model, one in curves}
+    labels = {
+        "curve": tuple(answers),
+        "model": (ANALYTIC, ELEMENTS),
+        "point": [str(k) for k in range(case.points)],
+        "mesh": [f"{n} triangles" for n in levels(case.resolution)],
+        "joint": joints,
     }
-    shape = (len(labels), 2, 3, 3, 3)
-    peak, peak_band = np.full(shape, np.nan), np.full(shape, np.nan)
-    for k, (model, answer) in enumerate(zip(models, answers, strict=True)):
-        if not answer.joints:
-            peak[k, 0, ..., axis] = model.stress[..., axis]
-        peak[k, 1, ..., axis] = reached = answer.neck_stress / abs(answer.pose[axis])
-        peak_band[k, 1, ..., axis] = np.where(reached == np.max(reached), answer.peak_band, np.nan)
-    values: dict[str, Any] = {
-        "percent": [[each.values[-1] for each in one.bands] for one in answers],
-        "along": [
-            [np.diag(m.stiffness), np.diag(np.linalg.inv(a.compliance))] for m, a in zip(models, answers, strict=True)
-        ],
-        "peak": peak,
-        "neck_stress": [one.neck_stress for one in answers],
-        "command": case.commanded[:, None] * np.eye(3)[axis],
-        "error": [one.error for one in answers],
-        "stiffness": [one.stiffness for one in models],
-        "compliance": [one.compliance for one in answers],
-        "on_meshes": [np.transpose([each.values for each in one.bands]) for one in answers],
-    }
-    if case.analysis == "nonlinear":  # the percentages of a linear case are those of its finest mesh
-        values["percent"] = [
-            _percent(case, one.error, loaded.stages[label]) for label, one in zip(labels, answers, strict=True)
-        ]
-    joints = tuple(dict.fromkeys(name for one in answers for name in one.joints))
-    if joints:
-        values["rotation" if case.drive == "joints" else "stroke"] = [_of_joints(one, joints) for one in answers]
-    else:
-        values |= {"force": [one.force for one in answers], "load": [one.force[-1] for one in answers]}
-    if case.model == "three_dimensional":
-        values["layer_band"] = [one.of_layers for one in answers]
-    settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
-    texts = [_warnings(case, *each) for each in zip(case.curve, loaded.stages.values(), models, answers, strict=True)]
-    lever = loaded.stages[labels[0]].chain.link_lengths[2]
+    values, widths = beside(Verification, answers, labels, "curve")
+    lever = curves[0][1].chain.link_lengths[2]
     own = digest({label: each["hash"] for label, each in facts.items()})
+    settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
     return Verification(
         About(case.name, str(loaded.path), own, found.assumed, found.not_stated, lever),
-        values,
-        {"percent": [[each.band for each in one.bands] for one in answers], "peak": peak_band},
-        {
-            "curve": labels,
-            "model": (ANALYTIC, ELEMENTS),
-            "point": [str(k) for k in range(case.points)],
-            "mesh": [f"{n} triangles" for n in levels(case.resolution)],
-            "joint": joints,
-        },
+        values | {"command": case.commands},
+        widths,
+        labels,
         settings | {"curves": facts},
-        list(chain.from_iterable(texts)),
+        [text for each in curves for text in _warnings(case, *each)],
         [_said(label, CurveModels.read(each)) for label, each in facts.items()],
-        {label: one.fields for label, one in zip(labels, answers, strict=True)},
+        {curve.label: one.fields for curve, *_, one in curves},
     )
+
+
+def _quantities(case: Case, stage: Stage, model: AnalyticResult, of: Answer, joints: Sequence[str]) -> Answered:
+    """The quantities of one curve."""
+    axis, shape = case.axis, (2, 3, 3, 3)
+    peak, peak_band = np.full(shape, np.nan), np.full(shape, np.nan)
+    if not of.joints:
+        peak[0, ..., axis] = model.stress[..., axis]
+    peak[1, ..., axis] = reached = of.neck_stress / abs(of.pose[axis])
+    peak_band[1, ..., axis] = np.where(reached == np.max(reached), of.peak_band, np.nan)
+    values: dict[str, Any] = {
+        "percent": [each.values[-1] for each in of.bands],
+        "along": [np.diag(model.stiffness), np.diag(np.linalg.inv(of.compliance))],
+        "peak": peak,
+        "neck_stress": of.neck_stress,
+        "error": of.error,
+        "stiffness": model.stiffness,
+        "compliance": of.compliance,
+        "on_meshes": np.transpose([each.values for each in of.bands]),
+    }
+    if case.analysis == "nonlinear":  # the percentages of a linear case are those of its finest mesh
+        largest, lever = int(np.argmax(case.commanded)), stage.chain.link_lengths[2]
+        values["percent"] = bands.percentages(of.error[largest], case.commanded[largest], case.direction, lever)
+    if of.joints:  # nan where a curve has no such joint
+        imposed = np.full((case.points, len(joints)), np.nan)
+        imposed[:, [joints.index(name) for name in of.joints]] = of.imposed
+        values["rotation" if case.drive == "joints" else "stroke"] = imposed
+    else:
+        values |= {"force": of.force, "load": of.force[-1]}
+    if case.model == "three_dimensional":
+        values["layer_band"] = of.of_layers
+    return Answered(values, {"percent": [each.band for each in of.bands], "peak": peak_band})
 
 
 def _said(label: str, of: CurveModels) -> str:
@@ -392,18 +320,6 @@ def _said(label: str, of: CurveModels) -> str:
     )
 
 
-def _of_joints(answer: Answer, names: Sequence[str]) -> Array:
-    """What joints were given (points, names), nan where a curve has no such joint."""
-    found = np.full((len(answer.imposed), len(names)), np.nan)
-    found[:, [names.index(name) for name in answer.joints]] = answer.imposed
-    return found
-
-
-def _percent(case: Case, error: Array, stage: Stage) -> Array:
-    largest = int(np.argmax(case.commanded))
-    return bands.percentages(error[largest], case.commanded[largest], case.direction, stage.chain.link_lengths[2])
-
-
 def _doubts(loaded: LoadedCase) -> Doubts:
     """What is assumed or not stated of a case and its stages, of their drives where these are used."""
     stages = loaded.stages.values()
@@ -413,13 +329,9 @@ def _doubts(loaded: LoadedCase) -> Doubts:
     return Doubts(*(sorted(set(chain.from_iterable(each))) for each in zip(*every, strict=True)))
 
 
-def _facts(loaded: LoadedCase, curve: Curve, model: AnalyticResult, answer: Answer) -> dict[str, Any]:
+def _facts(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, answer: Answer) -> dict[str, Any]:
     """What is stored of a curve beside its numbers."""
-    stage, strokes, frames = (
-        loaded.stages[curve.label],
-        loaded.case.drive == "strokes",
-        stage_frames(loaded.stages[curve.label]),
-    )
+    strokes, frames = case.drive == "strokes", stage_frames(stage)
     own = stage.drive_doubts if strokes else Doubts(list(stage.assumed), list(stage.not_stated))
     hinges = [
         HingeDrawing(
@@ -430,7 +342,7 @@ def _facts(loaded: LoadedCase, curve: Curve, model: AnalyticResult, answer: Answ
             radius=stage.hinge(number + 1, name).radius,
             neck=stage.hinge(number + 1, name).neck,
             freedoms=list(model.freedoms[number][k]),
-        )._asdict()
+        )
         for number in range(3)
         for k, name in enumerate(HINGE_NAMES)
     ]
@@ -448,14 +360,14 @@ def _facts(loaded: LoadedCase, curve: Curve, model: AnalyticResult, answer: Answ
         link_width=stage.chain.link_width,
         platform_radius=stage.platform.radius,
         hub_radius=stage.platform.hub_radius,
-        hinges=[],
-        resolution=loaded.case.resolution,
-        layers=loaded.case.layers if loaded.case.model == "three_dimensional" else 0,
+        hinges=hinges,
+        resolution=case.resolution,
+        layers=case.layers if case.model == "three_dimensional" else 0,
         triangles=len(answer.fields.triangles),
         unknowns=answer.unknowns,
         verdicts=[each.verdict for each in answer.bands],
     )
-    return found._asdict() | {"hinges": hinges}
+    return found._asdict() | {"hinges": [each._asdict() for each in hinges]}
 
 
 def _warnings(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, answer: Answer) -> list[str]:
@@ -491,15 +403,10 @@ def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> Answer:
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
-def _commands(case: Case) -> Array:
-    """Commands (points, 3)."""
-    return np.asarray(case.commanded[:, None] * np.eye(3)[DIRECTIONS.index(case.direction)])
-
-
 def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> Answer:
     """Finite elements under the force of a model, on three meshes."""
-    steps, axis, command = levels(case.resolution), DIRECTIONS.index(case.direction), _commands(case)
-    meshes = [solved(stage, resolution) for resolution in steps]
+    steps, axis, command = levels(case.resolution), case.axis, case.commands
+    meshes = [solved(stage, level) for level in steps]
     finest = meshes[-1]
     force = command @ model.stiffness.T  # (18)
     pose = force @ finest.compliance.T
@@ -512,7 +419,7 @@ def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> 
         force=force,
         pose=full.pose,
         neck_stress=full.neck_stress,
-        fields=_fields(finest.mesh, full.field, full.stress),
+        fields=Fields(finest.mesh.nodes, finest.mesh.triangles, finest.mesh.bodies, full.field, full.stress),
         bands=bands.command_errors(
             np.array(steps),
             np.array([each.compliance for each in meshes]),
@@ -539,12 +446,6 @@ def _exact(stage: Stage, curve: Curve, mesh: StageMesh, command: Array) -> tuple
     return force, pose
 
 
-def _fields(mesh: StageMesh, displacement: Array, stress: Array) -> Fields:
-    return Fields(
-        nodes=mesh.nodes, triangles=mesh.triangles, bodies=mesh.bodies, displacement=displacement, stress=stress
-    )
-
-
 def _peak_band(steps: Sequence[int], stresses: Sequence[Array]) -> float:
     """Half-width by meshes, coarse to fine, of the highest of neck stresses (3, 3) per displacement."""
     return float(bands.stress_bands(np.array(steps, dtype=float), np.array([np.max(each) for each in stresses])))
@@ -564,7 +465,7 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     response, K = bands.solve_solid(stage, case.resolution, case.layers), model.stiffness
     bounds, lever = bands.solid_levels(stage, case.resolution, case.layers), stage.chain.link_lengths[2]
     many = bounds.planes + (response.compliance - bounds.planes[-1])
-    steps, axis, command = np.array(levels(case.resolution)), DIRECTIONS.index(case.direction), _commands(case)
+    steps, axis, command = np.array(levels(case.resolution)), case.axis, case.commands
     moved = bands.pose_bounds(bounds.of_layers, bounds.many, K[:, axis], np.eye(3))
     few, more = (error_matrix(K, each, lever)[:, axis] for each in (bounds.few, bounds.many))
     silent = np.maximum(np.abs(few), np.abs(more)) <= bands.ROUND_OFF
@@ -578,7 +479,7 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
         force=force,
         pose=response.compliance @ force[-1],
         neck_stress=neck_stresses(stage, response, force[-1:]).highest[0],
-        fields=_fields(mesh, field[:, 0, :2], von_mises(stress).max(axis=1)),
+        fields=Fields(mesh.nodes, mesh.triangles, mesh.bodies, field[:, 0, :2], von_mises(stress).max(axis=1)),
         bands=tuple(
             each._replace(band=max(each.band, bands.mesh_band(steps, each.values)) + of)
             for each, of in zip(found, of_layers.tolist(), strict=True)
@@ -592,7 +493,7 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
 
 def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     """Finite elements with the rotations or strokes that a model computed for the commands, on three meshes."""
-    given, axis = imposed(stage, model, case.drive), DIRECTIONS.index(case.direction)
+    given, axis = imposed(stage, model, case.drive), case.axis
     meshes = [elements(stage, n, case.drive, model.mobility) for n in levels(case.resolution)]
     commands = np.outer(case.commanded, given.given[:, axis])
     finest, full, stresses = meshes[-1], [], []
@@ -608,11 +509,11 @@ def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
         for x in (commands[0], commands[-1]):
             limits += limit_warnings(given.model, given.drive, x, np.zeros(3), "least energy")
     return Answer(
-        error=_commands(case) @ given.poses(C).T - _commands(case),
+        error=case.commands @ given.poses(C).T - case.commands,
         force=np.zeros((case.points, 3)),
         pose=pose,
         neck_stress=necks,
-        fields=_fields(finest.mesh, field, stresses[-1]),
+        fields=Fields(finest.mesh.nodes, finest.mesh.triangles, finest.mesh.bodies, field, stresses[-1]),
         bands=imposed_bands(
             given, np.array([each.response.compliance for each in meshes]), case, stage.chain.link_lengths[2]
         ),

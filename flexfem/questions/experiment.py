@@ -10,30 +10,12 @@ from scipy import stats
 
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.response import Response
 from flexfem.files.provenance import doubts
-from flexfem.files.refusals import checked_path
-from flexfem.hinges import formulas
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import (
-    Fixture,
-    Measurement,
-    Pushes,
-    Slopes,
-    bar_share,
-    force_of,
-    pole_share,
-    pushes_of,
-    read,
-    read_compliance,
-    read_fixture,
-    read_measured,
-    seen,
-    stage_share,
-)
-from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, solved
+from flexfem.questions.fixture import Fixture, Pushes, fixture_of, measured_of, pushes_of
+from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question, solved
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
@@ -41,7 +23,6 @@ from flexfem.units import DIRECTIONS, PLANES
 PAPER = Analytic(formula=DEFAULT_FORMULA)
 SOFTER = (2.6, 2.6, 31.0)  # per cent, in x, y, theta: what Section VI says of its experiment against its own model
 COUPLED = 1e-3  # of a stiffness: what a push that leaves the other directions free misses of K_ii
-STIFFNESS = ("n_per_mm", "n_per_mm", "n_mm_per_rad")
 NOT_THE_PAPERS = (
     "The numbers of the paper's Table II are not available: no number here is one of them, and no claim holds by it."
 )
@@ -58,44 +39,33 @@ class Experiment(Result):
         "part": ("stage", "pole", "bar"),
     }
     figure = "experiment.experiment_figure"
-    slope = Quantity("stiffness as pushed", STIFFNESS, ("direction", "source"), COARSER)
+    slope = Quantity("stiffness as pushed", "stiffness", ("direction", "source"), COARSER)
     deviation = Quantity("deviation from the model", "percent", ("direction", "against"), COARSER)
     share = Quantity("share of the displacement that is read", "percent", ("direction", "part"), COARSER)
-    low = Quantity("interval of the simulated slope, from", STIFFNESS, ("direction",), COARSER)
-    high = Quantity("to", STIFFNESS, ("direction",), COARSER)
+    low = Quantity("interval of the simulated slope, from", "stiffness", ("direction",), COARSER)
+    high = Quantity("to", "stiffness", ("direction",), COARSER)
     softer = Quantity("softer than the stage by", "percent", ("direction",), COARSER)
-    spring = Quantity("spring in series that alone explains it", STIFFNESS, ("direction",), COARSER)
+    spring = Quantity("spring in series that alone explains it", "stiffness", ("direction",), COARSER)
     ratio = Quantity("times the stiffness of the stage", "", ("direction",), COARSER)
-    pole = Quantity("pole as it is read", STIFFNESS, ("direction",), SOLVED)
-    noiseless = Quantity("slope without noise and steps", STIFFNESS, ("direction",), COARSER, shown=False)
-    intercept = Quantity("load at no displacement", ("n", "n", "n_mm"), ("direction",), COARSER, "all", shown=False)
-    explained = Quantity("stage that is to look softer", STIFFNESS, ("direction",), COARSER, shown=False)
-    measured_sd = Quantity("standard deviation of the measured slope", STIFFNESS, ("direction",), shown=False)
+    pole = Quantity("pole as it is read", "stiffness", ("direction",), SOLVED)
+    noiseless = Quantity("slope without noise and steps", "stiffness", ("direction",), COARSER, shown=False)
+    intercept = Quantity("load at no displacement", "wrench", ("direction",), COARSER, "all", shown=False)
+    explained = Quantity("stage that is to look softer", "stiffness", ("direction",), COARSER, shown=False)
+    measured_sd = Quantity("standard deviation of the measured slope", "stiffness", ("direction",), shown=False)
     stroke = Quantity("commanded stroke", "mm", ("increment",), shown=False)
-    load = Quantity("load read", ("n", "n", "n_mm"), ("direction", "repeat", "increment"), COARSER, "all", shown=False)
+    load = Quantity("load read", "wrench", ("direction", "repeat", "increment"), COARSER, "all", shown=False)
     displacement = Quantity(
-        "displacement read", ("mm", "mm", "rad"), ("direction", "repeat", "increment"), COARSER, "all", shown=False
+        "displacement read", "motion", ("direction", "repeat", "increment"), COARSER, "all", shown=False
     )
 
 
-class Readings(NamedTuple):
-    """Readings (3, repeats, n) of load and displacement, N and mm, the third push N mm and rad."""
-
-    load: Array
-    displacement: Array
-
-
 class Slope(NamedTuple):
-    """A slope with its confidence interval, nan where the readings bound none.
-
-    intercept : of the force at no displacement.   dof : degrees of freedom of the interval.
-    """
+    """A slope with its confidence interval, nan where the readings bound none, and the force at no displacement."""
 
     slope: float
     low: float
     high: float
     intercept: float
-    dof: int
 
 
 def slope_of(command: Array, force: Array, displacement: Array, confidence: float) -> Slope:
@@ -125,9 +95,10 @@ def slope_of(command: Array, force: Array, displacement: Array, confidence: floa
     slope = float(b[0] / b[1]) if b[1] else float("nan")
     root = np.sqrt(max(half**2 - a * c, 0.0))
     low, high = ((half - root) / a, (half + root) / a) if a > 0 else (np.nan, np.nan)
-    return Slope(slope, float(low), float(high), float(np.mean(force) - slope * np.mean(displacement)), dof)
+    return Slope(slope, float(low), float(high), float(np.mean(force) - slope * np.mean(displacement)))
 
 
+@question
 def experiment(
     stage: Stage,
     fixture: Path,
@@ -142,8 +113,6 @@ def experiment(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     fixture : path or Fixture
         File of the set-up, see flexfem schema fixture.
     measured : path, optional
@@ -154,19 +123,7 @@ def experiment(
         The model of the table's first column; by default that of the paper.
     resolution : int, optional
         Triangles across every neck, from 2.
-    progress : callable, optional
-        Called with a line when the mesh is solved.
-
-    Returns
-    -------
-    Experiment
-
-    Raises
-    ------
-    BadInput
-        A file cannot be used, or the analytic model does not suit the stage.
-    ComputationFailed
-        Readings tell no slope.
+    {shared}
 
     Examples
     --------
@@ -177,42 +134,40 @@ def experiment(
     array([37.5, 37.5,  2.2])
     """
     check_feasible(stage)
-    formulas.formula(analytic.formula or DEFAULT_FORMULA)
     mesh = mesh_of(models, resolution, None, least=2)
-    of = fixture if isinstance(fixture, Fixture) else read_fixture(checked_path(fixture))
-    other = (
-        measured
-        if measured is None or isinstance(measured, Fixture | Measurement)
-        else read_measured(checked_path(measured))
-    )
+    of = fixture_of(fixture)
+    other = None if measured is None else measured_of(measured)
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
     found = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
-    name, C = stage_compliance(stage, None if mesh is None else solved(stage, mesh.resolution), warnings)
-    if progress is not None and mesh is not None:
-        progress(f"{solved(stage, mesh.resolution).unknowns} unknowns")
+    if mesh is None:
+        best = analyse(*best_model(stage, warnings)._replace(stage=stage))  # of one plane with finite elements
+        name, C = best.name, best.compliance
+    else:
+        name, C = f"finite elements, {PLANES[stage.model]}", solved(stage, mesh.resolution).compliance
+        if progress is not None:
+            progress("the stage is solved")
     pushes = pushes_of(of)
-    readings = simulated(pushes, C, of)
-    lines = [_line(of, readings, k) for k in range(3)]
+    load, displacement = simulated(pushes, C, of)
+    lines = [_line(of, load, displacement, k) for k in range(3)]
     given = (other or of).measured
-    slopes = Slopes(np.full(3, np.nan), np.full(3, np.nan)) if given is None else given.slopes
-    model, own = 1 / np.diag(found.compliance), 1 / np.diag(C)
-    fitted = np.array([line.slope for line in lines])
-    whole = read_compliance(pushes, C)
-    beside = pole_share(pushes) / whole, bar_share(pushes) / whole
-    on_rigid = 1 / stage_share(pushes, C)
-    stiffer, looks = (model, model * (1 - np.array(SOFTER) / 100)) if given is None else (on_rigid, slopes.value)
+    seen, sd = (np.full(3, np.nan), np.full(3, np.nan)) if given is None else given.slopes
+    model, own, fitted = 1 / np.diag(found.compliance), 1 / np.diag(C), np.array([line.slope for line in lines])
+    shares = pushes.shares(C)
+    whole = shares[0] + shares[1] + shares[2]
+    stiffer, looks = (model, model * (1 - np.array(SOFTER) / 100)) if given is None else (1 / shares[0], seen)
     springs = np.array([spring_in_series(one, look) for one, look in zip(stiffer, looks, strict=True)])
-    deviations = [own / model, fitted / model, slopes.value / model, slopes.value / own]
+    deviations = [own / model, fitted / model, seen / model, seen / own]
     with np.errstate(divide="ignore"):
-        poles = 1 / pole_share(pushes)
+        poles = 1 / shares[1]
     warnings += _of_run(stage, of, pushes, C) + _of_coupling(pushes, C)
     said = doubts([("", stage), ("fixture: ", of), *([("measured: ", other)] if other else [])])
+    confidence = f"{of.run.confidence_percent:g} %"
     return Experiment(
         about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
         {
-            "slope": np.stack([model, own, fitted, slopes.value], axis=1),
+            "slope": np.stack([model, own, fitted, seen], axis=1),
             "deviation": 100 * (np.stack(deviations, axis=1) - 1),
-            "share": 100 * np.stack([1 - sum(beside), *beside], axis=1),
+            "share": 100 * np.stack(shares, axis=1) / whole[:, None],
             "low": [line.low for line in lines],
             "high": [line.high for line in lines],
             "softer": 100 * (1 - looks / stiffer),
@@ -222,58 +177,39 @@ def experiment(
             "noiseless": 1 / whole,
             "intercept": [line.intercept for line in lines],
             "explained": stiffer,
-            "measured_sd": slopes.sd,
+            "measured_sd": sd,
             "stroke": of.run.strokes,
-            "load": readings.load,
-            "displacement": readings.displacement,
+            "load": load,
+            "displacement": displacement,
         },
         axes={
             "repeat": [str(k + 1) for k in range(of.run.repeats)],
             "increment": [str(k) for k in range(of.run.increments + 1)],
         },
-        settings={
-            "fixture": of.name,
-            "model": found.name,
-            "stage": name,
-            "confidence": f"{of.run.confidence_percent:g} %",
-        }
-        | meshed(mesh),
-        warnings=list(dict.fromkeys(warnings)),
+        settings={"fixture": of.name, "model": found.name, "stage": name, "confidence": confidence} | meshed(mesh),
+        warnings=warnings,
         notes=[
             f"spring: in series, after {'the text of the paper' if given is None else 'the measured slopes'}",
-            f"intervals of {of.run.confidence_percent:g} % by Fieller's theorem",
+            f"intervals of {confidence} by Fieller's theorem",
             NOT_THE_PAPERS,
         ],
     )
 
 
 def spring_in_series(stage: float, seen: float) -> float:
-    """Stiffness that in series with the stage's makes it look as it is seen; nan where it is seen no softer.
-
-    Notes
-    -----
-    `1/K_seen = 1/K + 1/K_f`, `K_f = K_seen K / (K - K_seen)`.
-    """
+    """Stiffness K_f by which the stage's, K, looks as it is seen, `1/K_seen = 1/K + 1/K_f`; nan where no softer."""
     return seen * stage / (stage - seen) if seen < stage else float("nan")
 
 
-def stage_compliance(stage: Stage, response: Response | None, warnings: list[str]) -> tuple[str, Array]:
-    """What stands for the stage, and its compliance (3, 3); without finite elements the best model there is."""
-    if response is not None:
-        return f"finite elements, {PLANES[stage.model]}", response.compliance
-    found = analyse(*best_model(stage, warnings)._replace(stage=stage))  # of one plane with finite elements
-    return found.name, found.compliance
-
-
-def simulated(of: Pushes, C: Array, fixture: Fixture) -> Readings:
-    """Readings of the run on a stage of compliance C (3, 3), drawn from its seed."""
+def simulated(of: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
+    """Load and displacement (3, repeats, n) read in the run on a stage of compliance C (3, 3), drawn from its seed."""
     run, noise = fixture.run, np.random.default_rng(fixture.run.seed)
     shape = (run.repeats, run.increments + 1)
-    force = force_of(of, C, run.strokes)
+    force = of.force(C, run.strokes)
     pushed = _sensed(force, fixture.sensor.noise, fixture.sensor.resolution, noise.normal(size=(3, *shape)))
-    moved = seen(of, C)[:, None] * force[of.push]
+    moved = (of.stage(C) + of.pole + of.bar)[:, None] * force[of.push]
     sensed = _sensed(moved, fixture.lvdt.noise, fixture.lvdt.resolution, noise.normal(size=(len(of.push), *shape)))
-    return Readings(of.arm[:, None, None] * pushed, np.moveaxis(read(of, np.moveaxis(sensed, 0, -1)), -1, 0))
+    return of.arm[:, None, None] * pushed, np.moveaxis(of.read(np.moveaxis(sensed, 0, -1)), -1, 0)
 
 
 def _sensed(values: Array, sd: float, step: float, noise: Array) -> Array:
@@ -282,9 +218,9 @@ def _sensed(values: Array, sd: float, step: float, noise: Array) -> Array:
     return np.asarray(step * np.round(found / step)) if step > 0 else found
 
 
-def _line(fixture: Fixture, readings: Readings, k: int) -> Slope:
+def _line(fixture: Fixture, loads: Array, displacements: Array, k: int) -> Slope:
     """The line through the readings of one push. Raises ComputationFailed where they tell no slope."""
-    run, load, displacement = fixture.run, readings.load[k], readings.displacement[k]
+    run, load, displacement = fixture.run, loads[k], displacements[k]
     for what, values in (("load", load), ("displacement", displacement)):
         if np.ptp(values) == 0:  # all below half a step of the sensor
             raise ComputationFailed(f"the {what} read in {DIRECTIONS[k]} does not change with the stroke")
@@ -302,7 +238,7 @@ def _line(fixture: Fixture, readings: Readings, k: int) -> Slope:
 
 def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> list[str]:
     """Readings that say little, and pushes that the stage does not bear."""
-    found, loads = [], of.load * force_of(of, C, fixture.run.strokes[-1:])
+    found, loads = [], of.load * of.force(C, fixture.run.strokes[-1:])
     best = analyse(*(chosen := best_model(stage, [])))
     for what, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
         if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
@@ -310,30 +246,26 @@ def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> list[str]:
                 f"{what}.noise_{unit} is below half of {what}.resolution_{unit}: the readings step, and the intervals, "
                 "which take errors as normal and independent, need not hold"
             )
-    if fixture.lvdt.rotation == "one end":
-        found.append('lvdt.rotation = "one end": the translation of the platform is read as rotation')
     for axis, load in zip(DIRECTIONS, loads, strict=True):
-        where = f"the largest push in {axis}"
-        found += warning.of_motion(stage, C @ load, where)
-        found += warning.of_yield(
-            float(np.max(best.neck_stress(chosen.stage, C @ load))), stage.material.yield_strength, where
-        )
+        pose, where = C @ load, f"the largest push in {axis}"
+        highest = float(np.max(best.neck_stress(chosen.stage, pose)))
+        found += warning.of_motion(stage, pose, where)
+        found += warning.of_yield(highest, stage.material.yield_strength, where)
     return found
 
 
 def _of_coupling(of: Pushes, C: Array) -> list[str]:
     """Directions in which what is measured is not K_ii: others are free, and pushes have other components."""
-    K, read = np.diag(inverse(C)), 1 / stage_share(of, C)
-    free = [
-        f"a push in {axis} leaves the other directions free and measures 1/C = {1 / C[k, k]:.5g}, not the diagonal "
+    K, read, free = np.diag(inverse(C)), 1 / of.shares(C)[0], 1 / np.diag(C)
+    found = [
+        f"a push in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal "
         f"term of the stiffness, {K[k]:.5g}"
         for k, axis in enumerate(DIRECTIONS)
-        if abs(K[k] * C[k, k] - 1) > COUPLED
+        if abs(K[k] / free[k] - 1) > COUPLED
     ]
-    beside = [
+    return found + [
         f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid fixture the "
-        f"slope is {read[k]:.5g}, where 1/C is {1 / C[k, k]:.5g}"
+        f"slope is {read[k]:.5g}, where 1/C is {free[k]:.5g}"
         for k, axis in enumerate(DIRECTIONS)
-        if abs(read[k] * C[k, k] - 1) > COUPLED
+        if abs(read[k] / free[k] - 1) > COUPLED
     ]
-    return free + beside

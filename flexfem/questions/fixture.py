@@ -7,9 +7,9 @@ this way from the stroke of the actuator to the ground, of which the sensors rea
 
 with C (3, 3) the compliance of the platform and w the load of a unit push at the platform's centre. The pole stands at
 p = (p_x, p_y) from the centre. Pushed along a unit vector n at a point r from the centre, `w = (n_x, n_y, r_x n_y -
-r_y n_x)`: a push in x is `(1, 0, -p_y)`, one in y `(0, 1, p_x)`. The bar points along b and is pushed along n, which is
-b turned by 90 degrees, at `r = p + a b`, so that `w = (n, p x n + a)`: moment and force. A sensor of displacement along
-n at a point s reads `g^T C w F` with `g = (n, s x n)`, and what pole and bar add there when it reads them.
+r_y n_x)`. The bar points along b and is pushed along n, which is b turned by 90 degrees, at `r = p + a b`, so that
+`w = (n, p x n + a)`: moment and force. A sensor of displacement along n at a point s reads `g^T C w F` with
+`g = (n, s x n)`, and what pole and bar add there when it reads them.
 
 - Sensors of displacement stand on the ground: neither actuator nor force sensor is in what they read. These two cost
   force per stroke, and leave slopes as they are.
@@ -17,8 +17,7 @@ n at a point s reads `g^T C w F` with `g = (n, s x n)`, and what pole and bar ad
   diagonal.
 - The moment is taken to be the force times the arm, as one does who takes the pole to be at the centre; by how much it
   is not, `p x n`, is an error of the slope in theta of the first order, and of those in x and y of the second.
-- Rotation is the difference of two sensors over their distance, or, by "one end", one sensor over its arm, which takes
-  the translation of the bar for rotation.
+- Rotation is the difference of two sensors, at both ends of the bar, over their distance.
 
 The pole is Timoshenko's cantilever (shear 10/9), the bar Bernoulli's. Not in it: out-of-plane tilt of the stage under
 a push so high above it, contacts, friction, hysteresis and drift.
@@ -26,7 +25,6 @@ a push so high above it, contacts, friction, hysteresis and drift.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -36,15 +34,19 @@ from pydantic import ConfigDict, Field, model_validator
 from flexfem.arrays import Array, Index
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import Rule, beside, both, either, has, ruled, when, without
-from flexfem.files.refusals import refusal
+from flexfem.files.quantities import Rule, beside, either, has, ruled
+from flexfem.files.refusals import checked_path, refusal
 from flexfem.files.toml import Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
 from flexfem.mechanism.designs import direction
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, converted
+from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 
+SHEAR = 10 / 9  # of a round section: energy of the parabolic shear stress of beam theory
+POINTS = 100_000  # readings of one direction, repeats included
 Spring: TypeAlias = Annotated[float, *quantities.above_zero(quantities.SPRING)]
 Torsion: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TORSION)]
+Reading: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING), *in_unit("um")]
+Newton: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING)]
 MEASURED = (
     "Measured slopes, one or more, each with its standard deviation where that is known. They are compared with the "
     "reciprocal of the compliance: a push leaves the other directions free"
@@ -101,34 +103,12 @@ class MeasuredSlopes(Dimensioned):
         return Slopes(*np.array(found, dtype=float))
 
 
-POINTS = 100_000  # readings of one direction, repeats included
-
-Reading: TypeAlias = Annotated[
-    float, *quantities.from_zero(quantities.READING), *converted(lambda um: 1e-3 * um, lambda mm: mm / 1e-3)
-]
-Newton: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING)]
-
-
-_DRAWN_POLE = ("diameter_mm", "height_mm", "youngs_modulus_gpa", "poissons_ratio")
-_SPRINGS = ("bending_stiffness_n_per_mm", "torsional_stiffness_n_mm_per_rad")
-_SPRUNG = both(has(*_SPRINGS), without(*_DRAWN_POLE, "push_height_mm"))
-_DRAWN = both(has(*_DRAWN_POLE), without(*_SPRINGS))
-_DRAWN_BAR = ("width_mm", "thickness_mm", "youngs_modulus_gpa")
-
-
 class Pole(Dimensioned):
-    """A round pole, clamped upright on the platform; mm, MPa, N/mm and N mm/rad."""
+    """A round pole, clamped upright on the platform; mm, MPa."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(when(has(_SPRINGS[0]), _SPRUNG, _DRAWN)))
-
-    diameter: Length | None = Field(
-        default=None, alias="diameter_mm", description="Of a round pole, with its height and metal", examples=[10.0]
-    )
-    height: Length | None = Field(
-        default=None,
-        alias="height_mm",
-        description="Of its end, which bears the bar and is what LVDTs read",
-        examples=[40.0],
+    diameter: Length = Field(alias="diameter_mm", description="Of its section", examples=[10.0])
+    height: Length = Field(
+        alias="height_mm", description="Of its end, which bears the bar and is what LVDTs read", examples=[40.0]
     )
     push_height: Length | None = Field(
         default=None,
@@ -136,22 +116,10 @@ class Pole(Dimensioned):
         description="Where the actuator pushes it in X and Y; by default at its end",
         examples=[30.0],
     )
-    youngs_modulus: Modulus | None = Field(
-        default=None, alias="youngs_modulus_gpa", description="Young's modulus of the pole", examples=[206.0]
+    youngs_modulus: Modulus = Field(
+        alias="youngs_modulus_gpa", description="Young's modulus of the pole", examples=[206.0]
     )
-    poissons_ratio: Poisson | None = Field(default=None, description="Poisson's ratio of the pole", examples=[0.3])
-    bending_stiffness: Spring | None = Field(
-        default=None,
-        alias="bending_stiffness_n_per_mm",
-        description="Instead of dimensions: of its end, pushed and read there",
-        examples=[4800.0],
-    )
-    torsional_stiffness: Torsion | None = Field(
-        default=None,
-        alias="torsional_stiffness_n_mm_per_rad",
-        description="Instead of dimensions: of its end about its axis",
-        examples=[1.9e6],
-    )
+    poissons_ratio: Poisson = Field(description="Poisson's ratio of the pole", examples=[0.3])
     offset: tuple[Coordinate, Coordinate] = Field(
         default=(0.0, 0.0),
         alias="offset_mm",
@@ -161,38 +129,19 @@ class Pole(Dimensioned):
     )
 
     @model_validator(mode="after")
-    def _by_dimensions_or_by_stiffness(self) -> Pole:
-        drawn = {
-            "diameter_mm": self.diameter,
-            "height_mm": self.height,
-            "youngs_modulus_gpa": self.youngs_modulus,
-            "poissons_ratio": self.poissons_ratio,
-        }
-        springs = (self.bending_stiffness, self.torsional_stiffness)
-        given = [key for key, value in (drawn | {"push_height_mm": self.push_height}).items() if value is not None]
-        if given and springs != (None, None):
-            raise refusal("dimensions or stiffnesses of the pole, not both", given[0])
-        if None in (drawn.values() if given else springs):
-            wanted = "bending_stiffness_n_per_mm and torsional_stiffness_n_mm_per_rad"
-            raise refusal(f"{', '.join(drawn)}, or {wanted}")
-        if self.push_height is not None and self.height is not None and self.push_height > self.height:
+    def _pushed_below_its_end(self) -> Pole:
+        if self.pushed_at > self.height:
             raise refusal(f"at most the height of the pole, {self.height:g}", "push_height_mm")
         return self
 
     @property
-    def pushed_at(self) -> float | None:
-        """Height of the push, mm; None for a pole that is given by its stiffness."""
+    def pushed_at(self) -> float:
+        """Height of the push, mm."""
         return self.height if self.push_height is None else self.push_height
 
 
 class Bar(Dimensioned):
-    """A horizontal bar on the pole's end, pushed at right angles at `arm`, mm, from the pole; `stiffness` in N/mm."""
-
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            when(has("stiffness_n_per_mm"), without(*_DRAWN_BAR), when({"not": without(*_DRAWN_BAR)}, has(*_DRAWN_BAR)))
-        )
-    )
+    """A horizontal bar on the pole's end, pushed at right angles at `arm`, mm, from the pole."""
 
     arm: Length = Field(
         alias="arm_mm", description="From the pole to the push, which is at right angles to the bar", examples=[50.0]
@@ -200,31 +149,13 @@ class Bar(Dimensioned):
     angle: Angle = Field(
         default=0.0, alias="angle_deg", description="Direction of the bar, from the x axis", examples=[30.0]
     )
-    width: Length | None = Field(
-        default=None, alias="width_mm", description="Of its section, in the plane in which it bends", examples=[12.0]
+    width: Length = Field(
+        alias="width_mm", description="Of its section, in the plane in which it bends", examples=[12.0]
     )
-    thickness: Length | None = Field(
-        default=None, alias="thickness_mm", description="Of its section, the other side", examples=[8.0]
+    thickness: Length = Field(alias="thickness_mm", description="Of its section, the other side", examples=[8.0])
+    youngs_modulus: Modulus = Field(
+        alias="youngs_modulus_gpa", description="Young's modulus of the bar", examples=[206.0]
     )
-    youngs_modulus: Modulus | None = Field(
-        default=None, alias="youngs_modulus_gpa", description="Young's modulus of the bar", examples=[206.0]
-    )
-    stiffness: Spring | None = Field(
-        default=None,
-        alias="stiffness_n_per_mm",
-        description="Instead of its section: at the push; without either it is rigid",
-        examples=[900.0],
-    )
-
-    @model_validator(mode="after")
-    def _by_dimensions_or_by_stiffness(self) -> Bar:
-        drawn = {"width_mm": self.width, "thickness_mm": self.thickness, "youngs_modulus_gpa": self.youngs_modulus}
-        given = [key for key, value in drawn.items() if value is not None]
-        if given and self.stiffness is not None:
-            raise refusal("dimensions or the stiffness of the bar, not both", given[0])
-        if given and len(given) < len(drawn):
-            raise refusal(f"{', '.join(drawn)} together", given[0])
-        return self
 
 
 class Pusher(Dimensioned):
@@ -240,23 +171,12 @@ class Pusher(Dimensioned):
 
 
 class Lvdt(Dimensioned):
-    """Displacement sensors on the ground: standard deviation of a reading, its step, and the arm, mm."""
+    """Displacement sensors on the ground: standard deviation of a reading and its step, mm."""
 
     at: Literal["pole", "platform"] = Field(
         default="pole",
         description="What they read: `pole`, and the bar on it, or `platform`, which leaves the pole out of the "
-        "readings",
-    )
-    rotation: Literal["both ends", "one end"] = Field(
-        default="both ends",
-        description="From the difference of two of them at both ends of the bar, or from one at one end, which takes "
-        "translation for rotation",
-    )
-    arm: Length | None = Field(
-        default=None,
-        alias="arm_mm",
-        description="How far from the pole those are that read rotation; by default at the push",
-        examples=[50.0],
+        "readings; rotation is the difference of two of them, at both ends of the bar",
     )
     noise: Reading = Field(alias="noise_um", description="Standard deviation of a reading", examples=[0.05])
     resolution: Reading = Field(
@@ -329,18 +249,18 @@ class Measurement(Dimensioned, Sourced):
     measured: MeasuredSlopes = Field(description=MEASURED)
 
 
-def read_fixture(path: str | os.PathLike[str]) -> Fixture:
-    """Read a fixture file. Raises BadInput, naming file, line and key."""
-    return validate(Fixture, path)
+def fixture_of(given: Path | Fixture) -> Fixture:
+    """A fixture, or that of a file. Raises BadInput, naming file, line and key."""
+    return given if isinstance(given, Fixture) else validate(Fixture, checked_path(given))
 
 
-def read_measured(path: str | os.PathLike[str]) -> Fixture | Measurement:
-    """Read a file that gives measured slopes, of either kind. Raises BadInput, naming file, line and key."""
-    described = set(read_toml(Path(path)).data) & {"pole", "bar", "lvdt", "sensor", "run"}
+def measured_of(given: Path | Fixture | Measurement) -> Fixture | Measurement:
+    """What gives measured slopes, or that of a file of either kind. Raises BadInput, naming file, line and key."""
+    if isinstance(given, Fixture | Measurement):
+        return given
+    path = checked_path(given)
+    described = set(read_toml(path).data) & {"pole", "bar", "lvdt", "sensor", "run"}
     return validate(Fixture, path) if described else validate(Measurement, path)
-
-
-SHEAR = 10 / 9  # of a round section: energy of the parabolic shear stress of beam theory
 
 
 class Pushes(NamedTuple):
@@ -361,42 +281,54 @@ class Pushes(NamedTuple):
     bar: Array
     weight: Array
 
+    def stage(self, C: Array) -> Array:
+        """What every sensor reads of stages of compliance C (..., 3, 3): (..., m), mm per N of its push."""
+        return np.asarray(np.einsum("mi,...ij,mj->...m", self.reading, C, self.load[self.push]))
+
+    def read(self, displacements: Array) -> Array:
+        """Displacements in x, y, theta (..., 3), mm, mm, rad, of those of all sensors (..., m)."""
+        return np.asarray((self.weight * displacements) @ np.equal.outer(self.push, np.arange(3)))
+
+    def shares(self, C: Array) -> tuple[Array, Array, Array]:
+        """Displacement read over load read: of stages (..., 3), of the pole (3,) and of the bar (3,), per N or N mm.
+
+        Together one over the slope without noise; that of the stage is what is read on a rigid fixture.
+        """
+        stage, pole, bar = (self.read(each) / self.arm for each in (self.stage(C), self.pole, self.bar))
+        return stage, pole, bar
+
+    def force(self, C: Array, stroke: Array) -> Array:
+        """Force (3, n) of each push, N, at strokes (n,), mm, on a stage of compliance C (3, 3)."""
+        way = self.behind + np.einsum("ki,ij,kj->k", self.load, C, self.load)
+        return np.asarray(stroke / way[:, None])
+
+
+IDEAL = Pushes(np.eye(3), np.ones(3), np.zeros(3), np.arange(3), np.eye(3), np.zeros(3), np.zeros(3), np.ones(3))
+
 
 def pushes_of(fixture: Fixture) -> Pushes:
     """The pushes of a set-up and its sensors."""
-    pole, bar, lvdt = fixture.pole, fixture.bar, fixture.lvdt
-    a, at = bar.arm, bar.arm if lvdt.arm is None else lvdt.arm
-    along = direction(np.array(bar.angle))
+    a, p = fixture.bar.arm, np.array(fixture.pole.offset)
+    along = direction(np.array(fixture.bar.angle))
     n = np.array([-along[1], along[0]])
-    p = np.array(pole.offset)
-    ends = (at, -at) if lvdt.rotation == "both ends" else (at,)
-    bend, twist, own = pole_compliance(pole)
-    on_pole = 1.0 if lvdt.at == "pole" else 0.0
+    read, end, own, twist = pole_compliance(fixture.pole)
+    bent = bar_compliance(fixture.bar)
+    seen = 1.0 if fixture.lvdt.at == "pole" else 0.0
     k = fixture.sensor.stiffness
     drive = 1 / fixture.actuator.stiffness + (0.0 if k is None else 1 / k)
-    end = bend[1]
-    return Pushes(
-        load=np.array([wrench([1.0, 0.0], p), wrench([0.0, 1.0], p), wrench(n, p + a * along)]),
-        arm=np.array([1.0, 1.0, a]),
-        behind=drive + np.array([own, own, end + a**2 * twist + bar_deflection(bar, a, a)]),
-        push=np.array([0, 1, *(2 for _ in ends)]),
-        reading=np.array([wrench([1.0, 0.0], p), wrench([0.0, 1.0], p), *(wrench(n, p + s * along) for s in ends)]),
-        pole=on_pole * np.array([bend[0], bend[0], *(end + s * a * twist for s in ends)]),
-        bar=on_pole * np.array([0.0, 0.0, *(bar_deflection(bar, a, s) for s in ends)]),
-        weight=np.array([1.0, 1.0, *(1 / (s * len(ends)) for s in ends)]),
+    x, y, high, low = (
+        wrench(*each) for each in (([1.0, 0.0], p), ([0.0, 1.0], p), (n, p + a * along), (n, p - a * along))
     )
-
-
-IDEAL = Pushes(
-    load=np.eye(3),
-    arm=np.ones(3),
-    behind=np.zeros(3),
-    push=np.arange(3),
-    reading=np.eye(3),
-    pole=np.zeros(3),
-    bar=np.zeros(3),
-    weight=np.ones(3),
-)
+    return Pushes(
+        load=np.array([x, y, high]),
+        arm=np.array([1.0, 1.0, a]),
+        behind=drive + np.array([own, own, end + a**2 * twist + bent]),
+        push=np.array([0, 1, 2, 2]),
+        reading=np.array([x, y, high, low]),
+        pole=seen * np.array([read, read, end + a**2 * twist, end - a**2 * twist]),
+        bar=seen * np.array([0.0, 0.0, bent, 0.0]),
+        weight=np.array([1.0, 1.0, 1 / (2 * a), -1 / (2 * a)]),
+    )
 
 
 def wrench(along: Array | list[float], at: Array) -> Array:
@@ -405,19 +337,16 @@ def wrench(along: Array | list[float], at: Array) -> Array:
 
 
 class PoleCompliance(NamedTuple):
-    """Of a pole: bending (push to end, end to end), mm/N; torsion, rad/(N mm); bending of the pushed point, mm/N."""
+    """Deflection, mm/N, of a pole's end by the push and by a force there, of the pushed point; torsion, rad/(N mm)."""
 
-    bending: tuple[float, float]
-    torsion: float
+    read: float
+    end: float
     pushed: float
+    torsion: float
 
 
 def pole_compliance(pole: Pole) -> PoleCompliance:
-    """Compliance of a pole by its dimensions or by its stiffnesses."""
-    if pole.bending_stiffness is not None and pole.torsional_stiffness is not None:
-        bending = 1 / pole.bending_stiffness
-        return PoleCompliance((bending, bending), 1 / pole.torsional_stiffness, bending)
-    assert pole.height and pole.diameter and pole.youngs_modulus and pole.poissons_ratio is not None and pole.pushed_at
+    """Compliance of a pole."""
     E, G = pole.youngs_modulus, pole.youngs_modulus / (2 * (1 + pole.poissons_ratio))
     second, A = np.pi * pole.diameter**4 / 64, np.pi * pole.diameter**2 / 4
 
@@ -425,52 +354,9 @@ def pole_compliance(pole: Pole) -> PoleCompliance:
         return float(low**2 * (3 * high - low) / (6 * E * second) + SHEAR * low / (G * A))
 
     h, pushed = pole.height, pole.pushed_at
-    return PoleCompliance((bent(pushed, h), bent(h, h)), float(h / (G * 2 * second)), bent(pushed, pushed))
+    return PoleCompliance(bent(pushed, h), bent(h, h), bent(pushed, pushed), float(h / (G * 2 * second)))
 
 
-def bar_deflection(bar: Bar, push: float, at: float) -> float:
-    """Deflection, mm, at a place on the bar, negative on its other side, by 1 N at `push`, less that of the pole."""
-    if bar.stiffness is not None:
-        EI = bar.stiffness * bar.arm**3 / 3
-    elif bar.width and bar.thickness and bar.youngs_modulus:
-        EI = bar.youngs_modulus * bar.thickness * bar.width**3 / 12
-    else:
-        return 0.0
-    low, high = sorted((push, at))
-    return max(low, 0.0) ** 2 * (3 * high - low) / (6 * EI)
-
-
-def seen(of: Pushes, C: Array) -> Array:
-    """What every sensor reads (..., m), mm per N of its push, of stages of compliance C (..., 3, 3)."""
-    return np.asarray(np.einsum("mi,...ij,mj->...m", of.reading, C, of.load[of.push])) + of.pole + of.bar
-
-
-def read(of: Pushes, displacements: Array) -> Array:
-    """Displacements in x, y, theta (..., 3), mm, mm, rad, of those of all sensors (..., m)."""
-    return np.asarray((of.weight * displacements) @ np.equal.outer(of.push, np.arange(3)))
-
-
-def read_compliance(of: Pushes, C: Array) -> Array:
-    """Displacement read over load read (..., 3), mm/N, mm/N, rad/(N mm): one over the slope, without noise."""
-    return read(of, seen(of, C)) / of.arm
-
-
-def stage_share(of: Pushes, C: Array) -> Array:
-    """The stage's part (..., 3) of `read_compliance`: on a rigid fixture, which may still push beside the centre."""
-    return read_compliance(of._replace(pole=np.zeros_like(of.pole), bar=np.zeros_like(of.bar)), C)
-
-
-def pole_share(of: Pushes) -> Array:
-    """The pole's part (3,) of `read_compliance`."""
-    return read(of, of.pole) / of.arm
-
-
-def bar_share(of: Pushes) -> Array:
-    """The bar's part (3,) of `read_compliance`."""
-    return read(of, of.bar) / of.arm
-
-
-def force_of(of: Pushes, C: Array, stroke: Array) -> Array:
-    """Force (3, n) of each push, N, at strokes (n,), mm, on a stage of compliance C (3, 3)."""
-    way = of.behind + np.einsum("ki,ij,kj->k", of.load, C, of.load)
-    return np.asarray(stroke / way[:, None])
+def bar_compliance(bar: Bar) -> float:
+    """Deflection, mm/N, of a bar at the push, less that of the pole; its other side stays straight."""
+    return 4 * bar.arm**3 / (bar.youngs_modulus * bar.thickness * bar.width**3)

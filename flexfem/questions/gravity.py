@@ -6,7 +6,7 @@ The plate stands upright in the plane, gravity at an angle to x; in three dimens
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,9 +23,8 @@ from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, dra
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import coarser, levels, pose_bands, stress_bands
-from flexfem.questions.heat import layer_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Mesh, Models, about, mesh_of, meshed
+from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
@@ -39,9 +38,7 @@ class Gravity(Result):
     title = "weight"
     labels: ClassVar = {"out of plane": ("z", "tilt x", "tilt y")}
     columns = ("direction", "out of plane")
-    pose = Quantity(
-        "displacement of the platform", ("mm", "mm", "rad"), ("model", "direction"), FRESH, "pose", prefixed=True
-    )
+    pose = Quantity("displacement of the platform", "motion", ("model", "direction"), FRESH, "pose", prefixed=True)
     sag = Quantity(
         "displacement of the platform out of the plane", ("mm", "rad", "rad"), ("model", "out of plane"), FRESH, "all",
         prefixed=True,
@@ -52,15 +49,7 @@ class Gravity(Result):
     mass = Quantity("mass, pads, hub and payload too", "kg")
 
 
-class Weighed(NamedTuple):
-    """The answer of one model: pose (3,), stress (3 chains, 3 hinges), MPa, and the bands, nan where there is none."""
-
-    pose: Array
-    stress: Array
-    pose_band: Array = np.full(3, np.nan)
-    stress_band: Array = np.full((3, 3), np.nan)
-
-
+@question
 def gravity(
     stage: Stage,
     *,
@@ -76,33 +65,13 @@ def gravity(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     angle : float
         Direction of gravity in the plane of an upright plate, degrees from x.
     payload : float
         Mass of what the platform carries at its centre, kg.
-    models : {"both", "analytic", "elements"}
-        The models that answer.
-    analytic : Analytic
-        The analytic model.
-    resolution : int, optional
-        Triangles across every neck on the finest of three meshes, from 4.
     layers : int, optional
         A horizontal plate in three dimensions, with so many layers in half the thickness, from 3.
-    progress : callable, optional
-        Called with a line whenever a mesh is solved.
-
-    Returns
-    -------
-    Gravity
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made, the analytic model does not suit it, or a number is not possible.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
 
     Examples
     --------
@@ -116,69 +85,47 @@ def gravity(
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
     along = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
-    warnings, name, moved = list(warning.of_stage(stage)), None, "pose"
-    found: dict[str, Weighed] = {}
+    warnings, name, found = list(warning.of_stage(stage)), None, dict[str, Answered]()
     if models != "elements" and not layers:
         chosen = analytic.chosen(stage, warnings)
         pose, stress = under_weight(chosen.stage, analyse(*chosen), load, along)
-        found[ANALYTIC], name = Weighed(pose, stress), chosen.name
+        found[ANALYTIC], name = Answered({"pose": pose, "stress": stress}, {}), chosen.name
     if mesh is not None and mesh.layers:
-        found[SOLID], moved = _horizontal(stage, load, mesh), "sag"
+        found[SOLID] = _horizontal(stage, load, mesh.resolution, mesh.layers)
         warnings += warning.held_faces(stage)
     elif mesh is not None:
-        found[ELEMENTS] = _upright(stage, load, along, mesh.resolution)
+        found[ELEMENTS] = _upright(stage, load, along, mesh.resolution, progress)
         warnings += warning.of_thickness(stage)
-    if progress is not None and mesh is not None:
-        progress(f"resolution {mesh.resolution}")
-    highest = max(float(np.max(one.stress)) for one in found.values())
+    highest = max(float(np.max(one.values["stress"])) for one in found.values())
     warnings += warning.of_yield(highest, stage.material.yield_strength, "under the weight")
     plate = "horizontal" if layers else f"upright, gravity at {angle:g} degrees"
     settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": name}
-    return Gravity(
-        about(stage),
-        {
-            moved: np.stack([one.pose for one in found.values()]),
-            "stress": np.stack([one.stress for one in found.values()]),
-            "mass": drawn_inertia(stage).mass + load.mass,
-        },
-        {
-            moved: np.stack([one.pose_band for one in found.values()]),
-            "stress": np.stack([one.stress_band for one in found.values()]),
-        },
-        {"model": tuple(found)},
-        settings | meshed(mesh),
-        list(dict.fromkeys(warnings)),
-    )
+    mass = drawn_inertia(stage).mass + load.mass
+    return answer(Gravity, stage, found, mesh, settings, {"mass": mass}, warnings=warnings)
 
 
-def _upright(stage: Stage, load: Payload, along: Array, resolution: int) -> Weighed:
+def _upright(stage: Stage, load: Payload, along: Array, resolution: int, progress: Progress | None) -> Answered:
     """Plane finite elements on three meshes."""
-    each = [_by_elements(stage, load, along, level, 0) for level in levels(resolution)]
-    steps, finest = np.array(levels(resolution), dtype=float), each[-1]
-    bands = pose_bands(steps, np.array([one.pose for one in each])[..., None], stage.chain.link_lengths[2])[:, 0]
-    highest = np.array([np.max(one.stress) for one in each])
-    of_stress = np.where(finest.stress == highest[-1], stress_bands(steps, highest), np.nan)
-    return Weighed(finest.pose, finest.stress, bands, of_stress)
+    each = on_meshes(levels(resolution), lambda level: _by_elements(stage, load, along, level, 0), progress)
+    steps, lever = np.array(levels(resolution), dtype=float), stage.chain.link_lengths[2]
+    poses, stresses = (np.array(part) for part in zip(*each, strict=True))
+    bands = {"pose": pose_bands(steps, poses[..., None], lever)[:, 0], "stress": highest_band(steps, stresses)}
+    return Answered({"pose": poses[-1], "stress": stresses[-1]}, bands)
 
 
-def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> Weighed:
+def _horizontal(stage: Stage, load: Payload, resolution: int, layers: int) -> Answered:
     """Three dimensions: the band is that of the mesh in the plane and that of the layers."""
-    lever = stage.chain.link_lengths[2]
-    size, down = np.array([1.0, lever, lever]), np.array([-GRAVITY, 0.0])
-
-    def solved(level: int, number: int) -> Array:
-        return size * _by_elements(stage, load, down, level, number).pose
-
-    planes, layered = coarser(solved, mesh.resolution, mesh.layers)
-    by_mesh = pose_bands(np.array(levels(mesh.resolution), dtype=float), np.array(planes)[..., None], 1.0)[:, 0]
-    by_layers = layer_bands(*(each[:, None] for each in layered))[:, 0]
-    return _by_elements(stage, load, down, mesh.resolution, mesh.layers)._replace(
-        pose_band=(by_mesh + by_layers) / size
+    lever, down = stage.chain.link_lengths[2], np.array([-GRAVITY, 0.0])
+    size = np.array([1.0, lever, lever])[:, None]
+    sag, stress = _by_elements(stage, load, down, resolution, layers)
+    band = solid_pose_bands(
+        lambda *sizes: size * _by_elements(stage, load, down, *sizes)[0][:, None], resolution, layers
     )
+    return Answered({"sag": sag, "stress": stress}, {"sag": (band / size)[:, 0]})
 
 
-def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int) -> Weighed:
-    """One mesh under an acceleration (2,), mm/s^2: x and y, or with layers z alone."""
+def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int) -> tuple[Array, Array]:
+    """Pose and neck stress on one mesh under an acceleration (2,), mm/s^2: x and y, or with layers z alone."""
     mesh, solid = build_mesh(stage, level), layers > 0
     through = layers_of(stage, layers, antisymmetric=True) if solid else None
     plate = sheet_of(stage) if solid else plate_of(stage)
@@ -186,4 +133,4 @@ def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: 
     mass = mass_of(of, stage.material.density * DENSITY, (carried_out_of_plane if solid else carried)(stage, load))
     found = weight_response(mass, np.array([along[0], 0.0 if solid else along[1], 0.0]))
     stress = von_mises(nodal_stress(mesh, plate, found.fields[0], layers=through), out_of_plane_ratio_of(stage))
-    return Weighed(found.compliance[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress))
+    return found.compliance[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)

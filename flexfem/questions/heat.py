@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, hinge_compliance
@@ -35,15 +34,27 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import ROUND_OFF, SAFETY, coarser, corner_bands, levels, pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed
+from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, about, answer, mesh_of, on_meshes, question
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Fields, Gate, Progress, Quantity, Result
+from flexfem.results import (
+    ANALYTIC,
+    ELEMENTS,
+    FRESH,
+    SHEET,
+    SOLID,
+    SOLVED,
+    STRESS,
+    Fields,
+    Gate,
+    Progress,
+    Quantity,
+    Result,
+)
 from flexfem.units import EXPANSION
 
 CASES = ("uniform", "gradient in x", "gradient in y")
 IN_DEPTH = "gradient in z"
-SHEET = "plane stress"  # label of the plane problem beside three dimensions
 LEAST_SOLID = 6  # on 4 triangles across a neck bands left out the z of 2 of 4 stages: meshes agreed by chance
 PLACES = ((0, 2), (0, 0), (0, 1), (1, 2))  # of each case: mirror half, and its place among the three of `warm_half`
 UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
@@ -64,7 +75,7 @@ class Drift(Result):
         "all numbers are proportional to the difference of the two coefficients of expansion",
     )
     pose = Quantity(
-        "displacement of the platform", ("mm", "mm", "rad"), ("case", "model", "direction"), CASE_DRIFT, "pose",
+        "displacement of the platform", "motion", ("case", "model", "direction"), CASE_DRIFT, "pose",
         prefixed=True,
     )  # fmt: skip
     stress = Quantity(
@@ -79,11 +90,11 @@ class Drift(Result):
         FRESH, "all", prefixed=True,
     )  # fmt: skip
     unlike = Quantity(
-        f"displacement with the necks of some chains {UNLIKE:g} % unlike, analytic", ("mm", "mm", "rad"),
+        f"displacement with the necks of some chains {UNLIKE:g} % unlike, analytic", "motion",
         ("case", "direction"), SOLVED, "pose", prefixed=True,
     )  # fmt: skip
     reaction = Quantity(
-        "reaction of the ground about the platform's centre", ("n", "n", "n_mm"),
+        "reaction of the ground about the platform's centre", "wrench",
         ("case", "model", "chain", "direction"), FRESH, "all", shown=False,
     )  # fmt: skip
     columns = ("direction", "out of plane")
@@ -129,31 +140,7 @@ class SolidWarmFields(NamedTuple):
         return [path]
 
 
-class CaseArrays:
-    """The answers of one model, arrays whose first axis is the case: nan where the model has no answer.
-
-    pose, pose_band : (cases, 3).   stress : (cases, 3 chains, 3 hinges).   reaction : (cases, 3 chains, 3).
-    edges, edges_band : (cases, 3 chains).
-    """
-
-    def __init__(self, **parts: ArrayLike) -> None:
-        shapes = {
-            "pose": (3,),
-            "stress": (3, 3),
-            "reaction": (3, 3),
-            "edges": (3,),
-            "pose_band": (3,),
-            "edges_band": (3,),
-        }
-        self.parts = {name: np.full((len(CASES), *shape), np.nan) for name, shape in shapes.items()}
-        self.parts |= {name: np.asarray(part) for name, part in parts.items()}
-
-    def part(self, name: str, cases: int) -> Array:
-        """One of the arrays, with as many cases as others have."""
-        found = self.parts[name]
-        return np.concatenate([found, np.full((cases - len(found), *found.shape[1:]), np.nan)])
-
-
+@question
 def drift(
     stage: Stage,
     *,
@@ -167,29 +154,11 @@ def drift(
 
     Parameters
     ----------
-    stage : Stage
-        The stage, which states its coefficient of expansion.
-    models : {"both", "analytic", "elements"}
-        The models that answer.
-    analytic : Analytic
-        The analytic model.
     resolution : int, optional
         Triangles across every neck on the finest of three meshes, from 4, in three dimensions from 6.
     layers : int, optional
         Three dimensions with so many layers in half the thickness, from 3; also a gradient through the thickness.
-    progress : callable, optional
-        Called with a line whenever a part is done.
-
-    Returns
-    -------
-    Drift
-
-    Raises
-    ------
-    BadInput
-        The stage states no `material.expansion_um_per_m_k`, cannot be made, or the analytic model does not suit it.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
 
     Examples
     --------
@@ -200,42 +169,27 @@ def drift(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, layers, 4, LEAST_SOLID)
-    alpha, warnings = expansion_of(stage), _warnings(stage)
-    found: dict[str, CaseArrays] = {}
-    values: dict[str, Array] = {}
-    bands: dict[str, Array] = {}
+    alpha, warnings = expansion_of(stage), list(warning.of_numbers(stage))
+    if stage.frame.expansion is None:
+        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
+    warnings += warning.of_stacks(stage)
+    found, values, name, cases = dict[str, Answered](), dict[str, Array](), None, list(CASES)
     fields: WarmFields | SolidWarmFields | None = None
-    cases: tuple[str, ...] = CASES
-    name = None
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
         found[ANALYTIC], name = by_network(chosen, alpha), chosen.name
         if stage.chains_alike and (unlike := _unlike(chosen)) is not None:
             values["unlike"] = unlike
     if mesh is not None and mesh.layers:
-        solved = _in_three_dimensions(stage, mesh.resolution, mesh.layers, progress)
-        found[SHEET], found[SOLID], tilt, tilt_band, fields = solved
-        at = (np.array(tuple(found)) == SOLID)[:, None]
-        values["tilt"], bands["tilt"] = np.where(at, tilt, np.nan), np.where(at, tilt_band, np.nan)
-        cases, warnings = (*CASES, IN_DEPTH), [*warnings, *warning.held_faces(stage)]
+        found[SHEET], found[SOLID], fields = _in_three_dimensions(stage, mesh.resolution, mesh.layers, progress)
+        cases, warnings = [*CASES, IN_DEPTH], [*warnings, *warning.held_faces(stage)]
     elif mesh is not None:
-        found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution)
-    for quantity in ("pose", "stress", "reaction", "edges"):
-        values[quantity] = np.stack([one.part(quantity, len(cases)) for one in found.values()], axis=1)
-    for quantity in ("pose", "edges"):
-        bands[quantity] = np.stack([one.part(f"{quantity}_band", len(cases)) for one in found.values()], axis=1)
+        found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution, progress)
     expansions = float(stage.material.expansion or 0.0), frame_expansion_of(stage)
     stated = [f"{EXPANSION.factor * each:g} {EXPANSION.plain}" for each in expansions]
-    settings = dict(zip(("expansion", "frame"), stated, strict=True)) | {"analytic model": name}
-    axes = {"case": cases, "model": tuple(found)}
-    return Drift(about(stage, heat=True), values, bands, axes, settings | meshed(mesh), warnings, fields=fields)
-
-
-def _warnings(stage: Stage) -> list[str]:
-    warnings = list(warning.of_numbers(stage))
-    if stage.frame.expansion is None:
-        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
-    return warnings + warning.of_stacks(stage)
+    settings = {"expansion": stated[0], "frame": stated[1], "analytic model": name}
+    of = about(stage, heat=True)
+    return answer(Drift, of, found, mesh, settings, values, {"case": cases}, warnings=warnings, fields=fields)
 
 
 def frame_expansion_of(stage: Stage) -> float:
@@ -254,7 +208,7 @@ def expansion_of(stage: Stage) -> Expansion:
     return Expansion(float(plane), float(frame), across)
 
 
-def by_network(chosen: ModelChoice, alpha: Expansion) -> CaseArrays:
+def by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
     """The three cases by the pseudo-rigid model."""
     stage, mobility, formula, links = chosen
     design = lower(stage)
@@ -268,55 +222,48 @@ def by_network(chosen: ModelChoice, alpha: Expansion) -> CaseArrays:
     centres, pull = stage_frames(stage).centres, float(design.out_of_plane[0])
     zz = alpha.across * np.concatenate([np.ones((3, 3, 1)), centres], axis=-1)
     stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + zz,)], axis=0)
-    return CaseArrays(pose=pose.T, stress=np.moveaxis(stress, -1, 0), reaction=np.moveaxis(reaction, -1, 0))
-
-
-def _in_plane(stage: Stage, alpha: Expansion, resolution: int) -> tuple[CaseArrays, WarmFields]:
-    """The three cases by plane finite elements on three meshes."""
-    plate, lever = plate_of(stage), stage.chain.link_lengths[2]
-    steps = np.array(levels(resolution), dtype=float)
-    poses, edges = [], []
-    for level in levels(resolution):
-        mesh = build_mesh(stage, level)
-        found = heat_response(mesh, plate, alpha.stage, alpha.frame)
-        stresses = [_von_mises(stage, alpha, mesh, found, k) for k in range(3)]
-        poses.append(found.pose)
-        edges.append([edge_maxima(mesh, each) for each in stresses])
-    edges_band = np.full((3, 3), np.nan)
-    for case in range(3):  # the band of the highest of the three edges
-        highest = int(np.argmax(edges[-1][case]))
-        edges_band[case, highest] = corner_bands(steps, np.array([np.max(each[case]) for each in edges]))
-    warm = CaseArrays(
-        pose=found.pose.T,
-        pose_band=pose_bands(steps, np.array(poses), lever).T,
-        stress=[neck_maxima(stage, mesh, each) for each in stresses],
-        reaction=found.reactions,
-        edges=edges[-1],
-        edges_band=edges_band,
+    return Answered(
+        {"pose": pose.T, "stress": np.moveaxis(stress, -1, 0), "reaction": np.moveaxis(reaction, -1, 0)}, {}
     )
+
+
+def _in_plane(
+    stage: Stage, alpha: Expansion, resolution: int, progress: Progress | None
+) -> tuple[Answered, WarmFields]:
+    """The three cases by plane finite elements on three meshes."""
+
+    def solve(level: int) -> tuple[StageMesh, HeatResponse, list[Array], list[Array]]:
+        mesh = build_mesh(stage, level)
+        response = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame)
+        warm = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
+        pull = out_of_plane_ratio_of(stage)
+        stresses = [von_mises(response.stress[k], pull, alpha.across * warm[:, k]) for k in range(3)]
+        return mesh, response, stresses, [edge_maxima(mesh, each) for each in stresses]
+
+    steps, meshes = np.array(levels(resolution), dtype=float), on_meshes(levels(resolution), solve, progress)
+    (mesh, found, stresses, _), edges = meshes[-1], np.array([each[-1] for each in meshes])
+    poses = np.array([each[1].pose for each in meshes])
+    values = {
+        "pose": found.pose.T,
+        "stress": np.array([neck_maxima(stage, mesh, each) for each in stresses]),
+        "reaction": found.reactions,
+        "edges": edges[-1],
+    }
+    bands = {
+        "pose": pose_bands(steps, poses, stage.chain.link_lengths[2]).T,
+        "edges": np.array([highest_band(steps, edges[:, k], corner_bands) for k in range(3)]),
+    }
     drawn = {
-        case: Fields(
-            nodes=mesh.nodes,
-            triangles=mesh.triangles,
-            bodies=mesh.bodies,
-            displacement=found.fields[k],
-            stress=stresses[k],
-        )
+        case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, found.fields[k], stresses[k])
         for k, case in enumerate(CASES)
     }
-    return warm, WarmFields(drawn, mesh.edges["ground"], stage.platform.hub_radius)
-
-
-def _von_mises(stage: Stage, alpha: Expansion, mesh: StageMesh, response: HeatResponse, case: int) -> Array:
-    """Von Mises stress (n,) at the nodes by one case, MPa."""
-    warm = np.concatenate([np.ones((len(mesh.nodes), 1)), mesh.nodes], axis=1)[:, case]
-    return von_mises(response.stress[case], out_of_plane_ratio_of(stage), alpha.across * warm)
+    return Answered(values, bands), WarmFields(drawn, mesh.edges["ground"], stage.platform.hub_radius)
 
 
 def _in_three_dimensions(
     stage: Stage, resolution: int, layers: int, progress: Progress | None
-) -> tuple[CaseArrays, CaseArrays, Array, Array, SolidWarmFields]:
-    """The four cases by wedges: in plane stress on the same mesh, in three dimensions, and what a gradient in z tilts.
+) -> tuple[Answered, Answered, SolidWarmFields]:
+    """The four cases by wedges, in plane stress on the same mesh and in three dimensions.
 
     Notes
     -----
@@ -327,31 +274,30 @@ def _in_three_dimensions(
     own, lever = float(stage.material.expansion or 0.0), stage.chain.link_lengths[2]
     beyond, plate = frame_expansion_of(stage) - own, sheet_of(stage)
     meshes = {level: mesh_sectors(stage, level) for level in levels(resolution)}
-    halves, bands = [], []
-    for name, antisymmetric in (("in the plane", False), ("out of the plane", True)):
 
-        def solved(level: int, number: int, antisymmetric: bool = antisymmetric) -> Response:
+    def half(antisymmetric: bool) -> tuple[Response, Array]:
+        scale = np.array([1.0, lever, lever] if antisymmetric else [1.0, 1.0, lever])[:, None]
+
+        def solve(level: int, number: int) -> Response:
             return warm_half(meshes[level], plate, layers_of(stage, number, antisymmetric))
 
-        scale = np.array([1.0, lever, lever] if antisymmetric else [1.0, 1.0, lever])[:, None]
-        meshed, layered = coarser(
-            lambda *sizes, scale=scale, solved=solved: scale * solved(*sizes).compliance, resolution, layers
-        )
-        of_mesh = pose_bands(np.array(list(meshes), dtype=float), np.array(meshed), 1.0)
-        bands.append(abs(beyond) * (of_mesh + layer_bands(*layered)) / scale)
-        halves.append(solved(resolution, layers))
-        if progress is not None:
-            progress(f"{name}: {halves[-1].unknowns} unknowns")
-    loads, places = beyond * np.eye(3), [(halves[kind], at) for kind, at in PLACES]
-    stress = [neck_stresses(stage, half, loads[[at]]).highest[0] for half, at in places]
-    edges = [_clamped(stage, half, beyond * half.fields[at]) for half, at in places]
-    order = [at for _, at in PLACES[:3]]
-    warm = CaseArrays(
-        pose=beyond * halves[0].compliance.T[order], pose_band=bands[0].T[order], stress=stress, edges=edges
+        band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, resolution, layers)
+        return solve(resolution, layers), abs(beyond) * band / scale
+
+    (halves, bands) = zip(*on_meshes((False, True), half, progress), strict=True)
+    places, order = [(halves[kind], at) for kind, at in PLACES], [at for _, at in PLACES[:3]]
+    loads = beyond * np.eye(3)
+    solid = Answered(
+        {
+            "pose": beyond * halves[0].compliance.T[order],
+            "stress": [neck_stresses(stage, one, loads[[at]]).highest[0] for one, at in places],
+            "edges": [_clamped(stage, one, beyond * one.fields[at]) for one, at in places],
+            "tilt": beyond * halves[1].compliance[:, 2],
+        },
+        {"pose": bands[0].T[order], "tilt": bands[1][:, 2]},
     )
-    sheet = CaseArrays(pose=heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T)
-    tilt, tilt_band = beyond * halves[1].compliance[:, 2], bands[1][:, 2]
-    return sheet, warm, tilt, tilt_band, SolidWarmFields(stage, (halves[0], halves[1]))
+    sheet = Answered({"pose": heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T}, {})
+    return sheet, solid, SolidWarmFields(stage, (halves[0], halves[1]))
 
 
 def _clamped(stage: Stage, half: Response, field: Array) -> Array:
@@ -365,19 +311,6 @@ def _clamped(stage: Stage, half: Response, field: Array) -> Array:
     return largest_within(heights / heights[-1], edge_maxima(half.mesh, stress).T, 0.0, 1 - CORNER)
 
 
-def layer_bands(few: Array, many: Array) -> Array:
-    """Half-widths (3, cases) by the layers of poses (3, cases), all mm, by fewer and by more.
-
-    Notes
-    -----
-    The largest change of a case's components bounds all of them, times `SAFETY`; what is round-off by both has the
-    larger of its values.
-    """
-    largest = np.maximum(np.abs(few), np.abs(many))
-    common = SAFETY * np.max(np.abs(many - few), axis=0)
-    return np.asarray(np.where(largest <= ROUND_OFF * np.max(largest, axis=0), largest, common))
-
-
 def _unlike(chosen: ModelChoice) -> Array | None:
     """Poses (3 cases, 3) of the stage with chains made unlike, of each case the one that moves furthest in X and Y."""
     stage, found = chosen.stage, []
@@ -389,7 +322,7 @@ def _unlike(chosen: ModelChoice) -> Array | None:
         }
         try:
             other = stage.replace(override=necks)
-            found.append(by_network(chosen._replace(stage=other), expansion_of(other)).parts["pose"])
+            found.append(by_network(chosen._replace(stage=other), expansion_of(other)).values["pose"])
         except BadInput:  # a neck as wide as its link, or off the chart
             continue
     if not found:

@@ -80,16 +80,11 @@ def known_formulas() -> dict[str, KnownFormula]:
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
-    """Every formula over the calibrated hinge, the hinge chart: plane-stress finite elements.
+    """Every formula over the calibrated hinge, the hinge chart: plane-stress finite elements. Raises BadInput.
 
     Parameters
     ----------
     height : H/h, of the blocks over the notch, from 1 to 1e6.   poissons_ratio : from 0 to 0.5, acts on shear alone.
-
-    Raises
-    ------
-    BadInput
-        An argument is not in its range.
     """
     height = arguments.between("height", height, 1.0, HIGHEST)
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, 0.0, 0.5)
@@ -110,12 +105,7 @@ def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
 
     Parameters
     ----------
-    poissons_ratio : on the thickness chart, from 0.1 to 0.45.
-
-    Raises
-    ------
-    BadInput
-        It is not on the chart.
+    poissons_ratio : on the thickness chart, from 0.1 to 0.45; BadInput for another.
     """
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().series.ends[2])
     width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)

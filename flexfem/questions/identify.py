@@ -17,14 +17,13 @@ from flexfem.analytic.model import CALIBRATED, at_rest, best_model, hinge_compli
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.files.provenance import doubts
-from flexfem.files.refusals import checked_path
 from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import IDEAL, Fixture, Measurement, pole_share, pushes_of, read_compliance, read_measured
-from flexfem.questions.setup import about
+from flexfem.questions.fixture import IDEAL, Fixture, Measurement, measured_of, pushes_of
+from flexfem.questions.setup import about, question
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import Gate, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -40,7 +39,6 @@ DEPENDENT_NUMBERS = 0.98  # correlation: a fifth of what either number does is n
 RIGID = 1e-9  # of the stage's compliance: a fixture that adds no more is rigid but for round-off
 MAP = 121  # points of the map of chi square along each axis
 FITTED = Gate(1e-5, absolute=1e-9)  # by iterations
-STIFFNESS = ("n_per_mm", "n_per_mm", "n_mm_per_rad")
 CAUSES = ("neither", "necks alone", "fixture alone")
 
 
@@ -55,9 +53,9 @@ class Identification(Result):
     columns = ("slope",)
     labels: ClassVar = {"slope": ("measured", "as drawn", "fitted"), "cause": CAUSES}
     figure = "experiment.identification_figure"
-    slope = Quantity("slope", STIFFNESS, ("direction", "slope"), FITTED)
-    sd = Quantity("standard deviation of the measured slope", STIFFNESS, ("direction",))
-    stiffness = Quantity("stiffness of the fixture at the fit", STIFFNESS, ("direction",), FITTED)
+    slope = Quantity("slope", "stiffness", ("direction", "slope"), FITTED)
+    sd = Quantity("standard deviation of the measured slope", "stiffness", ("direction",))
+    stiffness = Quantity("stiffness of the fixture at the fit", "stiffness", ("direction",), FITTED)
     offset = Quantity("offset of all nine necks, positive wider", "um", gate=FITTED)
     offset_low = Quantity("its interval, from", "um", gate=FITTED)
     offset_high = Quantity("its interval, to", "um", gate=FITTED)
@@ -78,14 +76,6 @@ class Identification(Result):
     region_above = Quantity("chi square above its least", "", ("map x", "map y"), FITTED, "all", shown=False)
     region_limit = Quantity("joint limit of chi square", shown=False)
     finding: str = ""
-
-
-class Estimate(NamedTuple):
-    """A number that was fitted, and its interval; inf where the data set it no end."""
-
-    value: float
-    low: float
-    high: float
 
 
 class SlopeProblem(NamedTuple):
@@ -126,29 +116,25 @@ class Fit(NamedTuple):
 
 def fit(of: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
     """The numbers of least chi square, some of them fixed; looked for `near` some (1 + p,) when these are known."""
-    free = [k for k in range(len(of.ends)) if k not in fixed]
+    free = np.array([k for k in range(len(of.ends)) if k not in fixed], dtype=int)
     x = np.array([fixed.get(k, 0.0) for k in range(len(of.ends))])
-    if not free:
+    if not len(free):
         return Fit(x, float(np.sum(of.left(x) ** 2)))
     low, high = of.ends[free].T
-    size = np.where(np.array(free) == 0, np.ptp(of.ends[0]), high / SOFTEST)
-    x = x.copy()
+    size = np.where(free == 0, np.ptp(of.ends[0]), high / SOFTEST)
 
     def at(part: Array) -> Array:
         x[free] = part * size
         return x
 
-    starts = (
-        [np.where(np.array(free) == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / size]
-    )
-    ends, exact = (low / size, high / size), dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
+    starts = [np.where(free == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / size]
     tried = [
         least_squares(
             lambda part: of.left(at(part)),
-            np.clip(start, *ends),
+            np.clip(start, low / size, high / size),
             jac=lambda part: of.gradient(at(part))[:, free] * size,
-            bounds=ends,
-            **exact,
+            bounds=(low / size, high / size),
+            **dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12),
         )
         for start in starts
     ]
@@ -156,46 +142,36 @@ def fit(of: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None)
     return Fit(at(best.x), 2 * float(best.cost))
 
 
-def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> Estimate:
+def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> tuple[float, float]:
     """The profile-likelihood interval of one number; inf where its end, or that of the offset, is the range's."""
-    least = best.chi_square + float(chi2.ppf(level, 1))
+    least, found = best.chi_square + float(chi2.ppf(level, 1)), list[float]()
 
     def above(value: float) -> float:
         return fit(of, {k: value}, best.x).chi_square - least
 
-    found: list[float] = []
-    for end in of.ends[k]:
+    for end, unlimited in zip(of.ends[k], (-np.inf, np.inf), strict=True):
         if k > 0 and end == 0 and above(0.0) <= 0:
             found.append(0.0)
         elif abs(end - best.x[k]) <= AT_END * np.ptp(of.ends[k]) or above(end) <= 0:
-            found.append(-np.inf if end == of.ends[k][0] else np.inf)
+            found.append(unlimited)
         else:
             value = float(brentq(above, best.x[k], end, xtol=1e-8 * float(np.ptp(of.ends[k]))))
             offset = fit(of, {k: value}, best.x).x[0]
             bounded = np.min(np.abs(of.ends[0] - offset)) > AT_END * np.ptp(of.ends[0])
-            found.append(value if bounded else -np.inf if end == of.ends[k][0] else np.inf)
-    return Estimate(value=float(best.x[k]), low=found[0], high=found[1])
+            found.append(value if bounded else unlimited)
+    return found[0], found[1]
 
 
-def _jacobian(of: SlopeProblem, x: Array) -> Array:
-    """Sensitivities (m, 1 + p) of `left`, each column over its size."""
+def sensitivity(of: SlopeProblem, x: Array) -> tuple[int, float, float]:
+    """How many combinations of the numbers the data depend on, condition number and correlation; nan where not all."""
     J = of.gradient(x)
-    return np.asarray(J / np.linalg.norm(J, axis=0))
-
-
-def rank_of(of: SlopeProblem, x: Array) -> int:
-    """How many combinations of the numbers the data depend on."""
-    return int(np.linalg.matrix_rank(_jacobian(of, x), tol=1 / DEPENDENT))
-
-
-def sensitivity(of: SlopeProblem, x: Array) -> tuple[float | None, float | None]:
-    """Condition number and correlation, None where the data do not depend on the numbers independently."""
-    J = _jacobian(of, x)
-    if rank_of(of, x) < J.shape[1]:
-        return None, None
+    J = J / np.linalg.norm(J, axis=0)
+    rank = int(np.linalg.matrix_rank(J, tol=1 / DEPENDENT))
+    if rank < J.shape[1]:
+        return rank, np.nan, np.nan
     covariance = np.linalg.inv(J.T @ J)
     correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
-    return float(np.linalg.cond(J)), float(correlation)
+    return rank, float(np.linalg.cond(J)), float(correlation)
 
 
 class Alone(NamedTuple):
@@ -206,6 +182,7 @@ class Alone(NamedTuple):
     allowed: bool
 
 
+@question
 def identify(
     stage: Stage, measured: Path, *, unknown: Unknown | None = None, confidence: float = 95.0
 ) -> Identification:
@@ -213,8 +190,6 @@ def identify(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     measured : path, Fixture or Measurement
         File of measured slopes with standard deviations, with the set-up or alone.
     unknown : {"pole", "springs"}, optional
@@ -222,15 +197,7 @@ def identify(
         its place two springs, one in x and y and one in rotation; by default the pole where one is described.
     confidence : float
         Of the intervals, per cent, from 50 to 99.9.
-
-    Returns
-    -------
-    Identification
-
-    Raises
-    ------
-    BadInput
-        The file cannot be used, gives no slopes or standard deviations, or describes no pole that could be unknown.
+    {shared}
 
     Notes
     -----
@@ -243,23 +210,24 @@ def identify(
     if unknown not in (None, "pole", "springs"):
         raise BadInput(f"unknown {unknown!r}, expected pole or springs")
     level = arguments.between("confidence", confidence, 50.0, 99.9) / 100
-    given = measured if isinstance(measured, Fixture | Measurement) else read_measured(checked_path(measured))
+    given = measured_of(measured)
     warnings = list(warning.of_stage(stage))
     problem, nominal, columns, model = _problem(stage, given, unknown, warnings)
     best, count = fit(problem, {}), len(problem.ends)
     soft = problem.fixture @ best.x[1:]
-    estimates = [interval(problem, best, k, level) for k in range(count)]
-    alone = [_alone(problem, best, dropped, level) for dropped in (range(count), range(1, count), range(1))]
-    condition, correlation = sensitivity(problem, best.x)
-    dof = len(problem.axes) - (count if condition is not None else rank_of(problem, best.x))
+    low, high = np.transpose([interval(problem, best, k, level) for k in range(count)])
+    alone = []
+    for dropped in (range(count), range(1, count), range(1)):
+        one = fit(problem, dict.fromkeys(dropped, 0.0))
+        allowed = one.chi_square - best.chi_square <= float(chi2.ppf(level, len(dropped)))
+        alone.append(Alone(one.x, one.chi_square, bool(allowed)))
+    rank, condition, correlation = sensitivity(problem, best.x)
+    dof = len(problem.axes) - rank
     either = alone[1].allowed and alone[2].allowed
-    distinct = condition is not None and not either and not unexplained(best.chi_square, dof)
-    marks = [best.x[:2], *(each.numbers[:2] for each in alone)]
-    ends = np.array([[getattr(each, end) for each in estimates[:2]] for end in ("low", "high")])
-    offsets, numbers, above = _region(
-        problem, np.vstack([marks, np.where(np.isinf(ends), np.nan, ends)]), best.chi_square
-    )
-    if correlation is not None and abs(correlation) > DEPENDENT_NUMBERS:
+    distinct = rank == count and not either and not unexplained(best.chi_square, dof)
+    marks = np.array([best.x[:2], *(each.numbers[:2] for each in alone), low[:2], high[:2]])
+    region = _region(problem, np.where(np.isinf(marks), np.nan, marks), best.chi_square)
+    if abs(correlation) > DEPENDENT_NUMBERS:
         warnings.append(
             f"the correlation of offset and fixture is {correlation:+.4f}: small differences between the directions "
             "tell them apart, which errors of the model and unequal necks make as well"
@@ -272,7 +240,8 @@ def identify(
         return found
 
     stiff = np.where(soft > RIGID / nominal, 1 / np.maximum(soft, 1e-300), np.inf)
-    sentence = finding(best, dof, alone, distinct, estimates[1] if columns[0] == "pole" else None)
+    within = columns[0] == "pole" and bool(low[1] <= 1 <= high[1])
+    sentence = finding(best, dof, alone, distinct, within)
     said = doubts([("", stage), ("measured: ", given)])
     found = Identification(
         about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
@@ -280,30 +249,21 @@ def identify(
             "slope": np.stack([spread(each) for each in (problem.slope, nominal, problem.slopes(best.x))], axis=1),
             "sd": spread(problem.sd),
             "stiffness": spread(stiff),
-            **dict(zip(("offset", "offset_low", "offset_high"), estimates[0], strict=True)),
-            **{
-                name: [getattr(each, part) for each in estimates[1:]]
-                for name, part in (("fixture", "value"), ("fixture_low", "low"), ("fixture_high", "high"))
-            },
+            **{"offset": best.x[0], "offset_low": low[0], "offset_high": high[0]},
+            **{"fixture": best.x[1:], "fixture_low": low[1:], "fixture_high": high[1:]},
             "chi_square": best.chi_square,
             "dof": dof,
-            "condition": np.nan if condition is None else condition,
-            "correlation": np.nan if correlation is None else correlation,
+            "condition": condition,
+            "correlation": correlation,
             "distinct": float(distinct),
             "allowed": [float(each.allowed) for each in alone],
             "cause_chi_square": [each.chi_square for each in alone],
             "cause_offset": [each.numbers[0] for each in alone],
             "cause_fixture": [each.numbers[1:] for each in alone],
-            "region_offset": offsets,
-            "region_fixture": numbers,
-            "region_above": above,
+            **dict(zip(("region_offset", "region_fixture", "region_above"), region, strict=True)),
             "region_limit": float(chi2.ppf(level, 2)),
         },
-        axes={
-            "number": columns,
-            "map x": [str(k) for k in range(MAP)],
-            "map y": [str(k) for k in range(MAP)],
-        },
+        axes={"number": columns} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
         settings={"measured": given.name, "analytic model": model, "confidence": f"{100 * level:g} %"},
         warnings=warnings,
         notes=[sentence, "intervals by profile likelihood; unlimited where the data set no end"],
@@ -325,12 +285,11 @@ def _problem(
     if missing:
         raise BadInput(f"{', '.join(missing)}: expected, for without it no interval can be given", measured.name)
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
-    pole = pole_share(pushes)
+    offsets, C, model = _stages(stage, warnings)
+    own, pole, bar = pushes.shares(C)
     if unknown == "pole" and not np.any(pole[axes] > 0):
         raise BadInput('unknown "pole", expected springs: no pole is in these readings', measured.name)
-    bare = pushes._replace(pole=np.zeros_like(pushes.pole))
-    offsets, C, model = _stages(stage, warnings)
-    read = read_compliance(bare, C)[:, axes]
+    read = (own + bar)[:, axes]
     if not np.all(read > 0):
         raise ComputationFailed(f"{measured.name}: a slope of this stage on a rigid fixture is not positive")
     spline = CubicSpline(offsets, np.log(read))
@@ -338,8 +297,8 @@ def _problem(
     if unknown != "springs" and np.any(pole[axes] > 0):
         columns, fixture = ["pole"], pole[axes, None]
     else:
-        columns = [name for name, own in (("translation", axes < 2), ("rotation", axes == 2)) if np.any(own)]
-        fixture = np.column_stack([own for own in (axes < 2, axes == 2) if np.any(own)]).astype(float)
+        springs = {name: part for name, part in (("translation", axes < 2), ("rotation", axes == 2)) if np.any(part)}
+        columns, fixture = list(springs), np.column_stack(list(springs.values())).astype(float)
     most = SOFTEST / np.max(fixture / at[:, None], axis=0)
     ends = np.array([[offsets[0], offsets[-1]], *([0.0, one] for one in most)])
     return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, ends), 1 / at, columns, model
@@ -362,13 +321,6 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     if np.count_nonzero(kept) < GRID // 4:
         raise ComputationFailed(f"stage {stage.name!r}: no model has an answer for other necks")
     return offsets[kept], inverse(found.stiffness[kept]), chosen.name
-
-
-def _alone(of: SlopeProblem, best: Fit, dropped: range, level: float) -> Alone:
-    """The best fit with some numbers at zero."""
-    one = fit(of, dict.fromkeys(dropped, 0.0))
-    allowed = one.chi_square - best.chi_square <= float(chi2.ppf(level, len(dropped)))
-    return Alone(one.x, one.chi_square, bool(allowed))
 
 
 def _region(of: SlopeProblem, marks: Array, least: float) -> tuple[Array, Array, Array]:
@@ -397,10 +349,10 @@ def unexplained(chi_square: float, dof: int) -> bool:
     return dof > 0 and bool(chi2.sf(chi_square, dof) < POOR)
 
 
-def finding(best: Fit, dof: int, alone: list[Alone], distinct: bool, pole: Estimate | None) -> str:
-    """What the data say, in a sentence or two; `pole` as fitted, where the set-up describes one."""
+def finding(best: Fit, dof: int, alone: list[Alone], distinct: bool, pole: bool) -> str:
+    """What the data say, in a sentence or two; `pole`: that as described is within its interval."""
     um, offset = MICROMETRE.factor, alone[1].numbers[0]
-    necks = f"necks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
+    necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
     neither, by_necks, by_fixture = (each.allowed for each in alone)
     if unexplained(best.chi_square, dof):
         usual = f"where chance goes beyond {chi2.isf(POOR, dof):.3g} once in {1 / POOR:.0f}"
@@ -409,16 +361,16 @@ def finding(best: Fit, dof: int, alone: list[Alone], distinct: bool, pole: Estim
             "Look at the standard deviations, or for another cause."
         )
     if not distinct:
-        nothing = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
         more = {
-            (True, True): f" {necks[0].upper()}{necks[1:]} alone and a soft fixture alone both agree with them.",
-            (True, False): f" {necks[0].upper()}{necks[1:]} alone agree with them, a soft fixture alone does not.",
+            (True, True): f" N{necks} alone and a soft fixture alone both agree with them.",
+            (True, False): f" N{necks} alone agree with them, a soft fixture alone does not.",
             (False, True): " A soft fixture alone agrees with them, no neck offset alone does.",
-        }
-        return "These data cannot tell them apart." + (nothing if neither else more.get((by_necks, by_fixture), ""))
+        }.get((by_necks, by_fixture), "")
+        nothing = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
+        return f"These data cannot tell them apart.{nothing if neither else more}"
     if by_necks:
-        return f"The necks explain the data: {necks}, and no soft fixture alone does."
+        return f"The necks explain the data: n{necks}, and no soft fixture alone does."
     if by_fixture:
         return "A soft fixture explains the data, and no neck offset alone does."
     both = "Both are needed: neither a neck offset nor a soft fixture alone explains the data."
-    return both + (" The pole as described is within its interval." if pole and pole.low <= 1 <= pole.high else "")
+    return both + (" The pole as described is within its interval." if pole else "")

@@ -21,7 +21,7 @@ from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Models, about, mesh_of, meshed, solved
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question, solved
 from flexfem.questions.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads, scaled
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
@@ -53,13 +53,12 @@ class Life(Result):
     amplitude = Quantity("amplitude of the stress", "mpa", NECK, STRESS, "all", shown=False)
     mean = Quantity("mean of the stress", "mpa", NECK, STRESS, "all", shown=False)
     cycles = Quantity("cycles of each neck", "", NECK, Gate(0.05), shown=False)
-    largest = Quantity(
-        "amplitude for the wanted life", ("mm", "mm", "rad"), ("model", "direction"), STRESS, prefixed=True
-    )
+    largest = Quantity("amplitude for the wanted life", "motion", ("model", "direction"), STRESS, prefixed=True)
     law: Basquin  # for figures, as is the yield strength, MPa
     yield_strength: float
 
 
+@question
 def life(
     stage: Stage,
     *,
@@ -79,8 +78,6 @@ def life(
 
     Parameters
     ----------
-    stage : Stage
-        The stage, whose material states its fatigue constants unless a law or a fit is given.
     amplitude : tuple of float
         Amplitude of the platform's pose about its mean: mm, mm, rad; the platform is held in all directions.
     mean : tuple of float, optional
@@ -97,25 +94,7 @@ def life(
     notch_sensitivity : float
         q from 0 to 1: (1 + q (K - 1)) / K of the stress at a notch of concentration K counts for fatigue, all of it for
         yield.
-    models : {"both", "analytic", "elements"}
-        The models that answer.
-    analytic : Analytic
-        The analytic model.
-    resolution : int, optional
-        Triangles across every neck on the finest of three meshes, from 4.
-    progress : callable, optional
-        Called with a line whenever a mesh is done.
-
-    Returns
-    -------
-    Life
-
-    Raises
-    ------
-    BadInput
-        The material has no fatigue constants, a number is not possible, or the stage cannot be made.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
 
     Examples
     --------
@@ -139,50 +118,38 @@ def life(
     asked = Repeated(scaled(moved, middle, -1.0 if ratio is None else float(ratio)), wanted, sensitivity)
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
-    found: dict[str, dict[str, Any]] = {}
-    bands: dict[str, Array] = {}
-    name = None
+    found, name = dict[str, Answered](), None
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
         above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
         known = chosen.formula == CALIBRATED and above is not None  # off its chart nothing was compared
         error = (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1) if known and above else None
         strained, name = by_model(chosen.stage, analyse(*chosen), asked), chosen.name
-        found[ANALYTIC] = _answer(stage, strained, asked, taken, error)
+        found[ANALYTIC] = Answered(_answer(stage, strained, asked, taken, error), {})
     if mesh is not None:
-        steps, strains = levels(mesh.resolution), []
-        for step in steps:
-            strains.append(by_elements(stage, solved(stage, step), asked))
-            if progress is not None:
-                progress(f"{solved(stage, step).unknowns} unknowns")
+        steps = levels(mesh.resolution)
+        strains = on_meshes(steps, lambda step: by_elements(stage, solved(stage, step), asked), progress)
         highest = np.array([float(np.max(each.equivalent(taken.walker))) for each in strains])
         band = float(stress_bands(np.array(steps, dtype=float), highest))
         share = band / highest[-1] if highest[-1] > 0 else 0.0
-        found[ELEMENTS] = _answer(stage, strains[-1], asked, taken, (-share, share))
-        bands["equivalent"] = np.full((len(found), 3, 3), np.nan)
-        bands["equivalent"][-1] = np.where(found[ELEMENTS]["equivalent"] == highest[-1], band, np.nan)
+        values = _answer(stage, strains[-1], asked, taken, (-share, share))
+        bands = np.where(values["equivalent"] == highest[-1], band, np.nan)
+        found[ELEMENTS] = Answered(values, {"equivalent": bands})
     for model, one in found.items():
-        warnings += _warnings(stage, asked, taken, model, one)
+        warnings += _warnings(stage, asked, taken, model, one.values)
     motion = asked.motion
     end = np.abs(motion.mean) + np.abs(motion.amplitude)
     warnings += [*warning.of_motion(stage, end, "farthest pose"), *of_preloads(stage)]
-    result = Life(
-        about(stage),
-        {key: np.stack([one[key] for one in found.values()]) for key in next(iter(found.values()))},
-        bands,
-        {"model": tuple(found)},
-        {
-            "material": stage.material.name,
-            "amplitude": _pose(motion.amplitude),
-            "about": _pose(motion.mean),
-            "wanted cycles": f"{wanted:g}",
-            "notch sensitivity": sensitivity,
-            "analytic model": name,
-        }
-        | meshed(mesh),
-        list(dict.fromkeys(warnings)),
-        [_law_said(taken, source), *notes, LEFT_OUT],
-    )
+    settings = {
+        "material": stage.material.name,
+        "amplitude": _pose(motion.amplitude),
+        "about": _pose(motion.mean),
+        "wanted cycles": f"{wanted:g}",
+        "notch sensitivity": sensitivity,
+        "analytic model": name,
+    }
+    notes = [_law_said(taken, source), *notes, LEFT_OUT]
+    result = answer(Life, stage, found, mesh, settings, warnings=warnings, notes=notes)
     result.law, result.yield_strength = taken, stage.material.yield_strength
     return result
 
@@ -219,13 +186,11 @@ def _answer(
     stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float] | None
 ) -> dict[str, Any]:
     """The quantities of one model; the true stress may be off by `error`, from and to."""
-    amplitude, mean, stress, peak = (np.zeros(9) for _ in range(4))
     points, magnitudes = of.equivalent(law.walker), of.peak()
-    for neck in range(9):
-        here = np.flatnonzero(of.neck == neck)
-        worst = here[int(np.argmax(points[here]))]
-        amplitude[neck], mean[neck], stress[neck] = of.amplitude[worst], of.mean[worst], points[worst]
-        peak[neck] = np.max(magnitudes[here])
+    necks = [np.flatnonzero(of.neck == neck) for neck in range(9)]
+    worst = np.array([here[int(np.argmax(points[here]))] for here in necks])
+    amplitude, mean, stress = of.amplitude[worst], of.mean[worst], points[worst]
+    peak = np.array([np.max(magnitudes[here]) for here in necks])
     highest = float(np.max(stress))
     ends = (math.nan, math.nan) if error is None else tuple(float(law.cycles((1 + e) * highest)) for e in error)
     proportional = asked.motion.proportional
@@ -275,16 +240,16 @@ def _law_said(law: Basquin, source: str) -> str:
 
 def _fit_said(of: BasquinFit) -> list[str]:
     """The fitted law with its intervals."""
-
-    def interval(ends: tuple[float, float] | None) -> str:
-        if ends is None:
-            return f"no interval: at {of.confidence:g} % life may not fall with stress"
-        return f"{of.confidence:g} % interval {ends[0]:.4g} to {ends[1]:.4g}"
-
+    coefficient, exponent = (
+        f"{of.confidence:g} % interval {ends[0]:.4g} to {ends[1]:.4g}"
+        if ends
+        else f"no interval: at {of.confidence:g} % life may not fall with stress"
+        for ends in (of.coefficient_interval, of.exponent_interval)
+    )
     return [
         f"fit through {of.points} points from {of.range[0]:.4g} to {of.range[1]:.4g} cycles, sigma_a = sigma'_f (2 N)"
-        f"^b = A N^b: sigma'_f = {of.coefficient:.5g} MPa, {interval(of.coefficient_interval)}; b = {of.exponent:.4g}, "
-        f"{interval(of.exponent_interval)}; A = {of.A:.5g} MPa; standard deviation of log10 N {of.scatter:.3g}"
+        f"^b = A N^b: sigma'_f = {of.coefficient:.5g} MPa, {coefficient}; b = {of.exponent:.4g}, {exponent}; "
+        f"A = {of.A:.5g} MPa; standard deviation of log10 N {of.scatter:.3g}"
     ]
 
 

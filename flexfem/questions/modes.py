@@ -6,8 +6,9 @@ whatever plane problem the stage states, and modes out of the plane are found to
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_m
 from flexfem.analytic.responses import dynamics, engaged
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import Sector, StageMesh, build_mesh, mesh_sectors
+from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
 from flexfem.fem.modes import Modes as ModesOfStructure
 from flexfem.fem.modes import VibratingStructure, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
@@ -38,13 +39,12 @@ from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
 from flexfem.questions.dynamic_model import DynamicModel, reduced_dynamics
-from flexfem.questions.setup import Models, about, mesh_of, meshed
+from flexfem.questions.setup import Answered, Models, about, answer, mesh_of, on_meshes, question
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, FRESH, SOLID, Gate, Progress, Quantity, Result
+from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
-SHEET = "plane stress"  # label of the plane problem beside three dimensions
 BASES = ("x", "y", "theta")
 ALL_BASES = (*BASES, "z", "tilt x", "tilt y")
 KINDS = ("in plane", "out of plane")
@@ -164,6 +164,7 @@ class SolidVibration(NamedTuple):
         return [path]
 
 
+@question
 def modes(
     stage: Stage,
     *,
@@ -181,8 +182,6 @@ def modes(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     count : int
         How many modes, from the lowest.
     payload : tuple of float
@@ -194,25 +193,9 @@ def modes(
         Whether the stacks stiffen the stage; they hold their strokes, and their mass is left out.
     damping : float
         Damping of every mode, % of critical, in the reduced models; assumed.
-    models : {"both", "analytic", "elements"}
-        The models that answer.
-    resolution : int, optional
-        Triangles across every neck on the finest of three meshes, from 4.
     layers : int, optional
         Three dimensions with so many layers in half the thickness, from 3; also modes out of the plane.
-    progress : callable, optional
-        Called with a line whenever a mesh is done.
-
-    Returns
-    -------
-    NaturalModes
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made, the payload cannot be, or drives are engaged that the stage does not have.
-    ComputationFailed
-        A mesh or a solution does not pass its checks.
+    {shared}
 
     Examples
     --------
@@ -222,16 +205,16 @@ def modes(
     array([131., 131., 194.])
     """
     check_feasible(stage)
-    solid = layers is not None
-    if solid and models != "analytic" and resolution is None:
+    in_depth = layers is not None
+    if in_depth and models != "analytic" and resolution is None:
         resolution = SOLID_RESOLUTION
     mesh = mesh_of(models, resolution, layers)
-    count = arguments.integer("count", count, MOST_SOLID if solid else MOST)
-    load = _payload(payload, tilting, solid)
+    count = arguments.integer("count", count, MOST_SOLID if in_depth else MOST)
+    load = _payload(payload, tilting, in_depth)
     ratio = arguments.positive("damping", damping, MOST_DAMPING) / 100
     if drives not in ("disengaged", "engaged"):
         raise BadInput(f"drives {drives!r}, expected disengaged or engaged")
-    if drives == "engaged" and solid:
+    if drives == "engaged" and in_depth:
         raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
     if drives == "engaged" and not stage.actuator:
         with located(stage):
@@ -239,46 +222,29 @@ def modes(
     warnings = list(warning.of_stage(stage))
     drawn = drawn_inertia(stage).matrix + payload_matrix(load)
     values = {"mass": drawn[0, 0], "inertia": drawn[2, 2], "hub_mass": hub_moments(stage)[0] * mass_per_area(stage)}
-    frequencies: dict[str, Array] = {}
-    band, labels = None, tuple(str(k) for k in range(1, count + 1))
+    rigid = {} if models == "elements" else analytic_frequencies(stage, load, drives, warnings)
+    warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
+    elements, places, notes = dict[str, Answered](), list(range(count)), list[str]()
+    axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in places]}
     fields: PlaneVibration | SolidVibration | None = None
-    if models != "elements":
-        frequencies = analytic_frequencies(stage, load, drives, warnings)
-        warnings += [ABOVE_THIRD] * (count > RIGID_MODES)
-    axes: dict[str, tuple[str, ...]] = {}
     if mesh is not None and mesh.layers:
-        found = _in_three_dimensions(stage, load, count, mesh.resolution, mesh.layers, progress)
-        frequencies |= {SHEET: found.sheet, SOLID: found.frequency}
-        values |= found.values
-        band, fields, axes = found.bands, found.fields, {"base": ALL_BASES}
-        labels = tuple(f"{k + 1} {KINDS[kind]}" for k, (kind, _) in enumerate(found.fields.chosen))
-        if models != "elements":  # analytic models are plane: theirs are beside the modes in the plane
-            flat = [k for k, (kind, _) in enumerate(found.fields.chosen) if kind == 0]
-            for name in (name for name in frequencies if name not in (SHEET, SOLID)):
-                frequencies[name] = _placed(frequencies[name], flat, count)
+        elements, others, solid = _in_three_dimensions(stage, load, count, mesh.resolution, mesh.layers, progress)
+        fields, values = solid, values | others
+        places = [k for k, (kind, _) in enumerate(solid.chosen) if kind == 0]  # analytic models are plane
+        axes = {"mode": [f"{k + 1} {KINDS[kind]}" for k, (kind, _) in enumerate(solid.chosen)], "base": ALL_BASES}
         warnings += [*warning.held_faces(stage), *([AT_ITS_PLACE] if any(load) else [])]
     elif mesh is not None:
-        plane, bands, share, whole = _in_plane(stage, load, drives, count, mesh.resolution, ratio, progress)
-        frequencies[ELEMENTS], fields, band = plane.modes.frequencies, plane, bands
-        values |= {"share": share, "meshed_mass": whole}
+        elements, others, plane = _in_plane(stage, load, drives, count, mesh.resolution, ratio, progress)
+        fields, values, notes = plane, values | others, [plane.reduced.truncation_note]
         warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drives == "engaged")]
-    values["frequency"] = np.stack([_padded(each, count) for each in frequencies.values()], axis=1)
-    shown = np.full_like(values["frequency"], np.nan)
-    if band is not None:
-        shown[:, -1] = band
-    settings = {"drives": drives, "payload": _said(load) if any(load) else None} | meshed(mesh)
-    return NaturalModes(
-        about(stage, drive=drives == "engaged"),
-        values,
-        {"frequency": shown},
-        {"mode": labels, "model": tuple(frequencies), **axes},
-        settings,
-        list(dict.fromkeys(warnings)),
-        [fields.reduced.truncation_note] if isinstance(fields, PlaneVibration) else [],
-        fields,
-    )
+    found = {name: Answered({"frequency": _placed(each, places, count)}, {}) for name, each in rigid.items()} | elements
+    said = f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2" if any(load) else None
+    settings = {"drives": drives, "payload": said}
+    of = about(stage, drive=drives == "engaged")
+    return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, notes=notes, fields=fields)
 
 
+@question
 def dynamic_model(
     stage: Stage,
     count: int = 12,
@@ -291,17 +257,11 @@ def dynamic_model(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     count : int
         How many modes are kept; what the others do at rest is added.
-    payload, drives, damping, resolution
+    payload, drives, damping
         As of `modes`.
-
-    Raises
-    ------
-    BadInput, ComputationFailed
-        As `modes`.
+    {shared}
 
     Notes
     -----
@@ -331,21 +291,11 @@ def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
     return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
-def _said(load: Payload) -> str:
-    return f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2"
-
-
-def _padded(values: Array, count: int) -> Array:
-    """The first values, nan where there are fewer or a model has no such freedom."""
+def _placed(values: Array, places: Sequence[int], count: int) -> Array:
+    """The first values at places, nan elsewhere, where there are fewer, and where a model has no such freedom."""
     found = np.full(count, np.nan)
-    known = np.asarray(values[:count])
-    found[: len(known)] = np.where(np.isfinite(known), known, np.nan)
-    return found
-
-
-def _placed(values: Array, places: list[int], count: int) -> Array:
-    found = np.full(count, np.nan)
-    found[places] = _padded(values, len(places))
+    for place, value in zip(places, values, strict=False):
+        found[place] = value if np.isfinite(value) else np.nan
     return found
 
 
@@ -382,62 +332,52 @@ def _in_plane(
     resolution: int,
     damping: float,
     progress: Progress | None,
-) -> tuple[PlaneVibration, Array, Array, float]:
-    """Modes on the finest of three plane meshes, bands (k,), effective masses (k, 3), % of the whole, and the mass."""
-    frequencies = []
-    for level in levels(resolution):
-        found = vibrating(stage, build_mesh(stage, level), payload, drives)
-        solved = modes_of(found, count)
-        frequencies.append(solved.frequencies)
-        if progress is not None:
-            progress(f"{found.size} unknowns")
-    steps = np.array(levels(resolution))
-    bands = np.array([frequency_convergence(steps, each).band for each in np.transpose(frequencies)])
-    whole = solved.total
-    share = 100 * solved.participation**2 / np.diag(whole)
-    reduced = reduced_dynamics(found, solved, damping, drive_of(stage) if drives == "engaged" else None)
-    return PlaneVibration(found, solved, reduced), bands, share, float(whole[0, 0])
+) -> tuple[dict[str, Answered], dict[str, Any], PlaneVibration]:
+    """Modes on the finest of three plane meshes, and what has no axis of models."""
 
+    def solve(level: int) -> tuple[VibratingStructure, ModesOfStructure]:
+        of = vibrating(stage, build_mesh(stage, level), payload, drives)
+        return of, modes_of(of, count)
 
-class _Solid(NamedTuple):
-    """Modes in three dimensions: frequencies and bands (k,), of the same shapes in plane stress, and other values."""
-
-    frequency: Array
-    bands: Array
-    sheet: Array
-    values: dict[str, Array]
-    fields: SolidVibration
-
-
-class _Half(NamedTuple):
-    """Modes of one mirror half on the finest mesh, and bands (k,) by the mesh in the plane and by the layers."""
-
-    modes: ModesOfStructure
-    plane: Array
-    thickness: Array
+    steps = levels(resolution)
+    meshes = on_meshes(steps, solve, progress)
+    of, found = meshes[-1]
+    bands = frequency_bands(steps, [each.frequencies for _, each in meshes])
+    reduced = reduced_dynamics(of, found, damping, drive_of(stage) if drives == "engaged" else None)
+    values = {"share": 100 * found.participation**2 / np.diag(found.total), "meshed_mass": found.total[0, 0]}
+    elements = Answered({"frequency": found.frequencies}, {"frequency": bands})
+    return {ELEMENTS: elements}, values, PlaneVibration(of, found, reduced)
 
 
 def _in_three_dimensions(
     stage: Stage, payload: Payload, count: int, resolution: int, layers: int, progress: Progress | None
-) -> _Solid:
-    """The lowest modes of both kinds together."""
-    meshes = {level: mesh_sectors(stage, level) for level in levels(resolution)}
+) -> tuple[dict[str, Answered], dict[str, Any], SolidVibration]:
+    """The lowest modes of both kinds together; bands are shares of the frequency on the meshes that they are from."""
+    steps, plate, density = levels(resolution), sheet_of(stage), stage.material.density * DENSITY
+    meshes = {level: mesh_sectors(stage, level) for level in steps}
     loads = carried(stage, payload), carried_out_of_plane(stage, payload)
-    halves = []
-    for name, load, antisymmetric in zip(KINDS, loads, (False, True), strict=True):
-        halves.append(_half(stage, meshes, layers, load, antisymmetric, count))
-        if progress is not None:
-            progress(f"{name}: {halves[-1].modes.unknowns} unknowns")
-    every = np.concatenate([half.modes.frequencies for half in halves])
+
+    def half(kind: int) -> tuple[ModesOfStructure, Array, Array]:
+        def solve(level: int, number: int) -> ModesOfStructure:
+            return stage_modes(meshes[level], plate, layers_of(stage, number, kind == 1), density, loads[kind], count)
+
+        by_mesh, (few, many) = coarser(lambda *sizes: solve(*sizes).frequencies, resolution, layers)
+        of = solve(resolution, layers)
+        plane = of.frequencies * frequency_bands(steps, by_mesh) / by_mesh[-1]
+        return of, plane, of.frequencies * SAFETY * np.abs(many - few) / many
+
+    halves = on_meshes((0, 1), half, progress)
+    flat, tilting = halves[0][0], halves[1][0]
+    every = np.concatenate([flat.frequencies, tilting.frequencies])
     chosen = [divmod(int(k), count) for k in np.argsort(every, kind="stable")][:count]
-    sheet = _in_plane_stress(stage, halves[0].modes, loads[0], count)
+    frequency, plane, thickness = np.transpose(
+        [(halves[kind][0].frequencies[k], halves[kind][1][k], halves[kind][2][k]) for kind, k in chosen]
+    )
+    sheet = _in_plane_stress(stage, flat, loads[0], count)
     share = np.zeros((count, len(ALL_BASES)))
     for number, (kind, k) in enumerate(chosen):
-        of = halves[kind].modes
+        of = halves[kind][0]
         share[number, 3 * kind : 3 * kind + 3] = 100 * of.participation[k] ** 2 / np.diag(of.total)
-    flat, tilting = halves[0].modes, halves[1].modes
-    plane = np.array([halves[kind].plane[k] for kind, k in chosen])
-    thickness = np.array([halves[kind].thickness[k] for kind, k in chosen])
     values = {
         "share": share,
         "band_plane": plane,
@@ -446,27 +386,11 @@ def _in_three_dimensions(
         "meshed_mass": flat.total[0, 0],
         "first_out_of_plane": tilting.frequencies[0],
     }
-    frequency = np.array([halves[kind].modes.frequencies[k] for kind, k in chosen])
-    beside = np.array([np.nan if kind else sheet[k] for kind, k in chosen])
-    return _Solid(frequency, plane + thickness, beside, values, SolidVibration((flat, tilting), chosen))
-
-
-def _half(
-    stage: Stage, meshes: dict[int, tuple[Sector, ...]], layers: int, load: Array, antisymmetric: bool, count: int
-) -> _Half:
-    """Modes of one half; bands are shares of the frequency on the meshes that they are from."""
-    plate, density = sheet_of(stage), stage.material.density * DENSITY
-
-    def solved(level: int, number: int) -> ModesOfStructure:
-        return stage_modes(meshes[level], plate, layers_of(stage, number, antisymmetric), density, load, count)
-
-    finest = max(meshes)
-    by_mesh, (few, many) = coarser(lambda *sizes: solved(*sizes).frequencies, finest, layers)
-    of = solved(finest, layers)
-    steps = np.array(levels(finest))
-    bands = np.array([frequency_convergence(steps, each).band for each in np.transpose(by_mesh)])
-    plane = of.frequencies * bands / by_mesh[-1]
-    return _Half(of, plane, of.frequencies * SAFETY * np.abs(many - few) / many)
+    models = {
+        SHEET: Answered({"frequency": np.array([np.nan if kind else sheet[k] for kind, k in chosen])}, {}),
+        SOLID: Answered({"frequency": frequency}, {"frequency": plane + thickness}),
+    }
+    return models, values, SolidVibration((flat, tilting), chosen)
 
 
 def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int) -> Array:
@@ -482,6 +406,11 @@ def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int
         if overlap[best] > SAME_SHAPE:
             found[k] = solved.frequencies[best]
     return found
+
+
+def frequency_bands(resolutions: Sequence[int], frequencies: Sequence[Array]) -> Array:
+    """Bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
+    return np.array([frequency_convergence(np.array(resolutions), each).band for each in np.transpose(frequencies)])
 
 
 def frequency_convergence(resolutions: Array, values: Array) -> Convergence:

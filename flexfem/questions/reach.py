@@ -32,8 +32,6 @@ from flexfem.questions.driven import (
     LIMITS,
     SINGULAR,
     Driven,
-    NeckForces,
-    NeckSections,
     limits_of,
     limits_of_necks,
     neck_forces,
@@ -241,12 +239,11 @@ def limits_of_commands(first: Commanding, of: Driven, drive: StageDrive, load: A
         strength. The preloads of a pair bear on each other; that of a single stack stresses the necks.
     """
     stage, frames, necks = first.stage, stage_frames(first.stage), first.model.necks
-    at = NeckSections(*(each[0] for each in sections_of(lower(stage))))
     force = drive.preload - of.Y @ of.C[3:, :3] @ load
     carried = neck_forces(frames, (necks @ np.concatenate([load, force]))[..., None])
     strength = stage.material.yield_strength * (1 - warning.YIELD_MARGIN[stage.model])
-    at_rest = NeckForces(*(each[..., 0] for each in carried))
-    yields = limits_of_necks(at, per_command(of, frames, necks), at_rest, strength)
+    at = sections_of(lower(stage))[:, 0]
+    yields = limits_of_necks(at, per_command(of, frames, necks), carried[..., 0], strength)
     own = limits_of(of, drive, load)
     every = [*(own[kind] for kind in LIMITS), yields]
     names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]

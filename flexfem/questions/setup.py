@@ -1,20 +1,58 @@
-"""What every question takes: the analytic model, the models that answer, the meshes; and what its result is of."""
+"""What questions have in common: arguments and their description, models, meshes, and how answers make a result."""
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple, TypeAlias
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
+
+import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose, model_of
+from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.results import About
+from flexfem.results import AXES, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
+Found = TypeVar("Found")
+Step = TypeVar("Step")
+Kind = TypeVar("Kind", bound=Result)
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+SHARED = {
+    "stage : Stage": "The stage.",
+    'models : {"both", "analytic", "elements"}': "The models that answer.",
+    "analytic : Analytic": "The analytic model.",
+    "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
+    "layers : int, optional": "Three dimensions with so many layers in half the thickness, from 3.",
+    "progress : callable, optional": "Called with a line whenever a part is done.",
+}
+RAISES = """
+BadInput
+    The stage cannot be made, the analytic model does not suit it, or an argument or a file is not possible.
+ComputationFailed
+    The stage is at a singular configuration, or a mesh or a solution does not pass its checks."""
+
+
+def question(function: Function) -> Function:
+    """Complete a docstring where it has `{shared}`: parameters that questions share, what they return and raise."""
+    text = inspect.cleandoc(function.__doc__ or "")
+    missing = {
+        head: said
+        for head, said in SHARED.items()
+        if (name := head.split()[0]) in inspect.signature(function).parameters and f"\n{name} :" not in text
+    }
+    shared = [line for head, said in missing.items() for line in (head, f"    {said}")]
+    returns = ["", "Returns", "-------", str(function.__annotations__["return"]), "", "Raises", f"------{RAISES}"]
+    function.__doc__ = text.replace("{shared}", "\n".join([*shared, *returns]))
+    return function
 
 
 class Analytic(NamedTuple):
@@ -50,10 +88,7 @@ DEFAULT = Analytic()
 
 
 class Mesh(NamedTuple):
-    """The finest mesh of finite elements: triangles across every neck, and layers in half the thickness.
-
-    layers : 0 in the plane.
-    """
+    """The finest mesh: triangles across every neck, and layers in half the thickness, 0 in the plane."""
 
     resolution: int
     layers: int
@@ -62,19 +97,9 @@ class Mesh(NamedTuple):
 def mesh_of(
     models: Models, resolution: int | None, layers: int | None, least: int = 4, least_solid: int = 4
 ) -> Mesh | None:
-    """The mesh that was asked for, None without finite elements.
+    """The mesh that was asked for, at least so fine in the plane and in three dimensions; None without elements.
 
-    Parameters
-    ----------
-    layers : int or None
-        None in the plane, otherwise three dimensions.
-    least, least_solid : int
-        Least resolutions in the plane and in three dimensions.
-
-    Raises
-    ------
-    BadInput
-        A mesh without finite elements, or one that is too coarse or too fine.
+    Raises BadInput for a mesh without finite elements, and for one that is too coarse or too fine.
     """
     if models == "analytic":
         for name, value in (("resolution", resolution), ("layers", layers)):
@@ -93,6 +118,16 @@ def solved(stage: Stage, resolution: int) -> Response:
     return unit_response(mesh_sectors(stage, resolution), plate_of(stage))
 
 
+def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Found], progress: Progress | None = None) -> list[Found]:
+    """What `solve` gives for each resolution, coarse to fine, or for each of other steps."""
+    found = []
+    for level in steps:
+        found.append(solve(level))
+        if progress is not None:
+            progress(f"{len(found)} of {len(steps)} meshes")
+    return found
+
+
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     """A mesh as settings of a result."""
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
@@ -104,3 +139,45 @@ def about(stage: Stage, heat: bool = False, drive: bool = False) -> About:
     own = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
     lever = stage.chain.link_lengths[2]
     return About(stage.name, str(stage.origin), own, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
+
+
+class Answered(NamedTuple):
+    """What one model answers: values and bands by quantity."""
+
+    values: dict[str, Any]
+    bands: dict[str, Any]
+
+
+def beside(
+    kind: type[Result], models: Mapping[str, Answered], axes: Mapping[str, Sequence[str]], along: str = "model"
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Values and bands of models, or of others, along an axis, nan where one has none or fewer."""
+    stacked: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
+    labels = {**AXES, **kind.labels, **axes}
+    for found, parts in zip(stacked, zip(*models.values(), strict=True), strict=True):
+        for name in dict.fromkeys(chain(*parts)):
+            over = kind.quantities[name].over
+            array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan)
+            for k, part in enumerate(parts):
+                if name in part:
+                    place: tuple[Any, ...] = (k, *(slice(n) for n in np.shape(part[name])))
+                    array[place] = part[name]
+            found[name] = np.moveaxis(array, 0, over.index(along))
+    return stacked
+
+
+def answer(
+    kind: type[Kind],
+    of: Stage | About,
+    models: Mapping[str, Answered],
+    mesh: Mesh | None,
+    settings: Mapping[str, Any],
+    values: Mapping[str, Any] | None = None,
+    axes: Mapping[str, Sequence[str]] | None = None,
+    **others: Any,
+) -> Kind:
+    """The result of a question by the answers of its models, and by values without an axis of models."""
+    labels = {"model": tuple(models), **(axes or {})}
+    found, bands = beside(kind, models, labels)
+    whole = about(of) if isinstance(of, Stage) else of
+    return kind(whole, found | dict(values or {}), bands, labels, dict(settings) | meshed(mesh), **others)

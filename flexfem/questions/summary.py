@@ -7,11 +7,13 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.reach import reach
-from flexfem.questions.setup import DEFAULT, Analytic, Models
-from flexfem.questions.stiffness import MOTION, OWN_STIFFNESS, PER_MOTION, WRENCH, stiffness
+from flexfem.questions.setup import DEFAULT, Analytic, Models, question
+from flexfem.questions.stiffness import stiffness
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, SOLVED, STRESS, Progress, Quantity, Result
 from flexfem.units import PLANES
+
+EACH = ("direction", "model")
 
 
 class Summary(Result):
@@ -23,21 +25,22 @@ class Summary(Result):
         "range at yield: the other directions held, until the first neck yields; the force is along the displacement",
         "drive: with the other directions held at zero, or free",
     )
-    stiffness = Quantity("stiffness, the others held", OWN_STIFFNESS, ("direction", "model"), COARSER)
-    free = Quantity("stiffness, the others free", OWN_STIFFNESS, ("direction", "model"), COARSER)
-    yield_range = Quantity("range at yield, ±", MOTION, ("direction", "model"), STRESS, prefixed=True)
-    yield_force = Quantity("force there", WRENCH, ("direction", "model"), STRESS)
+    stiffness = Quantity("stiffness, the others held", "stiffness", EACH, COARSER)
+    free = Quantity("stiffness, the others free", "stiffness", EACH, COARSER)
+    yield_range = Quantity("range at yield, ±", "motion", EACH, STRESS, prefixed=True)
+    yield_force = Quantity("force there", "wrench", EACH, STRESS)
     stress = Quantity(
-        "neck stress per displacement", PER_MOTION, ("direction", "model", "chain", "hinge"), STRESS, "all",
+        "neck stress per displacement", "stress per motion", (*EACH, "chain", "hinge"), STRESS, "all",
         largest=("chain", "hinge"),
     )  # fmt: skip
     thickness = Quantity("change of stiffness by three-dimensional hinges", "percent", ("direction",))
-    held_low = Quantity("drive, others held, from", MOTION, ("direction",), SOLVED, prefixed=True)
-    held_high = Quantity("to", MOTION, ("direction",), SOLVED, prefixed=True)
-    free_low = Quantity("others free, from", MOTION, ("direction",), SOLVED, prefixed=True)
-    free_high = Quantity("to ", MOTION, ("direction",), SOLVED, prefixed=True)
+    held_low = Quantity("drive, others held, from", "motion", ("direction",), SOLVED, prefixed=True)
+    held_high = Quantity("to", "motion", ("direction",), SOLVED, prefixed=True)
+    free_low = Quantity("others free, from", "motion", ("direction",), SOLVED, prefixed=True)
+    free_high = Quantity("to ", "motion", ("direction",), SOLVED, prefixed=True)
 
 
+@question
 def summary(
     stage: Stage,
     *,
@@ -51,27 +54,7 @@ def summary(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
-    models : {"both", "analytic", "elements"}
-        The models that answer.
-    analytic : Analytic
-        The analytic model.
-    resolution : int, optional
-        Triangles across every neck on the finest of three meshes, from 4.
-    layers : int, optional
-        Three dimensions with so many layers in half the thickness, from 3.
-    progress : callable, optional
-        Called with a line whenever a part is done.
-
-    Returns
-    -------
-    Summary
-
-    Raises
-    ------
-    BadInput, ComputationFailed
-        As `flexfem.stiffness`.
+    {shared}
 
     Examples
     --------
@@ -83,14 +66,13 @@ def summary(
     found = stiffness(stage, models=models, analytic=analytic, resolution=resolution, layers=layers, progress=progress)
     values, bands = dict[str, Array](), dict[str, Array]()
     for target, source in ((values, found.values), (bands, found.bands)):
-        for name in ("free", "yield_range", "yield_force", "stress"):
-            if name in source:
-                target[name] = np.moveaxis(source[name], -1, 0)
+        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
+            target[name] = np.moveaxis(source[name], -1, 0)
         if "stiffness" in source:
             target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
     if "thickness" in found.values:
         values["thickness"] = found.thickness
-    warnings, notes = list(found.warnings), list(found.notes)
+    warnings, by_source = list(found.warnings), dict[str, list[str]]()
     if stage.actuator:
         try:
             of_drive = reach(stage, models="analytic", analytic=analytic)
@@ -101,15 +83,12 @@ def summary(
                 for end in ("low", "high"):
                     values[f"{name}_{end}"] = of_drive.at("ends", others=others, end=end, model=ANALYTIC)
             warnings += of_drive.warnings
-    sources = stage.sources
-    by_source: dict[str, list[str]] = {}
     for key in (key for key in stage.numbers if key.startswith("material")):
-        by_source.setdefault(sources[key] or "not stated", []).append(key)
-    notes += [f"{', '.join(keys)}: {source}" for source, keys in by_source.items()]
+        by_source.setdefault(stage.sources[key] or "not stated", []).append(key)
+    notes = [*found.notes, *(f"{', '.join(keys)}: {source}" for source, keys in by_source.items())]
     settings = {
         "mobility": stage.mobility,
         "plane problem": PLANES[stage.model],
         "yield strength": f"{stage.material.yield_strength:g} MPa",
     }
-    axes = {"model": found.axes["model"]}
-    return Summary(found.about, values, bands, axes, settings | found.settings, list(dict.fromkeys(warnings)), notes)
+    return Summary(found.about, values, bands, found.axes, settings | found.settings, warnings, notes)

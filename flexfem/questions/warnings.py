@@ -138,7 +138,7 @@ def of_thickness(stage: Stage) -> Warnings:
     said = ", ".join(f"{value:+.2g} % in {axis}" for axis, value in zip(DIRECTIONS, more, strict=True))
     return [
         f"{PLANES[stage.model]} leaves out the thickness of the hinges, which changes the stiffness by {said} "
-        "(thickness chart); `--three-dimensional` of `solve` and of `modes` includes it"
+        "(thickness chart); `--layers 3` of `stiffness` and of `modes` includes it"
     ]
 
 

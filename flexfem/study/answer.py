@@ -14,8 +14,9 @@ import numpy as np
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
+from flexfem.analytic.network import ElasticBodies
 from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, elastic_bodies, link_parts
+from flexfem.analytic.responses import WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.files.refusals import suggestion
@@ -92,12 +93,12 @@ def vibrating(
     """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
     n, one = len(reason), [1.0, 0.0, 0.0, 1.0]
     moments = Moments(np.ones((n, 3, 4, 4)) * one, np.ones((n, 4)) * one)
-    elastic = _no_parts(n, ON_BODIES) if loaded.study.links else None
+    elastic = _no_parts(n, len(on_bodies())) if loaded.study.links else None
 
     def draw(index: int, stage: Stage) -> None:
         moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
         if elastic is not None:
-            _put(elastic, index, elastic_bodies(stage))
+            _put(elastic, index, link_parts(stage, on_bodies(stage)))
 
     _each(stages, reason, draw)
     return ask_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
@@ -109,10 +110,10 @@ def payload(loaded: LoadedStudy) -> Payload | None:
     return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
 
 
-def _no_parts(n: int, loads: int) -> LinkParts:
-    """What elastic links add to the compliances of n designs, with so many loads on them: zero so far."""
-    shapes = (3, 3, 3), (3, 3, loads), (loads, loads), (9, 9)
-    return LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
+def _no_parts(n: int, stacks: int) -> ElasticBodies:
+    """What elastic links add to the compliances of n designs, under platform loads and so many stacks: zero so far."""
+    k = 3 + stacks
+    return ElasticBodies(*(np.zeros((n, *shape)) for shape in ((9, 9), (3, 3, k), (k, k))))
 
 
 def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:
@@ -124,7 +125,7 @@ def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) 
             reason[index] = str(refusal)
 
 
-def _put(parts: LinkParts, index: int, own: LinkParts) -> None:
+def _put(parts: ElasticBodies, index: int, own: ElasticBodies) -> None:
     for all_of, one in zip(parts, own, strict=True):
         all_of[index] = one
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms
+from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms, PaperModel, influence
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import Compliance, formula
 from flexfem.mechanism.designs import Frames, frames
@@ -41,32 +41,25 @@ def sample(seed: int, *designs: int) -> Sample:
     return Sample(skew, formula("paros-weisbord").compliance(radius, neck, 9.3, 68.9e3, 0.29))
 
 
-def symmetric(seed: int) -> Sample:
-    """Three equal chains 120 degrees apart, the neck axes still not along the links."""
-    rng = np.random.default_rng(seed)
-    axes = np.broadcast_to(rng.uniform(-np.pi, np.pi, 3), (3, 3))
-    lengths, angles = rng.uniform(20.0, 40.0, 3), np.radians([180.0, -90.0, 90.0]) + rng.uniform(-0.3, 0.3, 3)
-    radius, neck = rng.uniform(1.3, 4.1, 3), rng.uniform(0.3, 0.7, 3)
-    hinges = formula("paros-weisbord").compliance(radius, neck, 9.3, 68.9e3, 0.29)
-    return Sample(frames(lengths, angles, axes), Compliance(*(np.broadcast_to(c, (3, 3)) for c in hinges)))
-
-
 def scaled_error(K: Array, reference: Array) -> float:
     """Largest entry of K - reference over the diagonal of the reference: free of mm against rad."""
     size = np.sqrt(np.abs(np.diagonal(reference, axis1=-2, axis2=-1)))
     return float(np.max(np.abs(K - reference) / (size[..., :, None] * size[..., None, :])))
 
 
+def close_loops(of: PaperModel, displacement: Array) -> Array:
+    """Joint displacements (..., N) with the independent ones as given; Newton's method on the gaps of the loops."""
+    phi = np.array(displacement)
+    for _ in range(12):
+        at = influence(of.frames, of.joints, of.choice, phi)
+        phi[..., of.choice.dependent] -= (at.A_inverse @ at.gap[..., None])[..., 0]
+    return phi
+
+
 @pytest.fixture(scope="session")
 def generic() -> Callable[..., Sample]:
     """`sample`."""
     return sample
-
-
-@pytest.fixture(scope="session")
-def threefold() -> Callable[[int], Sample]:
-    """`symmetric`."""
-    return symmetric
 
 
 @pytest.fixture(scope="session")

@@ -7,13 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import analyse
 from flexfem.analytic.paper import chain_poses, freedoms_of, in_joint_order, mechanism, stiffness
-from flexfem.analytic.responses import driven, driven_model, link_parts
-from flexfem.hinges.formulas import Compliance
+from flexfem.analytic.responses import driven, link_parts
 from flexfem.mechanism.contacts import placed_stack
-from flexfem.mechanism.designs import Frames
-from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -81,34 +77,6 @@ def test_openings_and_poses_are_those_of_the_joints(generic, error, mobility):
     assert error(found, by_joints(frames, hinges, freedoms_of(mobility), places)) < 1e-8
 
 
-def test_designs_broadcast(generic):
-    frames, hinges = generic(3, 4)
-    stacks = drive_of(load_stage(GEOMETRY / "mobility3.toml")).stacks
-    many = driven(frames, hinges, freedoms_of(12), stacks)
-    for k in range(4):
-        one = driven(
-            Frames(frames.centres[k], frames.axes[k]), Compliance(*(c[k] for c in hinges)), freedoms_of(12), stacks
-        )
-        np.testing.assert_allclose(many.compliance[k], one.compliance, rtol=1e-10, atol=1e-18)
-        np.testing.assert_allclose(many.necks[k], one.necks, rtol=1e-9, atol=1e-9)
-
-
-def test_a_chain_carries_what_is_pushed_beyond_each_of_its_necks():
-    """Cut at the base necks: the three wrenches and the pushes from the frame hold the load."""
-    stage = load_stage(GEOMETRY / "mobility3.toml")
-    model = driven_model(stage, analyse(stage, None, "calibrated", links=True))
-    stacks, forces = drive_of(stage).stacks, np.linspace(-3.0, 8.0, 12)
-    load = np.array([1.3, -0.7, 21.0])
-    carried = model.necks[:, 0] @ np.concatenate([load, forces])
-    from_frame = sum(
-        force * stack.placed(push)
-        for force, stack in zip(forces, stacks, strict=True)
-        for push in stack.pushes
-        if {each.body for each in stack.pushes} == {0, 1} and push.body == 1
-    )
-    np.testing.assert_allclose(carried.sum(axis=0), load + from_frame, rtol=1e-9, atol=1e-9)
-
-
 def test_a_push_along_a_straight_link_stretches_it_between_the_two_stations():
     """Link 1 alone between frame and itself: a pull along it is borne by its strip from the base to the station."""
     stage = load_stage(GEOMETRY / "mobility3.toml")
@@ -118,4 +86,4 @@ def test_a_push_along_a_straight_link_stretches_it_between_the_two_stations():
     )  # 8 mm apart along link 1, whose ends are at 52.5 and 25.5 mm
     D = link_parts(stage, (near, far)).D
     area = stage.thickness * stage.chain.link_width
-    assert D[1, 1] - D[0, 0] == pytest.approx(8.0 / (E * area), rel=1e-9)
+    assert D[4, 4] - D[3, 3] == pytest.approx(8.0 / (E * area), rel=1e-9)

@@ -8,9 +8,8 @@ import scipy.linalg
 
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.paper import chain_poses, first_order, stiffness
-from flexfem.analytic.responses import dynamics, many
+from flexfem.analytic.responses import dynamics
 from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
-from flexfem.mechanism.designs import stage_frames
 from flexfem.questions.modes import payload_of
 
 from ..conftest import UNLIKE, with_changes
@@ -70,19 +69,3 @@ def test_a_heavy_payload_vibrates_on_the_static_stiffness(links):
     found = dynamics(stage, model, payload_of(500.0, 4e5)).frequencies[:3]
     expected = np.sqrt(scipy.linalg.eigh(model.stiffness, np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
     np.testing.assert_allclose(found, expected, rtol=5e-4)
-
-
-def test_many_designs_are_each_as_alone():
-    stages = [with_changes({"override": UNLIKE}), with_changes({"thickness_mm": 6.1})]
-    models = [analyse(stage, 21, "calibrated") for stage in stages]
-    single = [dynamics(stage, model, PAYLOAD) for stage, model in zip(stages, models, strict=True)]
-    frames = [stage_frames(stage) for stage in stages]
-    both = many(
-        type(frames[0])(*(np.stack(part) for part in zip(*frames, strict=True))),
-        type(models[0].hinges)(*(np.stack(part) for part in zip(*(model.hinges for model in models), strict=True))),
-        models[0].freedoms,
-        np.stack([one.mass for one in single]),
-    )
-    np.testing.assert_allclose(both.frequencies, [one.frequencies for one in single], rtol=1e-9)
-    nothing = both._replace(compliance=both.compliance * np.array([np.nan, 1.0])[:, None, None]).frequencies
-    assert np.isnan(nothing[0]).all() and np.isfinite(nothing[1]).all()

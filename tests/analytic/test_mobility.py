@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from flexfem.analytic.paper import (
@@ -11,7 +10,6 @@ from flexfem.analytic.paper import (
     gruebler_kutzbach,
     joints_of,
     mobility,
-    stage_freedoms,
 )
 
 
@@ -25,7 +23,3 @@ def test_known_mechanisms_have_their_known_mobility() -> None:
     assert gruebler_kutzbach(4, [1, 1, 1, 1]) == 1  # four-bar linkage
     assert gruebler_kutzbach(5, [1, 1, 1, 1, 1]) == 2  # five-bar linkage
     assert gruebler_kutzbach(14, [2] * 6 + [1] * 6 + [3] * 6, dimension=6) == 6  # Stewart platform, universal below
-
-
-def test_prismatic_base_hinges_are_the_mobility_six_of_the_paper() -> None:
-    assert stage_freedoms(np.array([[True, False, False]] * 3)) == FREEDOMS_BY_MOBILITY[6]

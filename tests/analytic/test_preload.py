@@ -9,7 +9,7 @@ import pytest
 
 from flexfem.analytic.large import loaded, serial, under_load
 from flexfem.analytic.model import ModelChoice, analyse, assemble
-from flexfem.analytic.paper import freedoms_of, joints_of, mechanism, stiffness
+from flexfem.analytic.paper import joints_of, stiffness
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.contacts import FOLLOWS, placed_stack
 from flexfem.mechanism.designs import stage_frames
@@ -157,23 +157,6 @@ def test_without_forces_it_is_the_stage_with_its_drive_engaged_and_disengaged(na
     np.testing.assert_array_equal(found.pose, 0.0)
     for stiff, C in ((drive.stiffness, one.of.engaged), (0 * drive.stiffness, one.of.C[:3, :3])):
         np.testing.assert_allclose(found.stiffness(stiff) @ C, np.eye(3), atol=1e-8)
-
-
-def test_a_pair_turns_against_the_turn_of_its_link_by_hand(stage):
-    """Base pairs alone, constant forces N, mobility three: the link's half width less or plus a ball of radius r.
-
-    pushed : a flat that turns by phi moves its force, through the ball's centre at w/2 + r from the middle of the link,
-    so that each hinge gains 2 N (w/2 + r). carrier : the contacts go round with the link and lose it 2 N w/2.
-    """
-    of, drive = analyse(stage, 3), drive_of(stage)
-    force = np.tile([50.0, 50.0, 0.0, 0.0], 3)
-    k = 1 / of.hinges.rotation
-    for follows, gain in (("pushed", 2 * 50.0 * (4.5 + 2.0)), ("carrier", -2 * 50.0 * 4.5)):
-        found = loaded(serial(stage, of, drive.stacks, follows), force, np.zeros(3))
-        np.testing.assert_allclose(found.pose, 0.0, atol=1e-12)
-        stiffer = 1 / (k + np.array([gain, 0.0, 0.0]))
-        joints = mechanism(stage_frames(stage), Compliance(stiffer, of.hinges.axial, of.hinges.shear), freedoms_of(3))
-        np.testing.assert_allclose(found.stiffness(np.zeros(12)), stiffness(joints).K_uu, rtol=1e-8, atol=1e-8)
 
 
 def test_forces_beyond_buckling_are_refused_or_called_unstable(stage):

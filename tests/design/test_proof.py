@@ -78,14 +78,6 @@ def test_what_is_known_is_neither_solved_nor_counted_again(load, solved, paralle
     assert len(solved) == 6 and counts == {"finite elements": 6}
 
 
-def test_an_answer_is_kept_for_the_versions_that_gave_it(load, solved, monkeypatch):
-    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
-    proposed.of(OWN)
-    monkeypatch.setattr(module, "versions_of", lambda meshed: {"flexfem": "another"})
-    proposed.of(OWN)
-    assert len(solved) == 6
-
-
 def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_xt_yt(load, monkeypatch):
     loaded = load(NECK, RADIUS, TOLERANCE, best("minimise", "coupling_95"))
     off = np.random.default_rng(2).normal(scale=0.01, size=(2, 3, 3))

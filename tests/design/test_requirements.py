@@ -25,7 +25,6 @@ def tolerance(stages: int, checked: int) -> str:
 @pytest.mark.parametrize(
     ("pieces", "message"),
     [
-        ((NECK, require("kxx_n_per_mm"), RANGE), "at_least, at_most or both"),
         ((NECK, require("kxx_n_per_mm", 50, 40), RANGE), "at_most = 40.0, expected >= 50"),
         ((NECK, require("kxx_n_per_mm", 60, 60), RANGE), "at_most = 60.0, expected >= 60.12"),
         ((NECK, require("kxx_per_mm", 50), RANGE), "did you mean kxx_n_per_mm"),
@@ -33,11 +32,8 @@ def tolerance(stages: int, checked: int) -> str:
         ((NECK, best("maximise", "thickness_mm")), 'maximise = "thickness_mm", expected what a free dimension changes'),
         ((NECK, best("minimise", "2 * o"), OUTPUT), 'minimise = "2 * o", expected what a free dimension changes'),
         ((NECK + "step = 0.5\n", RANGE), "free[0].step = 0.5, expected at most 0.4"),
-        ((NECK + "step = -0.1\n", RANGE), "free[0].step = -0.1, expected > 0"),
-        ((NECK.replace("from = 0.3", "from = -0.3"), RANGE), "free[0].from = -0.3"),
         ((NECK.replace("elbow.neck_mm", "elbow.neck"), RANGE), "did you mean hinges.elbow.neck_mm"),
         ((NECK, best("maximise", "coupling_95")), "coupling_95"),
-        ((NECK,), "objective is missing"),
         ((NECK, RANGE, best("maximise", "kxx_n_per_mm"), best("maximise", "kyy_n_per_mm")), "objective"),
         ((NECK, require("kxx_n_per_mm", 1e308), RANGE), "require[0].at_least = 1e+308, expected <= 1e+30"),
         ((NECK, require("kxx_n_per_mm", None, -1e-300), RANGE), "at_most = -1e-300, expected zero, or a size of 1e-30"),
@@ -78,9 +74,7 @@ def test_a_dimension_that_answers_follow_in_part_is_free(load, pieces):
     [
         ('name = "a test"', 'name = "another"', True),
         ("seed = 7", "seed = 8", False),
-        ("seed = 7", "seed = 7\nresolution = 12", False),
         ("at_least = 60.0", "at_least = 60.1", False),
-        ("at_least", "at_most", False),
         ('maximise = "range_x_um"', 'minimise = "range_x_um"', False),
         ("to = 0.7", "to = 0.7\nstep = 0.1", False),
         ("mobility6.toml", "mobility3.toml", False),

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.files.provenance import is_assumed
 from flexfem.mechanism.stage import load_stage
 from flexfem.plot.text import doubt_note, markdown_report
 from flexfem.questions.case import LoadedCase
@@ -83,12 +82,3 @@ def test_a_study_without_provenance_says_so(project):
 )
 def test_figures_say_what_is_in_doubt(assumed, not_stated, note):
     assert doubt_note(assumed, not_stated) == note
-
-
-def test_assumed_is_what_begins_with_that_word():
-    for source, expected in (
-        ("assumed: a guess", True),
-        (" Assumed from Fig. 2", True),
-        ("measured, not assumed", False),
-    ):
-        assert is_assumed(source) is expected, source

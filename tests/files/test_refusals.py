@@ -6,7 +6,6 @@ import os
 
 import pytest
 
-from flexfem.files.refusals import one_line, shown
 from flexfem.files.toml import Table, validate
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
@@ -19,14 +18,6 @@ PITFALLS = (
     "a..toml",
     " a.toml",
 )  # other systems read these otherwise
-
-
-def test_what_is_shown_is_clipped_to_its_length_with_three_points() -> None:
-    assert one_line("abcdefghij", 10) == "abcdefghij"
-    assert one_line("abcdefghijk", 10) == "abcdefg..."
-    assert one_line("abcdefgh\n\n", 10) == "abcdefg..."  # escapes are longer than what they stand for
-    assert shown("x" * 80) == '"' + 56 * "x" + "..." and len(shown(list(range(50)))) == 60
-    assert one_line("a\tb") == "a\\tb"
 
 
 @pytest.mark.parametrize("name", ["...toml", "..toml", ".toml", "-x.toml", "a\x1b.toml", "a\\b.toml", *PITFALLS])

@@ -169,18 +169,6 @@ def test_a_pair_is_commanded_about_the_middle_of_its_strokes(stage):
     np.testing.assert_array_equal(single.differential, np.eye(3))
 
 
-def test_the_contacts_of_the_other_chains_are_turned_with_them(stage):
-    drive = drive_of(stage)
-    assert drive.names[2:4] == ("base, chain 2", "elbow, chain 2")
-    stack = drive.stacks[4]
-    assert stack.chain == 1
-    contact = (44 - 36.5j) * np.exp(2j * np.pi / 3)
-    force = np.exp(1j * np.deg2rad(90 + 120))
-    np.testing.assert_allclose(
-        stack.placed(stack.pushes[0]), [force.real, force.imag, (np.conj(contact) * force).imag], rtol=1e-12
-    )
-
-
 def test_a_contact_on_the_platform_may_be_anywhere_on_its_rim(stage):
     angle = np.deg2rad(100.0)
     point = 17.0 * np.exp(1j * angle)
@@ -220,13 +208,6 @@ def test_the_drive_has_a_hash_of_its_own(stage):
     )
     with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
         drive_of(passive)
-
-
-def test_a_driven_stage_is_written_and_read_back(stage, tmp_path):
-    stage.save(tmp_path / "copy.toml")
-    again = load_feasible(tmp_path / "copy.toml")
-    assert again == stage
-    assert again.hash == stage.hash
 
 
 OWN = '[[override]]\nchain = 2\nactuator = "base"\n'

@@ -20,13 +20,6 @@ def rotation(angle: float) -> np.ndarray:
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-def random_designs(*shape: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(11)
-    axes = rng.uniform(-2 * np.pi, 2 * np.pi, (*shape, 3, 3))
-    axes[rng.random(axes.shape) < 0.3] = np.nan
-    return rng.uniform(20.0, 40.0, (*shape, 3)), rng.uniform(-np.pi, np.pi, (*shape, 3)), axes
-
-
 def test_hinges_of_chain_one_in_closed_form() -> None:
     expected = [
         [-sum(LENGTHS * np.cos(HEADINGS)), -sum(LENGTHS * np.sin(HEADINGS))],
@@ -56,16 +49,6 @@ def test_necks_point_from_the_base_side_to_the_platform_side(seed: int) -> None:
         assert base @ e1 > 0
         assert elbow @ (e1 + e2) > 0
         assert platform @ (e2 + e3) > 0
-
-
-def test_many_designs_at_once_equal_one_at_a_time() -> None:
-    lengths, angles, axes = random_designs(4, 5)
-    together = frames(lengths, angles, axes)
-    assert together.centres.shape == (4, 5, 3, 3, 2) and together.axes.shape == (4, 5, 3, 3)
-    for k in np.ndindex(4, 5):
-        alone = frames(lengths[k], angles[k], axes[k])
-        np.testing.assert_array_equal(together.centres[k], alone.centres)
-        np.testing.assert_array_equal(together.axes[k], alone.axes)
 
 
 def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage) -> None:

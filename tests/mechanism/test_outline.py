@@ -42,17 +42,8 @@ def notched_bar(length: float, radius: float, neck: float) -> list[Segment]:
     ]
 
 
-def lens(radius: float, turn: float) -> list[Segment]:
-    """Two equal arcs on one chord."""
-    half = radius * np.sin(turn / 2)
-    deep = 1j * radius * np.cos(turn / 2)
-    left, right = PLACE - half, PLACE + half
-    return [Segment(left, right, PLACE + deep), Segment(right, left, PLACE - deep)]
-
-
 SHAPES = {
     "circle": (circle(2.9), np.pi * 2.9**2, 2 * np.pi * 2.9),
-    "circle of seven arcs": (circle(2.9, 7), np.pi * 2.9**2, 2 * np.pi * 2.9),
     "rounded rectangle": (
         rounded_rectangle(9.1, 5.3, 1.7),
         9.1 * 5.3 - (4 - np.pi) * 1.7**2,
@@ -63,7 +54,6 @@ SHAPES = {
         13.0 * (2 * 3.9 + 0.53) - np.pi * 3.9**2,
         2 * (2 * 3.9 + 0.53) + 2 * (13.0 - 2 * 3.9) + 2 * np.pi * 3.9,
     ),
-    "lens": (lens(4.3, 1.1), 4.3**2 * (1.1 - np.sin(1.1)), 2 * 4.3 * 1.1),
 }
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from markupsafe import Markup
 
-from flexfem.page.section import Page, html_of
+from flexfem.page.section import html_of
 from flexfem.page.study import range_of, study_parts
 from flexfem.study.answer import own_values
 from flexfem.study.factors import Factor, columns_of
@@ -47,7 +47,8 @@ def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
 
 def page_of(source: Source) -> str:
     made = [make() for _, make in study_parts(source, findings(source), STATUS | REASONS)]
-    return html_of(Page(source.loaded.study.name, "", "", made, "flexfem report", "2026-01-02", {}))
+    said = {"subtitle": "", "doubts": "", "command": "flexfem report", "made": "2026-01-02", "versions": {}}
+    return html_of(made, title=source.loaded.study.name, **said)
 
 
 def rows_of(html: str) -> dict[str, list[str]]:

@@ -47,5 +47,5 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     said, html = json.loads(out), Path("page.html").read_text()
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
     assert said["sections"] == ["What the study asks", "Stiffness XX against range in X at yield", said["sections"][2]]
-    assert "report 1/3: what the study asks" in err and "report 3/3: sources" in err
+    assert "report: what the study asks" in err and "report: sources" in err
     assert "flexfem report small.toml -o page.html --folder kept" in html

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from flexfem.plot.errors import budget_figure
-from flexfem.questions.budget import SHARES as SHARES_OF
 
 SHARES = {  # along the command, percentage points; the total and its band
     "X": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),
@@ -36,19 +35,6 @@ def test_every_bar_is_a_share_along_its_own_command_and_begins_where_the_last_en
         np.testing.assert_allclose(joints, ends, atol=1e-12)
         low, high = axes.get_xlim()
         assert low <= min(0.0, *(ends - shares), *ends) and high > 1.2 * max(*ends, total)
-
-
-def test_every_number_stands_at_its_own_bar(figure):
-    names = [*SHARES_OF, "total"]
-    for axes, (shares, total, band) in zip(figure.axes, SHARES.values(), strict=True):
-        said = [f"{share:+.3f}" for share in shares] + [f"{total:.3f} ± {band:.3f} %"]
-        assert [(text.get_text(), text.get_position()[1]) for text in axes.texts] == [
-            (text.replace("-", MINUS), place) for place, text in enumerate(said)
-        ]
-        assert [label.get_text().replace("\n", " ") for label in axes.get_yticklabels()] == names
-        assert list(axes.get_yticks()) == [0, 1, 2, 3, 4, 5]
-        assert len({(bar.get_facecolor(), bar.get_hatch()) for bar in axes.patches}) == 6
-    assert figure.axes[2].get_xlabel() == "error in the commanded direction (per cent of the command)"
 
 
 def test_what_is_outside_the_plane_is_said_with_its_sign(figure, made):

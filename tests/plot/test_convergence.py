@@ -58,8 +58,3 @@ def test_the_bar_of_the_finest_mesh_ends_at_its_band(figure):
     for bar, (name, distance) in zip(bars, DISTANCE.items(), strict=True):
         np.testing.assert_allclose(bar[:, 0], 1 / 8)
         np.testing.assert_allclose(sorted(bar[:, 1]), [min(distance[-1], BAND[name]), BAND[name]], rtol=1e-9)
-
-
-def test_the_caption_says_how_many_meshes_and_unknowns(figure, made):
-    text = " ".join(made.texts(figure))
-    assert "on 4 meshes, 123 to 1234 unknowns" in text and "assumed dimensions" in text

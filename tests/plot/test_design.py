@@ -10,7 +10,7 @@ import flexfem
 from flexfem.design.result import Step
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 
-from ..design.recorded import OTHER, REQUIREMENTS, STAGE, recorded
+from ..design.recorded import OTHER, STAGE, recorded
 
 PLAIN = str.maketrans("\N{NO-BREAK SPACE}\N{MINUS SIGN}\N{MICRO SIGN}", " -u")
 BLUE, ORANGE, BLACK = "#0072B2", "#D55E00", "#1A1A1A"
@@ -35,7 +35,7 @@ def test_a_design_is_headed_by_its_numbers_and_each_panel_says_what_it_shows():
     head = [words(text) for text in figure.texts]
     assert head == [
         "Recorded",
-        "reach: 412.00 ± 1.2 um by finite elements; mass: 0.089300 kg, exact; not every requirement is met.",
+        "reach: 412.0 ± 1.2 um, finite elements; mass: 0.0893 kg, exact; not every requirement is met.",
         "neck 0.505; l1 31.5 (units of the stage file).",
         "Evaluations: 53,345 by analytic, 12 by finite elements. Seed 2003. Corrected model and finite elements differ "
         "by at most 0.066 % of a quantity at this design.",
@@ -96,7 +96,7 @@ def test_sensitivities_are_each_of_the_quantity_in_their_title():
     figure = sensitivity_figure(recorded())
     assert [words(ax.get_title(loc="left")) for ax in figure.axes] == [
         "reach, the larger the better", "mass, the smaller the better",
-        "stiffness, at least 60 N/mm and at most 80 N/mm",
+        "stiffness, at least 60 and at most 80 N/mm",
         "diameter, at most 150 mm",
     ]  # fmt: skip
     assert [[bar.get_width() for bar in ax.patches] for ax in figure.axes] == [
@@ -108,11 +108,6 @@ def test_sensitivities_are_each_of_the_quantity_in_their_title():
     assert {ax.get_xlabel() for ax in figure.axes} == {"change (%) for 1 %"}
     assert {ax.get_xlim() for ax in figure.axes} == {(-1.55 * 2.43, 1.55 * 2.43)}
     assert [words(text) for text in figure.texts if "assumed" in text.get_text()] == ["assumed dimensions"]
-
-
-def test_five_quantities_take_two_rows_of_panels_and_no_empty_one():
-    active = [each.model_copy(update={"active": True}) for each in REQUIREMENTS]
-    assert len(sensitivity_figure(recorded(requirements=active)).axes) == 5
 
 
 def test_a_front_is_of_finite_elements_and_its_designs_are_drawn_by_their_numbers_to_one_scale():

@@ -60,29 +60,6 @@ def test_no_band_where_the_face_of_a_contact_leads_through_the_hinge():
         assert none == (np.max(np.array(found) * [1, 1, 24.0]) < 1e-12), tilt
 
 
-def test_friction_pushes_both_bodies_along_the_face_the_one_against_the_other(stage):
-    """Of an elbow pair, too, whose carrier is a link: no force is left over, and no moment."""
-    stacks = drive_of(stage).stacks
-    assert {stack.pushes[1].body for stack in stacks} == {0, 2}
-    for stack in stacks:
-        (x, y), along = (stack.point.real, stack.point.imag), 1j * stack.direction
-        pushed, carrier = stack.across.pushes
-        moment = x * along.imag - y * along.real
-        np.testing.assert_allclose(pushed.wrench, [along.real, along.imag, moment], rtol=1e-12, atol=1e-12)
-        np.testing.assert_array_equal(carrier.wrench, -pushed.wrench)
-
-
-def test_it_goes_with_the_coefficient_and_with_the_preload(stage):
-    one = np.array(at_rest(rough(stage, {"friction": 0.1}, {"friction": 0.3}), *MODEL))
-    twice = np.array(at_rest(rough(stage, {"friction": 0.2}, {"friction": 0.6}), *MODEL))
-    pressed = [{"friction": 0.1, "preload": 150.0}, {"friction": 0.3, "preload": 150.0}]
-    np.testing.assert_allclose(twice, 2 * one, rtol=1e-12)
-    np.testing.assert_allclose(at_rest(rough(stage, *pressed), *MODEL), 3 * one, rtol=1e-9)
-    parts = [at_rest(rough(stage, {"friction": 0.1}, {}), *MODEL), at_rest(rough(stage, {}, {"friction": 0.3}), *MODEL)]
-    np.testing.assert_allclose(np.sum(parts, axis=0), one, rtol=1e-9)
-    np.testing.assert_array_equal(at_rest(rough(stage, {"friction": 0.0}, {}), *MODEL), 0.0)
-
-
 def test_no_friction_within_its_limits_moves_the_platform_further_and_some_does_as_far(stage):
     """All corners of the box, with single stacks and a load: forces are those of the command, not the preloads."""
     single = [{"pair": False, "friction": 0.25, "preload": 30.0}, {"pair": False, "friction": 0.15, "preload": 12.0}]

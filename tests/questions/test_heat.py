@@ -15,8 +15,8 @@ from flexfem.commands import cli
 from flexfem.fem.fields import largest_within
 from flexfem.plot.fields import drift_figure, exaggeration, plot_drift
 from flexfem.questions import heat
-from flexfem.questions.bands import corner_bands, pose_bands
-from flexfem.questions.heat import CASES, layer_bands
+from flexfem.questions.bands import corner_bands, layer_bands, pose_bands
+from flexfem.questions.heat import CASES
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"

@@ -10,19 +10,12 @@ import pytest
 
 import flexfem
 from flexfem.questions import identify as module
-from flexfem.questions.fixture import (
-    MeasuredSlopes,
-    Measurement,
-    pole_share,
-    pushes_of,
-    read_compliance,
-    read_fixture,
-)
+from flexfem.questions.fixture import MeasuredSlopes, Measurement, fixture_of, pushes_of
 from flexfem.questions.identify import fit, identify, interval
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
-FIXTURE = read_fixture(ROOT / "cases" / "fixture.toml")
+FIXTURE = fixture_of(ROOT / "cases" / "fixture.toml")
 NAMES = ("kxx", "kyy", "ktt")
 
 
@@ -47,8 +40,8 @@ def made(stage, offset, softer):
         for name in ("base", "elbow", "platform")
     }
     C = flexfem.analyse(stage.replace(override=necks), links=True, formula="calibrated").compliance
-    of = pushes_of(FIXTURE)
-    return 1 / (read_compliance(of, C) + (softer - 1) * pole_share(of))
+    own, pole, bar = pushes_of(FIXTURE).shares(C)
+    return 1 / (own + softer * pole + bar)
 
 
 def measured(slopes, share=0.005, axes=(0, 1, 2)):
@@ -79,8 +72,8 @@ def held(seeds):
         noisy = problem._replace(slope=slopes + problem.sd * np.random.default_rng(seed).normal(size=3))
         best = fit(noisy, {})
         for k in (0, 1):
-            found = interval(noisy, best, k, 0.95)
-            count[k] += found.low <= true[k] <= found.high
+            low, high = interval(noisy, best, k, 0.95)
+            count[k] += low <= true[k] <= high
     return count
 
 

@@ -16,12 +16,11 @@ from flexfem.analytic.responses import driven_model
 from flexfem.fem.mesh import build_mesh
 from flexfem.fem.response import driven_response
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.contacts import couple_names, hinge_couples
+from flexfem.mechanism.contacts import hinge_couples
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.bands import error_matrix
 from flexfem.questions.case import LoadedCase
-from flexfem.questions.driven import held
 from flexfem.questions.errors import run_case
 from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
 from flexfem.refused import BadInput
@@ -101,29 +100,6 @@ def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
     np.testing.assert_allclose(reached, POSE, rtol=1e-6)
 
 
-@pytest.mark.parametrize("mobility", [4, 5])
-def test_rotations_of_models_with_fewer_freedoms_than_rotations(unlike, mobility):
-    """The rigid loops allow four or five of the six rotations: those under the force that holds the pose."""
-    flags = {(chain, "base"): {"prismatic": chain <= mobility - 3} for chain in (1, 2, 3)}
-    stage = unlike.replace(override=flags)
-    found = analyse(stage)
-    assert found.mobility == mobility
-    wanted, _ = by_least_energy(stage, found.freedoms, [], POSE)
-    given = imposed(stage, found, "joints").given @ POSE
-    np.testing.assert_allclose(given, wanted[[0, 3, 6, 1, 4, 7]], rtol=1e-6, atol=1e-11)
-
-
-def test_a_model_that_is_the_metal_does_not_err(unlike):
-    given = imposed(unlike, analyse(unlike, 21, "calibrated", links=True), "joints")
-    metal = driven_response(build_mesh(unlike, 5), plate_of(unlike), given.stacks).compliance
-    assert np.max(np.abs(error_matrix(np.eye(3), given.poses(metal), 25.0))) < CHART
-
-
-def test_the_hinges_that_the_paper_drives_are_turned():
-    assert [turned_hinges(mobility) for mobility in (3, 4, 6, 12, 21)] == [(0,), (0, 1), (0, 1), (0, 1), (0, 1)]
-    assert couple_names((0, 1))[2:4] == ("base, chain 3", "elbow, chain 1")
-
-
 def test_a_rotation_is_read_between_the_two_ends_of_a_notch(unlike):
     """Fields of finite elements, read from the nodes of the bodies beside each notch instead of with the couples."""
     couples, plate, mesh = hinge_couples(unlike, (0, 1, 2)), plate_of(unlike), build_mesh(unlike, 6)
@@ -157,16 +133,6 @@ def test_both_witnesses_read_and_impose_rotations_alike_with_unlike_chains(unlik
     given = imposed(unlike, analyse(unlike, 6), "joints")
     of_model, of_metal = (error_matrix(np.eye(3), given.poses(C), 25.0) for C in (model, metal))
     assert np.max(np.abs(of_model - of_metal)) < CHART and np.max(np.abs(of_metal)) > 10 * CHART
-
-
-def test_rotations_that_a_force_makes_do_with_it_what_the_force_does_alone(unlike):
-    """All nine hinges held where a load turns them: the couples vanish under the load, without it the pose is near."""
-    couples, load = hinge_couples(unlike, (0, 1, 2)), np.array([2.3, -1.1, 37.0])
-    C = driven_response(build_mesh(unlike, 4), plate_of(unlike), couples).compliance
-    metal = held(C)
-    found = metal.poses @ C[3:, :3] @ load
-    np.testing.assert_allclose(found, C[:3, :3] @ load, rtol=0.03)
-    np.testing.assert_allclose(found + metal.engaged @ load, C[:3, :3] @ load, rtol=1e-9)
 
 
 # --- the reference stages -----------------------------------------------------------------------------------------

@@ -180,7 +180,7 @@ def test_ten_newtons_in_the_base_hinges_by_both_witnesses():
         commanding(ModelChoice(stage, None, CALIBRATED, True)),
         np.kron(np.ones(3), np.array([[1, -1, 0, 0], [0, 0, 1, -1]])),
     )
-    normal = neck_forces(stage_frames(stage), model.model.necks[..., 3:] @ units.T).normal[0, 0]
+    normal = neck_forces(stage_frames(stage), model.model.necks[..., 3:] @ units.T)[1, 0, 0]
     rows = [[normal[k], model.of.C[2, 3:] @ unit] for k, unit in enumerate(units)]
     force = np.linalg.solve(np.transpose(rows), [10.0, 0.0]) @ units
     assert np.max(np.abs(force)) == pytest.approx(16.0, abs=0.2)

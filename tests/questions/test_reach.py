@@ -14,16 +14,14 @@ from matplotlib.collections import LineCollection
 import flexfem
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.commands import cli
-from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
-from flexfem.questions.drive import Commanding, commanding, driven_elements, neck_stresses
-from flexfem.questions.driven import Driven, commands_for, drive_ranges, driven, limits_of, moved, shares
+from flexfem.questions.drive import Commanding, commanding, driven_elements
+from flexfem.questions.driven import Driven, commands_for, drive_ranges, moved, shares
 from flexfem.questions.reach import (
     LinearLimits,
-    Polytope,
     PoseSet,
     Programs,
     Reach,
@@ -126,33 +124,6 @@ def test_a_square_with_a_corner_cut_off_is_drawn_as_by_hand():
     assert set(held.farthest(np.array([1.0, 1.0])).by) & {"contact of 0", "stroke of 0"}
 
 
-def test_a_platform_pushed_straight_goes_as_far_as_each_stack_alone():
-    """Stacks far stiffer than the springs, along x, y and theta: a box, whose x ends where the contact is lost."""
-    nowhere = Stack(0, (Push(3, np.array([1.0, 0, 0]), None), Push(0, np.zeros(3), None)))
-    springs, one = np.array([1e3, 2e3, 3e3]), np.ones(3)  # N/mm, N mm/rad
-    S = np.diag(1 / springs)
-    C = np.block([[S, S], [S, S]])
-    preload = np.array([5.0, 50.0, 50.0])
-    names, limit = ("a", "b", "c"), 0.01 * one
-    drive = StageDrive(3 * (nowhere,), names, 1e12 * one, preload, 900 * one, np.eye(3), -limit, 2 * limit)
-    of = driven(C, drive)
-    strokes, blocking, contact = limits_of(of, drive, NONE).values()
-    limits = LinearLimits(
-        np.concatenate([strokes.rows, contact.rows, blocking.rows]),
-        np.concatenate([each.offsets + each.sizes for each in (strokes, contact, blocking)]),
-        np.arange(12),
-        tuple(f"{kind} of {k}" for kind in ("stroke", "stroke", "contact", "blocking force") for k in range(3)),
-    )
-    found = PoseSet(of, drive, limits, NONE).solid(2.0)
-    low, high = found.vertices.min(axis=0), found.vertices.max(axis=0)
-    np.testing.assert_allclose(low, [-0.005, -0.01, -0.01], rtol=1e-6)  # 5 N on 1 N/um
-    np.testing.assert_allclose(high, [0.02, 0.02, 0.02], rtol=1e-6)
-    assert found.volume == pytest.approx(0.025 * 0.03 * 0.03, rel=1e-6)
-    assert len(found.vertices) == 8 and len(found.faces) == 6
-    (left,) = [by for n, by in zip(found.normals, found.by, strict=True) if n[0] < -0.99]
-    assert left == ("contact of 0",)
-
-
 def test_strokes_alone_reach_a_zonotope(stage):
     """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
     one, drive = modelled(stage)
@@ -217,77 +188,17 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     check()
 
 
-def test_alike_chains_reach_what_is_alike_when_turned_by_120_degrees(light):
-    found = reach(light, NONE)
-    V, complex_ = found.vertices, lambda v: v[:, 0] + 1j * v[:, 1]
-    normals, supports = found.fields.solid.normals, found.fields.solid.supports
-
-    def outside(degrees: float) -> float:
-        turned = complex_(V) * np.exp(1j * np.deg2rad(degrees))
-        moved_to = np.column_stack([turned.real, turned.imag, LEVER * V[:, 2]])
-        return float(np.max(moved_to @ normals.T - supports))
-
-    assert outside(120) < 1e-9 > outside(240)
-    assert min(outside(60), outside(90), outside(180)) > 1e-4
-
-
-def test_strokes_half_as_long_reach_half_as_far(stage, reached):
-    half = with_actuators(stage, stack=None, stroke=8.7e-3, stiffness=935 / 17.4e-3)
-    whole, short = reached, reach(half, NONE)
-    np.testing.assert_allclose(ends(short, "zero"), np.array(ends(whole, "zero")) / 2, rtol=1e-9)
-    assert short.volume == pytest.approx(whole.volume / 8, rel=1e-9)
-
-
-@pytest.mark.slow
-def test_forces_that_do_not_bind_change_nothing_and_those_that_do_stop_it(stage):
-    def limited(force: float) -> Polytope:
-        one, drive = modelled(stage)
-        drive = drive._replace(blocking_force=np.full(12, force))
-        return pose_set(stage, one, drive).solid(LEVER)
-
-    one, more, less = limited(935.0), limited(1200.0), limited(54.0)
-    assert more.volume == one.volume and not any("blocking force" in str(by) for by in one.by)
-    assert less.volume < 0.9 * one.volume
-    assert any("blocking force of elbow, chain 2, partner" in by for by in less.by)
-
-
 def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage):
     """Single stacks, light pairs and unlike chains; and yield that binds. Another method, other limits in hand."""
     weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
     for each in (own, weak):
         one, drive = modelled(each)
-        numbers = ("stiffness", "preload", "blocking_force", "lowest", "highest")
-        many = drive._replace(**{name: getattr(drive, name)[None] for name in numbers})
+        many = drive.at(None)
         of = Driven(one.of.C[None], one.of.Y[None], one.of.T)
         studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
         found, stops = pose_set(each, one, drive).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
     assert any("yield" in by.kinds for by in stops.values())
-
-
-@pytest.mark.slow
-def test_yield_stops_the_poses_where_a_neck_bears_its_strength(stage):
-    weak = stage.replace(material={"yield_strength": 24.0})
-    found, (one, drive) = reach(weak, 0.1 * LOAD), modelled(weak)
-    solid = found.fields.solid
-    bound = [(face, by) for face, by in zip(solid.faces, solid.by, strict=True) if "yield" in by.kinds]
-    assert len(bound) > 20 and found.volume < 0.97 * 2.0166e-6
-
-    def stress(x: list[float]) -> np.ndarray:
-        return neck_stresses(one, np.concatenate([0.1 * LOAD, moved(one.of, drive, np.array(x), 0.1 * LOAD).force]))
-
-    highest = np.array([stress(x) for x in found.commands])
-    assert np.max(highest) == pytest.approx(23.76, rel=1e-9)  # 99 %: the model may be 1 % low
-    names = [
-        f"yield of the {hinge} hinge, chain {chain}" for chain in (1, 2, 3) for hinge in ("base", "elbow", "platform")
-    ]
-
-    def bears(face: tuple[int, ...], by: tuple[str, ...]) -> bool:
-        """Every neck named bears what its strength allows at every vertex of the face."""
-        named = [names.index(name) for name in by if name in names]
-        return bool(np.allclose(highest[list(face)].reshape(-1, 9)[:, named], 23.76, rtol=1e-6))
-
-    assert np.mean([bears(*each) for each in bound]) > 0.9  # a vertex may have other commands, too
 
 
 def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):

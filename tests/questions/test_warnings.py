@@ -158,12 +158,3 @@ def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(
     )
     found = [f"the stage is {said} mm across: is the unit right?"] if said else []
     assert warning.of_numbers(other) == found and warning.of_stage(other) == found
-
-
-@pytest.mark.parametrize(
-    ("stress", "moved", "said"), [(503.7, 0.1, 1), (1.0, 2.5, 1), (503.7, 2.5, 2), (502.0, 2.3, 0)]
-)
-def test_one_neck_beyond_yield_and_a_large_motion_are_each_said_of_a_load(stress, moved, said):
-    stage = load_stage(SIX)
-    found = warning.of_yield(stress, stage.material.yield_strength, "here")
-    assert len([*found, *warning.of_motion(stage, np.array([0.0, moved, 0.0]), "here")]) == said

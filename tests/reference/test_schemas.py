@@ -121,8 +121,6 @@ ENVELOPE = {"quantity": "envelope_mm"}
 CONTRADICTIONS = {
     "length in metres": ("stage", (("thickness_mm",), 1e-9)),
     "negative neck": ("stage", (("hinges", "elbow", "neck_mm"), -0.5)),
-    "two link lengths": ("stage", (("chain", "link_lengths_mm"), [30.0, 32.0])),
-    "missing key": ("stage", (("hinges", "base", "radius_mm"), None)),
     "half of the material": ("stage", (("material",), {"name": "mine", "youngs_modulus_gpa": 70.0})),
     "fatigue exponent alone": ("stage", (("material",), METAL | {"fatigue_strength_exponent": -0.1})),
     "expansion per kelvin": ("stage", (("frame",), {"expansion_um_per_m_k": 12e-6})),
@@ -132,17 +130,8 @@ CONTRADICTIONS = {
         (("override",), [{"chain": 1, "hinge": "base", "actuator": "base", "neck_mm": 0.5}]),
     ),
     "pushed frame": ("stage", (("actuator",), [ACTUATOR | STACK | {"between": ["link 1", "frame"]}])),
-    "hinge of another link": ("stage", (("actuator",), [ACTUATOR | STACK | {"hinge": "platform"}])),
-    "point without direction": (
-        "stage",
-        (("actuator",), [{"name": "a", "between": ["frame", "platform"], "point_mm": [1.0, 2.0], **STACK}]),
-    ),
     "stack and numbers": ("stage", (("actuator",), [ACTUATOR | STACK | OWN])),
-    "stroke alone": ("stage", (("actuator",), [ACTUATOR | {"stroke_um": 17.4}])),
     "ball without preload": ("stage", (("actuator",), [ACTUATOR | STACK | {"ball_radius_mm": 2.0}])),
-    "blank name": ("stage", (("name",), "  ")),
-    "even resolution too low": ("case", (("resolution",), 2)),
-    "nonlinear joints": ("case", (("analysis",), "nonlinear"), (("drive",), "joints")),
     "nonlinear links": (
         "case",
         (("analysis",), "nonlinear"),
@@ -150,36 +139,20 @@ CONTRADICTIONS = {
         (("curve", 0, "mobility"), 21),
     ),
     "layers in the plane": ("case", (("layers",), 4)),
-    "no curve": ("case", (("curve",), [])),
     "misspelt factor": ("study", (("factor",), [RANGE | {"key": "thicknes_mm"}]), SOBOL),
     "range without an end": ("study", (("factor",), [{"key": "thickness_mm", "from": 8.0}]), SOBOL),
     "values and a range": ("study", (("factor",), [RANGE | {"values": [8.0, 9.0]}]), SOBOL),
-    "points of a sample": ("study", (("factor",), [RANGE | {"points": 4}]), SOBOL),
     "saltelli with designs": ("study", (("sampling",), {"method": "saltelli", "designs": 64, "seed": 1})),
     "links without mobility": ("study", (("model",), "analytic"), (("links",), True), (("mobility",), 6)),
-    "drift of finite elements": ("study", (("model",), "fe"), (("drift",), {})),
     "arm without a stroke": ("study", (("drive",), {"lever_arm_mm": 9.0})),
-    "life at rest": ("study", (("life",), {"ratio": 0.1})),
-    "misspelt free dimension": ("requirements", (("free", 0, "key"), "hinges.base.radius")),
     "step of a list": ("requirements", (("free",), [{"key": "thickness_mm", "values": [8.0, 9.0], "step": 0.5}])),
-    "free dimension that scatters": (
-        "requirements",
-        (("free",), [{"key": "thickness_mm", "distribution": "normal", "sd": 0.1}]),
-    ),
-    "nothing free": ("requirements", (("free",), [])),
     "requirement without an end": ("requirements", (("require",), [ENVELOPE])),
     "larger and smaller": ("requirements", (("objective", 0, "minimise"), "envelope_mm")),
-    "neither larger nor smaller": ("requirements", (("objective", 0, "maximise"), None)),
-    "meshes too coarse for a band": ("requirements", (("resolution",), 4)),
     "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
-    "life without an amplitude": ("requirements", (("life", "amplitude_x_um"), None)),
-    "pole drawn and sprung": ("fixture", (("pole", "bending_stiffness_n_per_mm"), 4e3)),
-    "confidence of 100 %": ("fixture", (("run", "confidence_percent"), 100.0)),
+    "pole without a height": ("fixture", (("pole", "height_mm"), None)),
     "deviation without a slope": ("measured", (("measured",), {"kxx_n_per_mm": 9.0, "kyy_sd_n_per_mm": 1.0})),
     "material without a source": ("material", (("al-6061-t6", "source"), None)),
-    "source of no number": ("material", (("al-6061-t6", "sources"), {"yield_mpa": "a book"})),
     "stack of 1 MV": ("stack", (("stack", 0, "voltage_v"), 1e6)),
-    "eight necks": ("necks", (("neck",), MADE["necks"]["neck"][:8])),
 }
 
 
@@ -299,7 +272,7 @@ def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
     assert not validator("stage").is_valid(content)
 
 
-@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "nonlinear links", "pole drawn and sprung"])
+@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "nonlinear links", "pole without a height"])
 def test_taplo_refuses_what_the_schema_refuses(what, tmp_path):
     name, *changes = CONTRADICTIONS[what]
     (path,) = schema(name, output=tmp_path)
