@@ -179,7 +179,7 @@ def at_necks(frames: Frames, wrenches: Array) -> Wrench:
     F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
     x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
     c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
-    return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y)
+    return Wrench(M + y * F_x - x * F_y, c * F_x + s * F_y, c * F_y - s * F_x)
 
 
 def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> PlatformAtRest:

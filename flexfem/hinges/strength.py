@@ -30,11 +30,12 @@ class Concentration(NamedTuple):
 class Wrench(NamedTuple):
     """What the necks carry per displacement of the platform, (..., 3 chains, 3 hinges, 3 directions).
 
-    moment : about the neck's centre; `normal` : force along the neck. N and N mm per mm, per rad.
+    moment : about the neck's centre; `normal`, `shear` : force along the neck and across. N and N mm per mm, per rad.
     """
 
     moment: Array
     normal: Array
+    shear: Array
 
 
 def concentration(ratio: Array) -> Concentration:

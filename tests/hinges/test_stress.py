@@ -27,7 +27,7 @@ def raised(radius: np.ndarray, neck: np.ndarray, pull: float = 0.0) -> Concentra
 
 def single(moment: float, normal: float) -> Wrench:
     """One neck of nine loaded, by a platform displacement in y alone."""
-    wrench = Wrench(np.zeros((3, 3, 3)), np.zeros((3, 3, 3)))
+    wrench = Wrench(*np.zeros((3, 3, 3, 3)))
     wrench.moment[1, 2, 1], wrench.normal[1, 2, 1] = moment, normal
     return wrench
 
