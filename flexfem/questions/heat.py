@@ -35,7 +35,18 @@ from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, about, answer, mesh_of, on_meshes, question
+from flexfem.questions.setup import (
+    DEFAULT,
+    Analytic,
+    Answered,
+    Mesh,
+    Models,
+    about,
+    answer,
+    mesh_of,
+    on_meshes,
+    question,
+)
 from flexfem.refused import BadInput
 from flexfem.results import (
     ANALYTIC,
@@ -173,23 +184,28 @@ def drift(
     if stage.frame.expansion is None:
         warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
     warnings += warning.of_stacks(stage)
-    found, values, name, cases = dict[str, Answered](), dict[str, Array](), None, list(CASES)
+    found, values, name = dict[str, Answered](), dict[str, Array](), None
     fields: WarmFields | SolidWarmFields | None = None
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
         found[ANALYTIC], name = by_network(chosen, alpha), chosen.name
         if stage.chains_alike and (unlike := _unlike(chosen)) is not None:
-            values["unlike"] = unlike
+            rest = len(_cases(mesh)) - len(CASES)  # which the analytic model has not
+            values["unlike"] = np.pad(unlike, ((0, rest), (0, 0)), constant_values=np.nan)
     if mesh is not None and mesh.layers:
         found[SHEET], found[SOLID], fields = _in_three_dimensions(stage, mesh.resolution, mesh.layers, progress)
-        cases, warnings = [*CASES, IN_DEPTH], [*warnings, *warning.held_faces(stage)]
+        warnings += warning.held_faces(stage)
     elif mesh is not None:
         found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution, progress)
     expansions = float(stage.material.expansion or 0.0), frame_expansion_of(stage)
     stated = [f"{EXPANSION.factor * each:g} {EXPANSION.plain}" for each in expansions]
     settings = {"expansion": stated[0], "frame": stated[1], "analytic model": name}
     of = about(stage, heat=True)
-    return answer(Drift, of, found, mesh, settings, values, {"case": cases}, warnings=warnings, fields=fields)
+    return answer(Drift, of, found, mesh, settings, values, {"case": _cases(mesh)}, warnings=warnings, fields=fields)
+
+
+def _cases(mesh: Mesh | None) -> tuple[str, ...]:
+    return (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
 
 
 def frame_expansion_of(stage: Stage) -> float:

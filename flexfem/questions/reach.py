@@ -205,6 +205,8 @@ def reach(
     if mesh is not None:
         elements = driven_elements(stage, mesh.resolution).of
         found[ELEMENTS] = PoseSet(elements, drive, limits_of_commands(first, elements, drive, F), F).ranges()[0]
+    size = np.max(np.abs(solid.vertices), axis=0, initial=np.finfo(float).tiny)
+    order = np.lexsort(np.round(solid.vertices / size, 6).T)  # whatever round-off does
     values: dict[str, Any] = {
         "load": F,
         "ends": np.stack(list(found.values()), axis=2),
@@ -212,8 +214,8 @@ def reach(
         "circle": _radius(section, poses.rest[:2]),
         "ball": _radius(solid, np.array([1.0, 1.0, lever]) * poses.rest),
         "volume": solid.volume,
-        "vertices": solid.vertices,
-        "commands": solid.commands,
+        "vertices": solid.vertices[order],
+        "commands": solid.commands[order],
     }
     warnings += _warnings(first, drive, solid, lever)
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")

@@ -388,3 +388,20 @@ def test_a_stop_ends_soon_with_one_line_and_leaves_no_process(study, tmp_path, n
     assert err.count("\n") == 1 and "of 200 designs are kept in" in err, err
     _, alive = psutil.wait_procs(left, 10.0)
     assert alive == []
+
+
+@pytest.mark.slow
+def test_workers_of_a_dask_scheduler_make_the_same_table_and_none_is_named(study, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    loaded = load_study(study("fe", designs=6))
+    here, there = parts_of(loaded, tmp_path / "here"), parts_of(loaded, tmp_path / "there", 2)
+    run_parts(here, Here())
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+        Workers(1, cluster.scheduler_address) as pool,
+    ):
+        run_parts(there, pool)
+    for name in loaded.outputs:
+        np.testing.assert_allclose(table(there)[name], table(here)[name], rtol=1e-9, atol=1e-9)
+    with pytest.raises(BadInput, match=r"--scheduler 127.0.0.1:1: expected host:port of one with workers"):
+        Workers(1, "127.0.0.1:1")
