@@ -583,7 +583,8 @@ def number(value: float, band: float = np.nan) -> str:
     places = min(max(1 - int(np.floor(np.log10(band))), 0), 12)
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"
-    return f"{value:z.{places}f} ± {band:.{places}f}"
+    text = f"{value:z.{places}f}"
+    return f"{text} ± {band:.{places}f}" if float(text) or places < 7 else f"0 ± {band:.1g}"
 
 
 def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:

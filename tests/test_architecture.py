@@ -126,7 +126,7 @@ REPORTS = [f"flexfem.plot.{path.stem}" for path in MODULES if path.parent.name =
 
 
 def test_what_is_drawn_was_answered_before():
-    answering = {"flexfem.study.answer", "flexfem.questions.asked"}
+    answering = {"flexfem.study.answer", "flexfem.questions.batch"}
     assert [report for report in REPORTS if reached(report) & answering] == []
 
 

@@ -19,8 +19,8 @@ from flexfem.design.scatter import REFUSED, NeckScatter
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
-from flexfem.questions.asked import ask_formulas
 from flexfem.questions.bands import error_matrix
+from flexfem.questions.batch import batch_at_rest
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs
 from flexfem.study.columns import ERRORS, STIFFNESSES
@@ -319,7 +319,7 @@ def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
 
     stiffness : (n, 3, 3), of the model that answers; nan where it has none.
     """
-    paper = ask_formulas(designs, hinge_compliances(designs, formula), stage_freedoms(designs.prismatic)).stiffness
+    paper = batch_at_rest(designs, hinge_compliances(designs, formula), stage_freedoms(designs.prismatic)).stiffness
     found, sound = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))
     compliance = np.asarray(np.linalg.inv(stiffness[sound]), dtype=np.float64)
     percent = error_matrix(paper[sound], compliance, np.ones(int(sound.sum())))

@@ -35,13 +35,13 @@ from flexfem.plot.style import (
 from flexfem.plot.text import SPACE, minus, round_factor, significant
 from flexfem.plot.write import figure_files, write_beside
 from flexfem.study.findings import (
+    AxisText,
     Caption,
     Chosen,
     Distribution,
     Indices,
     ParetoFront,
     Percentile,
-    Quantity,
     Record,
     Refused,
     Scatter,
@@ -96,7 +96,7 @@ def _panels(size: tuple[float, float], caption: Caption, rows: int, columns: int
 
 
 def name_axis(
-    axes: Axes, which: Literal["x", "y"], quantity: Quantity, ends: tuple[float, float], after: str = ""
+    axes: Axes, which: Literal["x", "y"], quantity: AxisText, ends: tuple[float, float], after: str = ""
 ) -> None:
     """Scale, label and ticks of an axis that goes from one end to the other."""
     axes.set(**{f"{which}scale": "log" if quantity.log else "linear", f"{which}lim": ends})

@@ -29,15 +29,15 @@ from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.asked import (
+from flexfem.questions.batch import (
     Clock,
     Moments,
-    ask_drift,
-    ask_drives,
-    ask_elements,
-    ask_formulas,
-    ask_frequencies,
-    ask_solid,
+    batch_at_rest,
+    batch_drift,
+    batch_drives,
+    batch_frequencies,
+    solved_design,
+    solved_solid,
 )
 from flexfem.questions.driven import DriveRanges
 from flexfem.questions.modes import payload_of
@@ -83,7 +83,7 @@ def driven(
         elastic = _no_parts(len(reason), len(drive.stacks))
         _each(stages, reason, lambda index, stage: _put(elastic, index, link_parts(stage, drive_of(stage).stacks)))
     drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
-    return ask_drives(designs, hinges, freedoms, drive, elastic)
+    return batch_drives(designs, hinges, freedoms, drive, elastic)
 
 
 def vibrating(
@@ -100,7 +100,7 @@ def vibrating(
             _put(elastic, index, elastic_bodies(stage))
 
     _each(stages, reason, draw)
-    return ask_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
+    return batch_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
 
 
 def payload(loaded: LoadedStudy) -> Payload | None:
@@ -160,7 +160,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
         stages = cache(lambda index: stage_of(loaded, values[index]))
         bodies = elastic_parts(loaded, stages, reason)
-        found = ask_formulas(
+        found = batch_at_rest(
             designs, hinges, freedoms, None if bodies is None else bodies.compliance, _repeated(loaded)
         )
         if study.driven:
@@ -168,7 +168,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         if study.frequencies is not None:
             found = found._replace(frequencies=vibrating(loaded, stages, reason, designs, hinges, freedoms))
         if study.drift is not None:
-            found = found._replace(drift=ask_drift(designs, hinges, freedoms, bodies))
+            found = found._replace(drift=batch_drift(designs, hinges, freedoms, bodies))
         lost = np.isnan(found.stiffness[:, 0, 0])
         if found.drift is not None:
             lost |= np.isnan(found.drift.uniform).any(axis=1)
@@ -235,14 +235,14 @@ def _repeated(loaded: LoadedStudy) -> Repeated | None:
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
-    """Values (outputs,) of a feasible design, for models that mesh. Raises as `ask_elements`, or the formula."""
+    """Values (outputs,) of a feasible design, for models that mesh. Raises as `solved_design`, or the formula."""
     study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), False)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     if study.model == "three_dimensional":
-        found = ask_solid(stage, study.resolution, study.layers, clock)
+        found = solved_solid(stage, study.resolution, study.layers, clock)
     else:
         asked = payload(loaded), _repeated(loaded), study.driven, study.drift is not None
-        found = ask_elements(stage, study.resolution, clock, predicted, study.bands, *asked)
+        found = solved_design(stage, study.resolution, clock, predicted, study.bands, *asked)
         if found.drives is not None and np.isnan(found.drives.range).any():
             raise BadInput(UNMOVED)
     return np.array([*values_of(found, study.columns, study.rotation)[0], *asked_numbers(loaded, stage)])

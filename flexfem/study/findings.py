@@ -61,8 +61,8 @@ WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio
 # names
 
 
-class Quantity(NamedTuple):
-    """What an axis shows: its name, its unit or nothing, the name with a symbol in it, whether it is logarithmic."""
+class AxisText(NamedTuple):
+    """The text of an axis: name, unit or nothing, symbol in mathematics or nothing; and whether it is logarithmic."""
 
     name: str
     unit: str = ""
@@ -89,19 +89,19 @@ class Caption(NamedTuple):
     not_stated: Sequence[str] = ()
 
 
-def output(column: str, study: Study | None = None) -> Quantity:
+def output(column: str, study: Study | None = None) -> AxisText:
     """What an output column of a study is called, with the known error of a stress by finite elements."""
     name, symbol = LABELS.get(column, (column, ""))
     if column in STRESSES and study is not None and study.stress_below:
         name = f"{name} ({study.stress_below})"
-    return Quantity(name, unit_of(column).name, symbol, column == "life_cycles")
+    return AxisText(name, unit_of(column).name, symbol, column == "life_cycles")
 
 
-def factor(column: Column) -> Quantity:
+def factor(column: Column) -> AxisText:
     """What a factor is called: by the label the study gives it, else in words by the keys it sets."""
     units = {unit_of(key).name for key in column.keys}
     name = column.factor.label or " = ".join(words(without_unit(key)) for key in column.keys)
-    return Quantity(name, units.pop() if len(units) == 1 else "", log=column.factor.scale == "log")
+    return AxisText(name, units.pop() if len(units) == 1 else "", log=column.factor.scale == "log")
 
 
 def words(key: str) -> str:
@@ -173,14 +173,14 @@ class Source(NamedTuple):
     nominal: Mapping[str, float]
     unseen: Sequence[str] = ()
 
-    def quantity(self, name: str) -> Quantity:
+    def quantity(self, name: str) -> AxisText:
         """What a column is called."""
         for column in self.loaded.columns:
             if column.name == name:
                 return factor(column)
         for derived in self.loaded.study.output:
             if derived.name == name:
-                return Quantity(derived.label or name, derived.unit or "")
+                return AxisText(derived.label or name, derived.unit or "")
         return output(name, self.loaded.study)
 
     def heading(self, name: str) -> str:
@@ -257,9 +257,9 @@ class StudyMap(NamedTuple):
     """A value over two factors; `marks` are contours that matter, `base` is x and y of the base stage."""
 
     caption: Caption
-    x: Quantity
-    y: Quantity
-    value: Quantity
+    x: AxisText
+    y: AxisText
+    value: AxisText
     cells: Cells
     marks: tuple[float, ...] = ()
     base: tuple[float, float] | None = None
@@ -278,7 +278,7 @@ class Percentile(NamedTuple):
 class Scatter(NamedTuple):
     """How one value (n,) scatters: percentiles from low to high, and the value of the base stage where known."""
 
-    quantity: Quantity
+    quantity: AxisText
     values: Array
     percentiles: Sequence[Percentile]
     nominal: float | None = None
@@ -307,7 +307,7 @@ class Indices(NamedTuple):
 class Share(NamedTuple):
     """One value and the indices of every factor."""
 
-    quantity: Quantity
+    quantity: AxisText
     indices: Indices
 
 
@@ -325,7 +325,7 @@ class Chosen(NamedTuple):
 
     place: int
     stage: Stage
-    numbers: Sequence[tuple[Quantity, float]]
+    numbers: Sequence[tuple[AxisText, float]]
 
 
 class ParetoFront(NamedTuple):
@@ -339,8 +339,8 @@ class ParetoFront(NamedTuple):
     """
 
     caption: Caption
-    x: Quantity
-    y: Quantity
+    x: AxisText
+    y: AxisText
     better: tuple[str, str]
     points: Array
     front: Index

@@ -28,6 +28,7 @@ from flexfem.refused import BadInput
 from flexfem.study.answer import nominal, own_values
 from flexfem.study.collect import StudyTable
 from flexfem.study.findings import (
+    AxisText,
     Caption,
     Cells,
     Chosen,
@@ -35,7 +36,6 @@ from flexfem.study.findings import (
     Indices,
     ParetoFront,
     Percentile,
-    Quantity,
     Refused,
     Scatter,
     Sensitivity,
@@ -125,7 +125,7 @@ def shown_map(**changes: Any) -> StudyMap:
     values[[2, 7]] = np.nan
     missing = {"refused": np.arange(12) == 2, "time limit": np.arange(12) == 7}
     points = np.column_stack([x.ravel(), y.ravel()])
-    given: dict[str, Any] = {"x": Quantity("radius", "mm", log=True), "y": Quantity("neck $t$", "mm")}
+    given: dict[str, Any] = {"x": AxisText("radius", "mm", log=True), "y": AxisText("neck $t$", "mm")}
     given |= {"value": output("error_x_percent")}
     cells = {"points": points, "values": values, "missing": missing, "grid": True}
     cells |= {name: changes.pop(name) for name in list(changes) if name in cells}
@@ -273,7 +273,7 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
 def shown_front(folder: Path) -> ParetoFront:
     stage = study(folder, GRID).stage
     points = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7], [3.0, 3.5]])
-    stiff, more = Quantity("K"), Quantity("length", "mm")
+    stiff, more = AxisText("K"), AxisText("length", "mm")
     chosen = [Chosen(2, stage, [(stiff, 1.0)]), Chosen(0, stage, [(stiff, 2.0), (more, 3.0)])]
     quantities = (output("range_x_um"), output("kxx_n_per_mm"))
     return ParetoFront(

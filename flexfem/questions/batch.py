@@ -1,4 +1,4 @@
-"""What is asked of designs: of the analytic model many at once, of finite elements one after the other."""
+"""Answers of designs: of the analytic model many at once, of finite elements one after the other."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Answers(NamedTuple):
         return rotation / self.turning
 
 
-def ask_formulas(
+def batch_at_rest(
     designs: Designs,
     hinges: Compliance,
     freedoms: Freedoms,
@@ -116,7 +116,7 @@ def ask_formulas(
     return answers._replace(lives=lives(strained, designs.fatigue, designs.yield_strength, repeated))
 
 
-def ask_frequencies(
+def batch_frequencies(
     designs: Designs,
     hinges: Compliance,
     freedoms: Freedoms,
@@ -135,12 +135,14 @@ def ask_frequencies(
     return np.asarray(of.frequencies[:, :LOWEST])
 
 
-def ask_drift(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: WarmBodies | None = None) -> DriftRates:
+def batch_drift(
+    designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: WarmBodies | None = None
+) -> DriftRates:
     """Drift of n designs by the analytic model, with elastic `bodies` or rigid ones; nan where it is singular."""
     return rates_of(analytic_drift(designs, hinges, freedoms, *in_plane(designs), bodies).pose)
 
 
-def ask_drives(
+def batch_drives(
     designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
 ) -> DriveRanges:
     """The analytic model of n driven designs, with `elastic` links of n designs or rigid ones; nan where singular."""
@@ -148,7 +150,7 @@ def ask_drives(
     return drive_ranges(designs, driven(model.compliance, drive), model.necks, drive)
 
 
-def ask_elements(
+def solved_design(
     stage: Stage,
     resolution: int,
     clock: Clock,
@@ -165,7 +167,7 @@ def ask_elements(
     ----------
     predicted : (3, 3), the stiffness by which (18) predicts the loads, to ask for its errors.
     bands : ask for the mesh bands of these too, from coarser meshes.
-    payload : on the platform, to ask for natural frequencies; None does not.   repeated : as of `ask_formulas`.
+    payload : on the platform, to ask for natural frequencies; None does not.   repeated : as of `batch_at_rest`.
     driven, warm : ask what the stage's own drive does, and for its drift.
 
     Raises
@@ -197,10 +199,10 @@ def ask_elements(
     return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))
 
 
-def ask_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answers:
+def solved_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answers:
     """Finite elements in three dimensions of one feasible design, n = 1; base hinges turn as in the mid-plane.
 
-    Raises as `ask_elements`; the time limit is that of gmsh.
+    Raises as `solved_design`; the time limit is that of gmsh.
     """
     from flexfem.fem.mesh import mesh_sectors
     from flexfem.fem.response import unit_response
@@ -224,7 +226,7 @@ def _at_rest(stage: Stage, response: Response) -> Answers:
 
 
 def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
-    """The stage meshed and condensed sector by sector. Raises as `ask_elements`."""
+    """The stage meshed and condensed sector by sector. Raises as `solved_design`."""
     from flexfem.fem.mesh import mesh_sectors
     from flexfem.fem.response import unit_response
     from flexfem.fem.structure import plate_of
