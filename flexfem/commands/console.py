@@ -105,6 +105,10 @@ def print_record(found: Any) -> None:
 
 
 def _text(value: Any) -> str:
+    if hasattr(value, "_asdict"):
+        return _text(value._asdict())
+    if isinstance(value, dict):
+        return "; ".join(f"{key.replace('_', ' ')} {_text(each)}" for key, each in value.items() if each is not None)
     if isinstance(value, list | tuple):
         return ", ".join(map(_text, value))
-    return f"{value:.8g}" if isinstance(value, float) else str(value)
+    return f"{round(value, 12) + 0.0:.8g}" if isinstance(value, float) else str(value)
