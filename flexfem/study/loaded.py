@@ -524,7 +524,7 @@ def _of_key(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) -> Arr
         if path in column.keys:
             return columns[column.name]
     key = keys()[path]
-    if key.table[:1] != ("override",):
+    if key.table[:1] != ("override",) or not loaded.columns:
         return np.full(1, key.value_in(loaded.stage), dtype=np.float64)
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, place),) = key.places_in(loaded.stage)
