@@ -14,8 +14,8 @@ import numpy as np
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
-from flexfem.analytic.paper import freedoms_of, stage_freedoms
-from flexfem.analytic.responses import LinkParts, WarmBodies, elastic_bodies, link_parts
+from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.files.refusals import suggestion
@@ -109,7 +109,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         refused = [*_off_limits(loaded, values), *refused]
         first = [np.array(each.reason, object) for each in refused]
         reason = np.select([each.where for each in refused], first, refusals_of(loaded, values))
-        freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
+        freedoms = freedoms_of(study.mobility, designs.prismatic)
         stages = cache(lambda index: stage_of(loaded, values[index]))
         drawn = partial(_drawn, loaded, stages, reason)
         if study.draws:
@@ -124,7 +124,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             found = found._replace(drives=batch_drives(designs, *model, drive, pushed))
         if study.frequencies is not None:
             moments = drawn(lambda stage: Moments(body_moments(stage), hub_moments(stage)))
-            elastic = drawn(elastic_bodies) if study.links else None
+            elastic = drawn(lambda stage: link_parts(stage, on_bodies(stage))) if study.links else None
             carried = payload(loaded) or Payload()
             found = found._replace(frequencies=batch_frequencies(designs, *model, moments, carried, elastic))
         if study.drift is not None:
