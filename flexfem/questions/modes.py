@@ -30,7 +30,6 @@ from flexfem.mechanism.bodies import (
     drawn_inertia,
     hub_moments,
     mass_per_area,
-    payload_matrix,
 )
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
@@ -220,7 +219,7 @@ def modes(
         with located(stage):
             raise BadInput("no [[actuator]]: the stage has no drive to engage")
     warnings = list(warning.of_stage(stage))
-    drawn = drawn_inertia(stage).matrix + payload_matrix(load)
+    drawn = drawn_inertia(stage) + load.matrix
     values = {"mass": drawn[0, 0], "inertia": drawn[2, 2], "hub_mass": hub_moments(stage)[0] * mass_per_area(stage)}
     rigid = {} if models == "elements" else analytic_frequencies(stage, load, drives, warnings)
     warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
