@@ -16,7 +16,7 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import OF_THE_KEY, Rule, either, has, ruled, says, when, without
+from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.files.writing import digest
@@ -45,7 +45,7 @@ End: TypeAlias = Annotated[float | None, Field(ge=-LARGEST, le=LARGEST, json_sch
 Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
 
 
-def _without_keys_of_studies(schema: Rule) -> None:
+def _without_keys_of_studies(schema: dict[str, Any]) -> None:
     """Leave out the keys of a factor that no free dimension takes."""
     for key in ("points", "distribution", "mean", "sd", "lower", "upper"):
         del schema["properties"][key]
@@ -56,13 +56,7 @@ class Free(Factor):
 
     named: ClassVar[tuple[str, ...]] = ("key", "keys", "label", "step")
 
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            when(has("key"), without("keys"), has("keys")),
-            when(has("values"), without("from", "to", "scale", "step"), has("from", "to")),
-            also=_without_keys_of_studies,
-        )
-    )
+    model_config = ConfigDict(json_schema_extra=_without_keys_of_studies)
 
     label: Label | None = Field(
         default=None, description="How it is called in what is printed; by default the key", examples=["all necks"]
@@ -111,8 +105,6 @@ class Free(Factor):
 class Require(Table):
     """Ends between which a quantity, an expression of columns and keys, must lie."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(either(has("at_least"), has("at_most"))))
-
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End = Field(default=None, description="The lower end", examples=[100.0])
     at_most: End = Field(default=None, description="The upper end; one of both or both", examples=[150.0])
@@ -139,8 +131,6 @@ class Require(Table):
 
 class Objective(Table):
     """A quantity that is to be as large, or as small, as can be."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(when(has("maximise"), without("minimise"), has("minimise"))))
 
     maximise: Expression | None = Field(
         default=None, description="An expression that is to be as large as can be", examples=["range_x_um"]
@@ -205,10 +195,6 @@ class Requirements(Sourced):
     """What a requirements file says."""
 
     kind: ClassVar[str] = "requirements file"
-
-    model_config = ConfigDict(
-        json_schema_extra=ruled(when(says("links", True), either(without("mobility"), says("mobility", 21))))
-    )
 
     name: Label = Field(description="Of the stage that is made, and title of figures", examples=["Long range"])
     stage: Label = Field(

@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
-from flexfem.files.quantities import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
+from flexfem.files.quantities import COUNT, Keywords, keywords
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.toml import Label, Table, validate
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
@@ -129,36 +129,8 @@ Preload: TypeAlias = Annotated[float, *quantities.from_zero(quantities.FORCE)]
 Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 
 
-_OWN = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
-_BALL = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
-
-
-def _pushes(body: str) -> Rule:
-    return {"properties": {"between": {"items": [{}, {"const": body}]}}, "required": ["between"]}
-
-
-_RULES = (
-    when(
-        has("point_mm"),
-        both(has("direction_deg"), without("hinge", "arm_mm", "side", "tilt_deg")),
-        both(has("hinge", "arm_mm", "side"), without("direction_deg")),
-    ),
-    *(when(both(_pushes(link), has("hinge")), says("hinge", *ends)) for link, ends in ENDS.items()),
-    when(_pushes("platform"), without("hinge")),
-    {"not": _pushes("frame")},
-    when(
-        has("stack"),
-        without(*_OWN),
-        both(has(_OWN[0]), either(*(both(has(one), without(other)) for one, other in (_OWN[1:], _OWN[:0:-1])))),
-    ),
-    when(has("ball_radius_mm"), both(has("preload_n"), without("contact_stiffness_n_per_um")), without(*_BALL)),
-)
-
-
 class Actuator(Dimensioned):
     """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
 
     name: Label = Field(
         description="By which it is named: `actuator.base.preload_n`; no other has it", examples=["base"]
@@ -316,7 +288,11 @@ class Actuator(Dimensioned):
 
     @model_validator(mode="after")
     def _one_contact(self) -> Actuator:
-        ball = dict(zip(_BALL, (self.ball_loose, self.ball_youngs_modulus, self.ball_poissons_ratio), strict=True))
+        ball = {
+            "ball_loose": self.ball_loose,
+            "ball_youngs_modulus_gpa": self.ball_youngs_modulus,
+            "ball_poissons_ratio": self.ball_poissons_ratio,
+        }
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
         for key, value in ball.items():

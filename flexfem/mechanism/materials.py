@@ -20,7 +20,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationError, Validat
 
 from flexfem import own
 from flexfem.files import quantities
-from flexfem.files.quantities import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
+from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import key_path, place_of, problem_of, refusal, shown
 from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
@@ -62,7 +62,7 @@ class Material(Dimensioned):
     in 1/K, `fatigue_strength_coefficient` in MPa; None where a number is not stated.
     """
 
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _as_files_say(schema)))
+    model_config = ConfigDict(json_schema_extra=lambda schema: _as_files_say(schema))
 
     name: Label = Field(
         description="Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, "
@@ -150,26 +150,17 @@ class Material(Dimensioned):
 NUMBERS = tuple(name for name in Material.model_fields if name != "name")
 FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_exponent", "fatigue_range")
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
-_FILE: Rule = {
+_FILE = {
     "type": "string",
     "description": "TOML file of your own, beside the stage file, that has the material of this name and its numbers",
     "examples": ["my-materials.toml"],
 }
 
 
-def whole_fatigue() -> Rule:
-    """Both constants of Basquin's law, where one of the fatigue keys is given."""
-    coefficient, *others = (Material.model_fields[name].alias or name for name in FATIGUE)
-    return when(without(coefficient, *others), {}, has(coefficient, others[0]))
-
-
-def _as_files_say(schema: Rule) -> None:
-    """A registered name, a name and the file that has it, or all numbers."""
-    numbers = [key for key in schema["required"] if key != "name"]
+def _as_files_say(schema: dict[str, Any]) -> None:
+    """A name alone may be enough: that of a registered material, or beside it the file that has the material."""
     schema["properties"] = {"name": schema["properties"]["name"], "file": _FILE, **schema["properties"]}
     schema["required"] = ["name"]
-    known = either(has("file"), says("name", *materials()), has(*numbers))
-    schema["allOf"] = [when(has("file"), only("name", "file")), known, whole_fatigue()]
 
 
 def _keys(info: ValidationInfo) -> tuple[str, ...]:
@@ -300,7 +291,7 @@ class Entry(Material):
     source : of all its numbers, but for those that `sources` names by key.
     """
 
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _without_its_name(schema)))
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
 
     name: Label = "of a file"
     source: Label = Field(
@@ -324,12 +315,6 @@ class Entry(Material):
             if key not in KEYS:
                 raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
         return self
-
-
-def _without_its_name(schema: Rule) -> None:
-    del schema["properties"]["name"]
-    schema["properties"]["sources"]["propertyNames"] = {"enum": list(KEYS)}
-    schema["allOf"] = [whole_fatigue()]
 
 
 def read_materials(path: Path) -> dict[str, Registered]:

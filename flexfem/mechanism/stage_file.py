@@ -11,10 +11,9 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
 
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import Rule, both, has, ruled, when, without
 from flexfem.files.refusals import KeyPath, key_path, path_of, place_of, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Label, read_toml
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
@@ -206,8 +205,6 @@ def scopes_of(doubted: Iterable[str]) -> str:
 class _About(Dimensioned):
     """The part of an override that says what it is about."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _about_one_thing(schema)))
-
     chain: int = Field(ge=1, le=3, description="The chain that it is about", examples=[2])
     hinge: HingeName | None = Field(default=None, description="The hinge of that chain that it is about")
     actuator: Label | None = Field(
@@ -271,15 +268,6 @@ else:
         __doc__="What differs at one of the nine hinges, or at an actuator on one chain; None keeps its table's value.",
         **_FIELDS,
     )
-
-
-def _about_one_thing(schema: Rule) -> None:
-    """A hinge or an actuator, with something that differs there and nothing of the other."""
-    hinge, actuator = ([Override.model_fields[n].alias or n for n in of] for of in (OF_HINGES, OF_ACTUATORS))
-    schema["allOf"] = [
-        when(has("actuator"), without("hinge", *hinge), both(has("hinge"), without(*actuator))),
-        {"minProperties": 3},
-    ]
 
 
 class Origin(NamedTuple):

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from flexfem.files import quantities
-from flexfem.files.quantities import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
+from flexfem.files.quantities import OF_THE_KEY, Keywords, keywords
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table
 from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
@@ -29,7 +29,7 @@ WAYS = "a factor is values, or from and to, or a distribution"
 NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
 
 
-def _key_schema(patterns: bool) -> Rule:
+def _key_schema(patterns: bool) -> dict[str, Any]:
     """The key paths that there are, those with stars among them, and those of actuators, whose names are the file's."""
     known = {path: None for path in keys()}
     if patterns:
@@ -43,27 +43,6 @@ KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
 KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
 
 
-def of_kind(kind: Kind) -> Rule:
-    """A factor of a kind, in JSON schema: its keys, and no others."""
-    needed, possible = _KEYS_OF[kind]
-    return both(has(*needed), without(*(key for key in _OTHERS if key not in (*needed, *possible))))
-
-
-_OTHERS = dict.fromkeys(key for kind in _KEYS_OF.values() for keys_of in kind for key in keys_of)
-FACTOR_RULES = (
-    when(has("key"), without("keys"), has("keys")),
-    when(
-        says("distribution", "normal"),
-        of_kind("normal"),
-        when(
-            says("distribution", "uniform"),
-            of_kind("uniform"),
-            when(has("values"), of_kind("values"), when(without(*_OTHERS), {}, of_kind("range"))),
-        ),
-    ),
-)
-
-
 class Factor(Table):
     """One factor: a list, a range (`start` to `end`) or a distribution; with none of them a table of designs has it.
 
@@ -71,8 +50,6 @@ class Factor(Table):
     """
 
     named: ClassVar[tuple[str, ...]] = NAMED
-
-    model_config = ConfigDict(json_schema_extra=ruled(*FACTOR_RULES))
 
     key: KeyPattern | None = Field(
         default=None,

@@ -5,41 +5,27 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, reduce
 from types import CodeType
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 import flexfem
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import (
-    COUNT,
-    OF_THE_KEY,
-    Rule,
-    beside,
-    both,
-    either,
-    has,
-    keywords,
-    only,
-    ruled,
-    says,
-    when,
-    without,
-)
+from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
 from flexfem.mechanism.keys import keys, meant
 from flexfem.questions import warnings as warning
-from flexfem.questions.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
+from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
-from flexfem.study.factors import NAMED, WAYS, Factor, columns_of, unasked
+from flexfem.study.factors import WAYS, Factor, columns_of, unasked
 
 LONGEST = 400  # characters
 DEEPEST = 50  # operations one inside the other
@@ -159,22 +145,9 @@ _WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it
 }
 
 
-def _of(key: str, value: str, needed: tuple[str, ...], possible: tuple[str, ...], *more: Rule) -> Rule:
-    """Where a key says a value there are the keys that this needs, and none but those that are possible with it."""
-    return when(says(key, value), both(has(*needed), only(key, *needed, *possible), *more))
-
-
-_OF_METHODS = [
-    _of("method", name, keys, (), *([{"properties": {"designs": {"maximum": MOST_HELD}}}] if name in HELD else []))
-    for name, keys in _WANTED.items()
-]
-
-
 class Sampling(Table):
     """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
     taken from a `file`."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(*_OF_METHODS))
 
     method: Method = Field(
         description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
@@ -242,8 +215,6 @@ class Output(Table):
 
 class Constraint(Table):
     """Ends between which an expression of columns and keys must lie for a design to count."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(either(has("least"), has("most"))))
 
     value: Expression = Field(
         description="An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything "
@@ -320,12 +291,6 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            *(_of("kind", name, needed, ("title", *more)) for name, (needed, more) in _KEYS_OF.items())
-        )
-    )
-
     kind: FigureKind = Field(
         description="`map` of an output over two factors, in whose cells means over the other factors are; "
         "`distribution` and `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns",
@@ -373,13 +338,6 @@ Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLI
 
 class DriveQuestion(Table):
     """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
-
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            beside({"stroke_um": ["lever_arm_mm"], "lever_arm_mm": ["stroke_um"]}),
-            either(says("actuators", True), has("stroke_um")),
-        )
-    )
 
     actuators: bool = Field(
         default=False,
@@ -432,17 +390,8 @@ class Drifting(Table):
     """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
 
 
-_AMPLITUDES = ("amplitude_x_um", "amplitude_y_um", "amplitude_theta_mrad")
-
-
-def _not_zero(key: str) -> Rule:
-    return {"required": [key], "properties": {key: {"not": {"const": 0}}}}
-
-
 class Lasting(Table):
     """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(either(*map(_not_zero, _AMPLITUDES))))
 
     amplitude_x_um: Amplitude = Field(
         default=0.0, description="Of the pose in x; one of the three or more", examples=[20.0]
@@ -498,25 +447,6 @@ APPLIES = {  # keys that not every model takes
     "life": ("analytic", "fe", "verify"),
     "drift": ("analytic", "fe", "verify"),
 }
-_GIVEN = {"not": only(*NAMED)}  # of a factor that says its values
-
-
-def rules() -> Iterator[Rule]:
-    """Between keys of a study, in JSON schema."""
-    every: set[str] = {"analytic", "fe", "verify", "three_dimensional"}
-    for key, models in APPLIES.items():
-        yield when(says("model", *sorted(every - {*models})), without(key))
-    yield LINKS
-    yield when(says("check", "closed_form"), says("model", "analytic"))
-    driven = {"properties": {"drive": says("actuators", True)}, "required": ["drive"]}
-    yield when(driven, says("model", *sorted(every - {"three_dimensional"})))
-    of_grid = both(without("distribution"), when(has("from"), has("points")), _GIVEN)
-    others = {"grid": of_grid, "table": only(*NAMED)}
-    for method in get_args(Method):
-        of_factor = others.get(method, both(without("points"), _GIVEN))
-        correlated = without("correlation") if method in UNCORRELATED else {}
-        sampled = {"properties": {"sampling": says("method", method)}, "required": ["sampling"]}
-        yield when(sampled, both({"properties": {"factor": {"items": of_factor}}}, correlated))
 
 
 def require_sampled(factors: Sequence[Factor], method: Method) -> None:
@@ -586,8 +516,6 @@ def require_shown(figures: Sequence[Figure], factors: Sequence[Factor], outputs:
 
 class Study(Sourced):
     """What a study file says."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(*rules()))
 
     kind: ClassVar[str] = "study file"
 
