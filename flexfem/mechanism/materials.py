@@ -280,8 +280,9 @@ class Entry(Material):
     source : of all its numbers, but for those that `sources` names by key.
     """
 
-    model_config = ConfigDict(json_schema_extra=lambda schema: _without_name(schema))
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
 
+    name: Label = "of a file"  # replaced by that of its table
     source: Label = Field(
         description='Where its numbers come from; begins with "assumed" when they are', examples=["works certificate 7"]
     )
@@ -297,11 +298,6 @@ class Entry(Material):
             if key not in KEYS:
                 raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
         return self
-
-
-def _without_name(schema: dict[str, Any]) -> None:
-    del schema["properties"]["name"]
-    schema["required"].remove("name")
 
 
 def read_materials(path: Path) -> dict[str, Registered]:
