@@ -23,7 +23,7 @@ from flexfem.analytic.paper import (
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
-from flexfem.hinges.formulas import ChartedFormula, Compliance
+from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
@@ -122,7 +122,7 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
 def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
     """Whether the formula, and the chart of the thickness, have an answer for each hinge (n, 3, 3), by reason."""
     found = {}
-    if isinstance(formulas.formula(formula), ChartedFormula):
+    if formulas.formula(formula).charted:
         found[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
         found[OFF_THICKNESS] = on_thickness_chart(designs)

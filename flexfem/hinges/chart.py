@@ -99,14 +99,9 @@ class HingeChart(NamedTuple):
     high: Series
     bands: Array
 
-    @property
-    def ratios(self) -> tuple[float, float]:
-        """Smallest and largest t/R; beyond them the chart says nothing."""
-        return self.low.ends[0]
-
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
         """Whether t/R and H/h (broadcast against each other) are on the chart; there is no largest H/h."""
-        return _within(ratio, self.ratios) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
+        return _within(ratio, self.low.ends[0]) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Factors:
         """Factors (...) at t/R and H/h, broadcast against each other."""
@@ -114,7 +109,7 @@ class HingeChart(NamedTuple):
         inside, found = self.covers(tau, eta), self.low.at(*self.low.clipped(tau, eta))
         beyond = inside & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
         if np.any(beyond):
-            within, high = np.clip(tau[beyond], *self.ratios), eta[beyond]
+            within, high = np.clip(tau[beyond], *self.low.ends[0]), eta[beyond]
             found[:, beyond] = self.high.at(within, high) + GROWTH[:, None] * np.log(high) / beam_integrals(within)
         return Factors(*np.where(inside, found, np.nan))
 
