@@ -354,7 +354,7 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
         return f"{said}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected {low:g} to {high:g}"
     if reason == OFF_THICKNESS:
         values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
-        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().series.ends)
+        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().ends)
         return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
     return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
 
