@@ -14,8 +14,8 @@ import numpy as np
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
-from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, elastic_bodies, link_parts
+from flexfem.analytic.paper import Freedoms, freedoms_of
+from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.files.refusals import suggestion
@@ -97,7 +97,7 @@ def vibrating(
     def draw(index: int, stage: Stage) -> None:
         moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
         if elastic is not None:
-            _put(elastic, index, elastic_bodies(stage))
+            _put(elastic, index, link_parts(stage, on_bodies(stage)))
 
     _each(stages, reason, draw)
     return batch_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
@@ -111,7 +111,7 @@ def payload(loaded: LoadedStudy) -> Payload | None:
 
 def _no_parts(n: int, loads: int) -> LinkParts:
     """What elastic links add to the compliances of n designs, with so many loads on them: zero so far."""
-    shapes = (3, 3, 3), (3, 3, loads), (loads, loads), (9, 9)
+    shapes = (9, 9), (3, 3, loads), (loads, loads)
     return LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
 
 
@@ -157,7 +157,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges), *_units(study, designs)]
         reason = _first([*_off_limits(loaded, values), *refused])
         reason = np.where(reason == "", refusals_of(loaded, values), reason)
-        freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
+        freedoms = freedoms_of(study.mobility, designs.prismatic)
         stages = cache(lambda index: stage_of(loaded, values[index]))
         bodies = elastic_parts(loaded, stages, reason)
         found = batch_at_rest(
