@@ -11,7 +11,7 @@ from flexfem.files import quantities
 from flexfem.files.quantities import OF_THE_KEY, Keywords, keywords
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import actuator_pattern, keys, meant, starred, starred_patterns
+from flexfem.mechanism.keys import keys, meant, starred
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -29,18 +29,15 @@ WAYS = "a factor is values, or from and to, or a distribution"
 NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
 
 
-def _key_schema(patterns: bool) -> dict[str, Any]:
-    """The key paths that there are, those with stars among them, and those of actuators, whose names are the file's."""
-    known = {path: None for path in keys()}
-    if patterns:
-        known |= dict.fromkeys(starred_patterns())
-    return {"anyOf": [{"enum": list(known)}, {"pattern": actuator_pattern(patterns)}]}
+def _key_schema(others: str) -> dict[str, Any]:
+    """The key paths that there are, and those of a pattern: the names of actuators are those of the file."""
+    return {"anyOf": [{"enum": list(keys())}, {"pattern": others}]}
 
 
 Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
 Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
-KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
+KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(override\.\d\.)?actuator\."))]
+KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(override\.[\d*]\.)?actuator\.|\*"))]
 
 
 class Factor(Table):
