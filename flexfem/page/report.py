@@ -43,8 +43,7 @@ from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
-from flexfem.questions.stiffness import stiffness
-from flexfem.questions.summary import summary
+from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
 from flexfem.results import Fields, Progress, TextTable, record_parts, versions
 from flexfem.studies import REPORTS
