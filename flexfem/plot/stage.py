@@ -36,7 +36,7 @@ from flexfem.plot.style import (
     panels,
 )
 from flexfem.plot.text import SPACE
-from flexfem.questions.errors import CurveModels, HingeDrawing, hinge_drawings
+from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
 from flexfem.results import Fields
 from flexfem.units import DEGREE, LENGTH
@@ -173,7 +173,7 @@ def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
         raise BadInput(f"{shown(given)}: expected a stage")
     check_feasible(given)
     axial = [[given.hinge(chain, name).prismatic for name in HINGE_NAMES] for chain in CHAINS]
-    return hinge_drawings(given, [[["rotation", *(["axial"] * free)] for free in row] for row in axial])
+    return HingeDrawing.of_stage(given, [[["rotation", *(["axial"] * free)] for free in row] for row in axial])
 
 
 class Outline(NamedTuple):

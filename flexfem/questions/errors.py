@@ -71,6 +71,17 @@ class HingeDrawing(BaseModel):
     neck: float
     freedoms: list[str]
 
+    @classmethod
+    def of_stage(cls, stage: Stage, freedoms: Sequence[Sequence[Sequence[str]]]) -> list[HingeDrawing]:
+        """The hinges of a stage, chain by chain, with their freedoms (3 chains, 3 hinges)."""
+        frames, found = stage_frames(stage), []
+        for row, k in np.ndindex(3, 3):
+            one = stage.hinge(row + 1, HINGE_NAMES[k])
+            drawn = {"centre": frames.centres[row, k].tolist(), "axis": frames.axes[row, k], "radius": one.radius}
+            own = drawn | {"neck": one.neck, "freedoms": freedoms[row][k]}
+            found.append(cls.model_validate({"chain": row + 1, "hinge": HINGE_NAMES[k]} | own))
+        return found
+
 
 class CurveModels(BaseModel):
     """The stage and the two models of a curve, as figures name and draw them.
@@ -99,17 +110,6 @@ class CurveModels(BaseModel):
     triangles: int
     unknowns: int
     verdicts: list[Verdict]
-
-
-def hinge_drawings(stage: Stage, freedoms: Sequence[Sequence[Sequence[str]]]) -> list[HingeDrawing]:
-    """The hinges of a stage, chain by chain, with their freedoms (3 chains, 3 hinges)."""
-    frames, found = stage_frames(stage), []
-    for row, k in np.ndindex(3, 3):
-        one = stage.hinge(row + 1, HINGE_NAMES[k])
-        drawn = {"centre": frames.centres[row, k].tolist(), "axis": frames.axes[row, k], "radius": one.radius}
-        own = drawn | {"neck": one.neck, "freedoms": freedoms[row][k]}
-        found.append(HingeDrawing.model_validate({"chain": row + 1, "hinge": HINGE_NAMES[k]} | own))
-    return found
 
 
 class Verification(Result):
@@ -352,7 +352,7 @@ def _described(case: Case, run: CurveRun) -> CurveModels:
         link_width=stage.chain.link_width,
         platform_radius=stage.platform.radius,
         hub_radius=stage.platform.hub_radius,
-        hinges=hinge_drawings(stage, model.freedoms),
+        hinges=HingeDrawing.of_stage(stage, model.freedoms),
         resolution=case.resolution,
         layers=case.layers if case.model == "three_dimensional" else 0,
         triangles=len(elements.fields.triangles),
