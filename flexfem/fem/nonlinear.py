@@ -35,12 +35,6 @@ def green_lagrange(slopes: Array) -> Array:
     return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
 
 
-def strain_rate(slopes: Array, changes: Array) -> Array:
-    """First change (..., 2, 2, q) of the Green-Lagrange strain: the symmetric part of `F' dH`."""
-    half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)
-    return np.asarray((half + np.swapaxes(half, -3, -2)) / 2)
-
-
 def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Array) -> Array:
     """Tangent (e, 6, 6, 1, 2, 2) per thickness at gradients H and second Piola-Kirchhoff stress S (e, 2, 2, q).
 
@@ -104,23 +98,22 @@ class LargeStructure:
         """The state of displacements (n, 2), mm, the hub's replaced by those of the pose."""
         field = field.copy()
         field[self.of.hub] = self.turned(pose)[0]
-        return State(pose, field, [stress_tensor(self.of.plate, strain) for strain in self._strains(field)])
+        return State(pose, field, [stress_tensor(self.of.plate, green_lagrange(H)) for H in self._slopes(field)])
 
-    def _strains(self, field: Array) -> list[Array]:
-        return [green_lagrange(self.of.slopes(batch, field[None])[0]) for batch in self.of.batches]
+    def _slopes(self, field: Array) -> list[Array]:
+        return [self.of.slopes(batch, field[None])[0] for batch in self.of.batches]
 
     def nodal(self, state: State) -> Array:
         """Nodal forces (n, 2), N, that balance the stress of a state."""
         forces = np.zeros((1, *state.field.shape))
-        for batch, stress in zip(self.of.batches, state.stress, strict=True):
-            slopes = self.of.slopes(batch, state.field[None])[0]
+        for batch, slopes, stress in zip(self.of.batches, self._slopes(state.field), state.stress, strict=True):
             first = stress + np.einsum("eacq,ecbq->eabq", slopes, stress)  # P = F S
             self.of.add_forces(forces, batch, first[None])
         return np.asarray(forces[0])
 
     def held(self, state: State) -> Held:
         """Forces, energy and strain of the state's displacements, whatever its stress."""
-        of, strains = self.of, self._strains(state.field)
+        of, strains = self.of, [green_lagrange(slopes) for slopes in self._slopes(state.field)]
         own = state._replace(stress=[stress_tensor(of.plate, strain) for strain in strains])
         forces = self.nodal(own)
         on_hub = forces[of.hub].ravel() @ self.rates(state.pose)
@@ -131,11 +124,8 @@ class LargeStructure:
 
     def tangent(self, state: State) -> sp.csr_array:
         """Lower triangle (2f + 3, 2f + 3) of the change of the forces on the unknowns, with the state's own stress."""
-        of = self.of
-        blocks = (
-            tangent_blocks(batch, of.plate, of.slopes(batch, state.field[None])[0], stress)
-            for batch, stress in zip(of.batches, state.stress, strict=True)
-        )
+        of, parts = self.of, zip(self.of.batches, self._slopes(state.field), state.stress, strict=True)
+        blocks = (tangent_blocks(batch, of.plate, slopes, stress) for batch, slopes, stress in parts)
         K = of.tied(assembled(self.pairs, blocks, of.line), self.rates(state.pose))
         K.data[-1] -= np.sum(self.nodal(state)[of.hub] * self.turned(state.pose)[1])  # levers of the hub's forces
         return K
@@ -184,15 +174,15 @@ def equilibrium(mesh: StageMesh, plate: Plate, loads: Array, degree: int = QUADR
     order, not the one of the displacements found, whose quadratic part is spurious tension of slender bodies that
     turn. Both are the same in equilibrium, so the answer and the quadratic rate stay; about half the iterations go.
     """
-    return _follow(mesh, plate, np.atleast_2d(np.asarray(loads, dtype=float)), False, degree)
+    return _follow(mesh, plate, loads, False, degree)
 
 
-def imposed(mesh: StageMesh, plate: Plate, poses: Array, degree: int = QUADRATURE) -> Equilibria:
+def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
     """Equilibria with the hub held at poses (k, 3) or (3,), mm and rad: `load` is what holds it there.
 
     Raises ComputationFailed and continues from pose to pose as `equilibrium`. `stable` still answers for a dead load.
     """
-    return _follow(mesh, plate, np.atleast_2d(np.asarray(poses, dtype=float)), True, degree)
+    return _follow(mesh, plate, poses, True, QUADRATURE)
 
 
 class _Step(NamedTuple):
@@ -210,7 +200,7 @@ class _Step(NamedTuple):
 def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool, degree: int) -> Equilibria:
     model, start, scale, rows = LargeStructure(structure(mesh, plate, degree=degree)), np.zeros(3), 0.0, []
     state = model.at(start, np.zeros_like(mesh.nodes))
-    for target in targets:
+    for target in np.atleast_2d(np.asarray(targets, dtype=float)):
         step, iterations, scale = _reach(model, state, start, target, hold, scale)
         state, start = step.state, target
         rows.append(_row(model, step, iterations, scale, None if hold else target))
@@ -270,19 +260,15 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
     linear[of.hub] = (model.rates(state.pose) @ change[-3:]).reshape(-1, 2)
     pose = goal if hold else state.pose + change[-3:]
     moved[of.hub] = model.turned(pose)[0]
-    stress, turn = _predicted(of, state.field, linear)
-    size = float(np.sqrt(abs(change @ missing)))
-    return _Step(State(pose, moved, stress), size, held.energy, turn, unit, factor)
-
-
-def _predicted(of: Structure, field: Array, change: Array) -> tuple[list[Array], float]:
-    """Second Piola-Kirchhoff stress after a change of the displacements, to first order in it; and the largest turn."""
-    stress, turn = [], 0.0
+    stress, turn = [], 0.0  # the stress after the change, to first order in it
     for batch in of.batches:
-        slopes, changes = of.slopes(batch, np.stack([field, change]))
+        slopes, changes = of.slopes(batch, np.stack([state.field, linear]))
         turn = np.maximum(turn, np.max(np.abs(changes)))  # nan stays nan
-        stress.append(stress_tensor(of.plate, green_lagrange(slopes) + strain_rate(slopes, changes)))
-    return stress, float(turn)
+        half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)  # F' dH
+        rate = (half + np.swapaxes(half, -3, -2)) / 2
+        stress.append(stress_tensor(of.plate, green_lagrange(slopes) + rate))
+    size = float(np.sqrt(abs(change @ missing)))
+    return _Step(State(pose, moved, stress), size, held.energy, float(turn), unit, factor)
 
 
 def _row(model: LargeStructure, step: _Step, iterations: int, scale: float, load: Array | None) -> tuple[Any, ...]:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import QUADRATURE, ElementBatch, Plate, integration, shape_values, stress_tensor
+from flexfem.fem.elements import ElementBatch, Plate, integration, stress_tensor
 from flexfem.fem.heat import free_displacement
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import nodes_on
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.structure import NONE, nodes_on, structure
 from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
 
@@ -34,7 +33,7 @@ def warmed(mesh: StageMesh, plate: Plate, strains: list[Array], supports: list[S
 
 def temperature(mesh: StageMesh, batch: ElementBatch) -> Array:
     """1, x, y (3, e, q) at the quadrature points of a batch."""
-    at = np.einsum("iq,eia->aeq", shape_values(QUADRATURE), mesh.nodes[batch.triangles])
+    at = np.einsum("iq,eia->aeq", batch.phi, mesh.nodes[batch.triangles])
     return np.concatenate([np.ones((1, *at.shape[1:])), at])
 
 
