@@ -131,7 +131,7 @@ class DynamicModel(NamedTuple):
 
 def reduced_dynamics(of: VibratingStructure, modes: Modes, damping: float, drive: StageDrive | None) -> DynamicModel:
     """The reduced dynamics of a structure by some of its modes; drive : engaged, its commands are inputs."""
-    loads = np.zeros((of.size, 3))
+    loads = np.zeros((of.structure.size, 3))
     loads[-3:] = np.eye(3)
     names, units = [f"load {name}" for name in DIRECTIONS], [str(unit) for unit in FORCES]
     if drive is not None:

@@ -104,7 +104,7 @@ class PlaneVibration(NamedTuple):
     @property
     def mesh(self) -> StageMesh:
         """The mesh of the stage."""
-        return self.structure.mesh
+        return self.modes.mesh
 
     @property
     def shapes(self) -> Array:
