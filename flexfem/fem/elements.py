@@ -169,11 +169,11 @@ class ElementBatch(NamedTuple):
         return sp.csc_array((np.ones(every[-1]), self.triangles.ravel(), every), shape=(nodes, every[-1]))
 
     def slopes(self, line: Layers, fields: Array) -> Array:
-        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, m, d), mm, by differences in an element.
+        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
 
-        Large rigid motions cancel before they are multiplied by Young's modulus.
+        By differences in an element: large rigid motions cancel before they are multiplied by Young's modulus.
         """
-        at = fields[:, self.triangles]
+        at = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
         found = np.einsum("keimc,eibq,mz->kecbqz", at - at[:, :, :1], self.gradients, line.values, optimize=True)
         if line.axes == 3:
             lifted = np.einsum("keimc,iq,mz->kecqz", at - at[:, :, :, :1], self.phi, line.slopes, optimize=True)
@@ -181,7 +181,7 @@ class ElementBatch(NamedTuple):
         return np.asarray(found.reshape(*found.shape[:4], -1))
 
     def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:
-        """Add to forces (k, n, m, d), N, what balances stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
+        """Add to forces (k, n, ...), N, what balances stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
         weighted = stress.reshape(*stress.shape[:4], -1, len(line.weights))
         weighted = weighted * (self.weights[:, :, None] * line.weights)[:, None, None]
         nodal = np.einsum("kecbqz,eibq,mz->eikmc", weighted[:, :, :, :2], self.gradients, line.values, optimize=True)
@@ -314,7 +314,7 @@ def nodal_stress(
     m, d = len(line.heights), line.axes
     chosen = np.arange(n) if chosen is None else chosen
     triangles = mesh.triangles[np.isin(mesh.triangles, chosen).any(axis=1)]
-    every = fields.reshape(-1, n, m, d)
+    every = fields.reshape(-1, n, m * d)
     k, total = len(every), np.zeros((n, len(every) * m * d * d))
     for start in range(0, len(triangles), CACHED):
         part = triangles[start : start + CACHED]

@@ -1,4 +1,4 @@
-"""Meshes and fields for other programs: .msh through gmsh, .vtu through meshio, .inp for Abaqus and CalculiX."""
+"""Meshes and fields for other programs: .msh and .vtu through meshio, .inp for Abaqus and CalculiX."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.mesher import Export, run_mesher
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.refused import BadInput
 
@@ -75,6 +74,8 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
     Raises BadInput for an extension that is not in `FORMATS`.
     """
+    import meshio
+
     check_format(path)
     if path.suffix == ".vtu":
         write_vtu(mesh, path, {})
@@ -82,11 +83,13 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
     if path.suffix == ".inp":
         write_deck(mesh, plate, path)
         return
-    groups = {"ground": mesh.edges["ground"], "hub": mesh.edges["hub"]}
+    cells = [("triangle6", mesh.triangles), ("line3", mesh.edges["ground"]), ("line3", mesh.edges["hub"])]
+    tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells, start=1)]
+    groups = {"stage": np.array([1, 2]), "ground": np.array([2, 1]), "hub": np.array([3, 1])}  # tag and dimension
+    physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+    grid = meshio.Mesh(np.pad(mesh.nodes, [(0, 0), (0, 1)]), cells, cell_data=physical, field_data=groups)
     with replacing(path) as temporary:
-        run_mesher(Export(str(temporary), mesh.nodes, mesh.triangles, groups), time_limit=600.0)
-        if b"$EndElements" not in temporary.read_bytes()[-64:]:  # gmsh does not say when the disk is full
-            raise BadInput(f"{path}: cannot be written whole, expected more room on the disk")
+        meshio.write(temporary, grid, file_format="gmsh22")
 
 
 def check_format(path: Path) -> None:

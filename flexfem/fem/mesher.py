@@ -1,6 +1,6 @@
 """gmsh in processes of its own, which can hang or crash without taking flexfem along; the only module that imports it.
 
-A process meshes one list of requests (`Job`, `Export`, `Extruded`) after the other, since starting it takes longer than
+A process meshes one list of requests (`Job`, `Extruded`) after the other, since starting it takes longer than
 most meshes: `main` reads them pickled from standard input and writes what was made to standard output.
 """
 
@@ -93,16 +93,7 @@ class Extruded(NamedTuple):
     thickness: float
 
 
-class Export(NamedTuple):
-    """A mesh to write as .msh: nodes (n, 2), triangles (m, 6) and groups of edges (k, 3) by name."""
-
-    path: str
-    nodes: AnyArray
-    triangles: AnyArray
-    groups: dict[str, AnyArray]
-
-
-Request: TypeAlias = Job | Export | Extruded
+Request: TypeAlias = Job | Extruded
 Made: TypeAlias = dict[str, AnyArray]
 
 
@@ -224,23 +215,6 @@ def mesh_faces(job: Job) -> Made:
     }
 
 
-def write_msh(export: Export) -> Made:
-    """Write a mesh with the physical groups `stage` and those of the edges; returns nothing of interest."""
-    with gmsh_session() as gmsh:
-        mesh = gmsh.model.mesh
-        gmsh.model.addDiscreteEntity(2, 1)
-        tags = np.arange(1, len(export.nodes) + 1)
-        mesh.addNodes(2, 1, tags, np.pad(export.nodes, [(0, 0), (0, 1)]).ravel())
-        mesh.addElementsByType(1, 9, [], tags[export.triangles].ravel())
-        gmsh.model.addPhysicalGroup(2, [1], name="stage")
-        for curve, (name, edges) in enumerate(export.groups.items(), start=1):
-            gmsh.model.addDiscreteEntity(1, curve)
-            mesh.addElementsByType(curve, 8, [], tags[edges].ravel())
-            gmsh.model.addPhysicalGroup(1, [curve], name=name)
-        gmsh.write(export.path)
-    return {}
-
-
 def write_extruded(task: Extruded) -> Made:
     """Write a solid as a STEP file, its arcs as cylinders, in mm, and read it back.
 
@@ -273,7 +247,7 @@ def write_extruded(task: Extruded) -> Made:
 
 def main() -> None:
     """Serve one list of requests after the other until standard input ends, or one fails."""
-    serve: dict[type, Any] = {Job: mesh_faces, Export: write_msh, Extruded: write_extruded}
+    serve: dict[type, Any] = {Job: mesh_faces, Extruded: write_extruded}
     made = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no part of the mesh
     with suppress(EOFError):
@@ -292,7 +266,7 @@ class MeshTimeout(ComputationFailed):
 
 
 def run_mesher(request: Request, time_limit: float | Limit) -> Made:
-    """Mesh, or write a mesh or a solid; as `run_jobs`."""
+    """Mesh, or write a solid; as `run_jobs`."""
     return run_jobs([request], time_limit)[0]
 
 

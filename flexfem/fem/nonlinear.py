@@ -101,14 +101,14 @@ class LargeStructure:
         return State(pose, field, [stress_tensor(self.of.plate, green_lagrange(H)) for H in self._slopes(field)])
 
     def _slopes(self, field: Array) -> list[Array]:
-        return [self.of.slopes(batch, field[None])[0] for batch in self.of.batches]
+        return [batch.slopes(self.of.line, field[None])[0] for batch in self.of.batches]
 
     def nodal(self, state: State) -> Array:
         """Nodal forces (n, 2), N, that balance the stress of a state."""
         forces = np.zeros((1, *state.field.shape))
         for batch, slopes, stress in zip(self.of.batches, self._slopes(state.field), state.stress, strict=True):
             first = stress + np.einsum("eacq,ecbq->eabq", slopes, stress)  # P = F S
-            self.of.add_forces(forces, batch, first[None])
+            batch.add_forces(forces, self.of.line, first[None])
         return np.asarray(forces[0])
 
     def held(self, state: State) -> Held:
@@ -262,7 +262,7 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
     moved[of.hub] = model.turned(pose)[0]
     stress, turn = [], 0.0  # the stress after the change, to first order in it
     for batch in of.batches:
-        slopes, changes = of.slopes(batch, np.stack([state.field, linear]))
+        slopes, changes = batch.slopes(of.line, np.stack([state.field, linear]))
         turn = np.maximum(turn, np.max(np.abs(changes)))  # nan stays nan
         half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)  # F' dH
         rate = (half + np.swapaxes(half, -3, -2)) / 2

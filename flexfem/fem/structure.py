@@ -150,22 +150,11 @@ class Structure:
         """Loads (size, k) on the unknowns from nodal forces (k, n, *shape), N."""
         return np.asarray(self.T.T @ forces.reshape(len(forces), -1).T)
 
-    def slopes(self, batch: ElementBatch, fields: Array) -> Array:
-        """Displacement gradients (k, e, d, d, q) at the points of quadrature of some triangles, of (k, n, *shape)."""
-        return batch.slopes(self.line, self._on_line(fields))
-
-    def add_forces(self, forces: Array, batch: ElementBatch, stress: Array) -> None:
-        """Add to nodal forces (k, n, *shape), N, what balances stresses (k, e, d, d, q), MPa, of some triangles."""
-        batch.add_forces(self._on_line(forces), self.line, stress)
-
-    def _on_line(self, fields: Array) -> Array:
-        return fields.reshape(*fields.shape[:2], -1, self.line.axes)
-
     def forces(self, fields: Array) -> Array:
         """Nodal forces (k, n, *shape), N, that hold displacements (k, n, *shape), mm: far less rounded than K u."""
         total, most = np.zeros_like(fields, order="C"), CHUNK if self.layers is None else CACHED
         for piece in (piece for batch in self.batches for piece in batch.pieces(most)):
-            self.add_forces(total, piece, stress_tensor(self.plate, self.slopes(piece, fields)))
+            piece.add_forces(total, self.line, stress_tensor(self.plate, piece.slopes(self.line, fields)))
         return total
 
     @property

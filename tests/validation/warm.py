@@ -25,9 +25,9 @@ def warmed(mesh: StageMesh, plate: Plate, strains: list[Array], supports: list[S
     """Displacement (n, 2), mm, and stress by batch (e, 2, 2, q), MPa, for initial strains by batch (1, e, 2, 2, q)."""
     of, load = structure(mesh, plate, held=NONE), np.zeros((1, *mesh.nodes.shape))
     for batch, strain in zip(of.batches, strains, strict=True):
-        of.add_forces(load, batch, stress_tensor(plate, strain))
+        batch.add_forces(load, of.line, stress_tensor(plate, strain))
     field = solve(mesh, plate, load[0], supports).field
-    slopes = (of.slopes(batch, field[None]) - strain for batch, strain in zip(of.batches, strains, strict=True))
+    slopes = (batch.slopes(of.line, field[None]) - strain for batch, strain in zip(of.batches, strains, strict=True))
     return field, [stress_tensor(plate, each)[0] for each in slopes]
 
 
