@@ -112,17 +112,14 @@ def sheet(thickness: float) -> Layers:
     return Layers(np.zeros(1), np.ones((1, 1)), np.zeros((1, 1)), np.array([thickness]), (0,))
 
 
-def mirrored(thickness: float, number: int, surface: float, faces_held: bool = False) -> Layers:
+def mirrored(thickness: float, number: int, surface: float) -> Layers:
     """Layers of half the thickness, thinner towards the free face; the other half is alike.
 
-    Parameters
-    ----------
     surface : mm, distance from the face over which the layers grow; below it the stress of a neck that wide changes.
-    faces_held : w = 0 on the faces too, as between two rigid walls without friction: plane strain.
     """
     bounds = thickness / 2 - widening(np.linspace(1.0, 0.0, number + 1), surface, thickness / 2)
     bounds[0] = 0.0
-    return layered(bounds, (0, 2 * number) if faces_held else (0,), 2)
+    return layered(bounds, (0,), 2)
 
 
 def widening(s: Array, scale: float, total: float) -> Array:

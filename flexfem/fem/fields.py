@@ -110,10 +110,7 @@ def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tup
 def base_rotations(stage: Stage, response: Response) -> Array:
     """Rotation (3 loads, 3 chains), rad, of link 1 against the pad of every base hinge in the mid-plane, by unit loads.
 
-    Notes
-    -----
-    The rotation of a body is that of the rigid motion that fits the displacements of its nodes between one and two
-    notch radii from the neck's centre best, by least squares: beside the notch and not in it.
+    Bodies rotate as the rigid motion that fits their nodes between one and two notch radii from the neck's centre best.
     """
     rows = []
     for chain, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):

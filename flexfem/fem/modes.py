@@ -29,10 +29,9 @@ ALIKE = 1e-6  # relative difference of squared frequencies that symmetry makes e
 
 
 class VibratingStructure(NamedTuple):
-    """A structure that vibrates, its stiffness as a factor.
+    """A structure that vibrates, its stiffness as a factor: `space` is solved with that of the stacks.
 
     pushes : (size, n), loads of one newton of each stack.   rates : (n,), N/mm, stiffness of stacks; none disengaged.
-    space : all motions, its solve by the stiffness with the stacks.
     """
 
     mass: Mass
@@ -119,10 +118,7 @@ def _with_stacks(solve: Solve, pushes: Array, rates: Array) -> Solve:
 
 
 def modes(of: VibratingStructure, count: int) -> Modes:
-    """The lowest `count` modes, by rising frequency.
-
-    Raises ComputationFailed when ARPACK does not converge, or its eigenvalues are not those of the modes' energies.
-    """
+    """The lowest `count` modes, by rising frequency. Raises ComputationFailed when they are not found."""
     squares, motion = _ritz(of.space, of, count)
     return _arranged(squares, motion[None], of.structure, [], of.mass, count, of.structure.size)
 
@@ -189,10 +185,7 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
 def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift: float = 0.0) -> tuple[Array, Any]:
     """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK in shift-invert mode.
 
-    Parameters
-    ----------
-    mass : (m, m), symmetric, or complex Hermitian.
-    solve : by `K - shift M`, positive definite: the shift is below the lowest eigenvalue.
+    mass : (m, m), symmetric, or complex Hermitian.   solve : by `K - shift M`, which is positive definite.
     """
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
@@ -214,9 +207,7 @@ def _arranged(
 ) -> Modes:
     """The first so many, by rising frequency, pairs of one frequency turned into x and y, signs chosen.
 
-    Notes
-    -----
-    All are turned: of a pair of one frequency the one that is left out is needed to turn the other into x.
+    All are turned: of a pair the one that is left out is needed to turn the other into x.
     """
     order = np.argsort(squares)
     squares, shapes = squares[order], shapes[..., order]

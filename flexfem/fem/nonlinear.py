@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import QUADRATURE, ElementBatch, Plate, assembled, stress_tensor
+from flexfem.fem.elements import ElementBatch, Plate, assembled, stress_tensor
 from flexfem.fem.factor import Factoriser, Factorization
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.structure import Structure, structure
@@ -25,11 +25,9 @@ ROUNDING = 1e-6  # the same of a step that is no longer smaller than the one bef
 
 
 def green_lagrange(slopes: Array) -> Array:
-    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a` (..., 2, 2, q).
+    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`: `E = (H + H' + H'H) / 2`.
 
-    Notes
-    -----
-    `E = (H + H' + H'H) / 2` and not `(F'F - 1) / 2`: small strains are not differences of numbers near one.
+    Not `(F'F - 1) / 2`: small strains are not differences of numbers near one.
     """
     product = np.einsum("...caq,...cbq->...abq", slopes, slopes)
     return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
@@ -45,7 +43,7 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
         K[ia, jb] = lambda* M[ia, jb] + mu M[ib, ja] + mu int (F F')_ab d_A phi_i d_A phi_j dA
                     + delta_ab int d_A phi_i S_AB d_B phi_j dA
 
-    whose first line is the material and whose second the geometric stiffness. At rest it is `element_blocks`.
+    whose first line is the material and whose second the geometric stiffness. At rest it is `ElementBatch.stiffness`.
     """
     (lame, mu), count, weight = plate.lame(2), len(batch.triangles), batch.weights[:, None, None]
     root = batch.gradients * np.sqrt(weight)  # (e, i, A, q)
@@ -60,10 +58,8 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
 
 
 class State(NamedTuple):
-    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa.
-
-    The stress is that of the tangent, and on the way to equilibrium not quite the one of the displacements.
-    """
+    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of the
+    tangent: on the way to equilibrium not quite the one of the displacements."""
 
     pose: Array
     field: Array
@@ -155,34 +151,27 @@ class Equilibria(NamedTuple):
     iterations: NDArray[np.int64]
 
 
-def equilibrium(mesh: StageMesh, plate: Plate, loads: Array, degree: int = QUADRATURE) -> Equilibria:
+def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
     """Equilibria under dead loads (k, 3) or (3,) on the hub, each reached from the one before, the first from rest.
 
     A force at the platform centre that moves with it and keeps its direction, N, and a moment conjugate to theta, N mm.
 
-    Raises
-    ------
-    ComputationFailed: Newton does not converge even in the smallest load steps.
+    Raises ComputationFailed when Newton does not converge even in the smallest load steps.
 
     Notes
     -----
     St. Venant-Kirchhoff material, `S = lambda* tr(E) + 2 mu E` with the Lame constants of plane stress, on the
-    undeformed plate: right for small strains and rotations of any size, which is what flexures do; for large strains
-    it is no material's law (it softens under compression). The thickness stays what it was.
-
-    Newton carries displacements and stress: each tangent takes the stress that the step before predicts to first
+    undeformed plate of constant thickness: right for small strains and rotations of any size, which is what flexures
+    do. Newton carries displacements and stress: each tangent takes the stress that the step before predicts to first
     order, not the one of the displacements found, whose quadratic part is spurious tension of slender bodies that
-    turn. Both are the same in equilibrium, so the answer and the quadratic rate stay; about half the iterations go.
+    turn. Both are the same in equilibrium; about half the iterations go.
     """
-    return _follow(mesh, plate, loads, False, degree)
+    return _follow(mesh, plate, loads, False)
 
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
-    """Equilibria with the hub held at poses (k, 3) or (3,), mm and rad: `load` is what holds it there.
-
-    Raises ComputationFailed and continues from pose to pose as `equilibrium`. `stable` still answers for a dead load.
-    """
-    return _follow(mesh, plate, poses, True, QUADRATURE)
+    """As `equilibrium`, the hub held at poses (k, 3) or (3,), mm and rad, by `load`; `stable` is of dead loads."""
+    return _follow(mesh, plate, poses, True)
 
 
 class _Step(NamedTuple):
@@ -197,8 +186,8 @@ class _Step(NamedTuple):
     factor: Factorization
 
 
-def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool, degree: int) -> Equilibria:
-    model, start, scale, rows = LargeStructure(structure(mesh, plate, degree=degree)), np.zeros(3), 0.0, []
+def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool) -> Equilibria:
+    model, start, scale, rows = LargeStructure(structure(mesh, plate)), np.zeros(3), 0.0, []
     state = model.at(start, np.zeros_like(mesh.nodes))
     for target in np.atleast_2d(np.asarray(targets, dtype=float)):
         step, iterations, scale = _reach(model, state, start, target, hold, scale)

@@ -211,10 +211,7 @@ def platform_response(
 
 
 def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
-    """What a structure does under the weight of its mass; `acceleration` (3,) along the components of its pose, mm/s^2.
-
-    Raises ComputationFailed as `settle` and `Structure.lower`.
-    """
+    """What a structure does under its weight; `acceleration` (3,) along the components of its pose, mm/s^2."""
     of = mass.of
     loads = of.loads(mass.forces(np.tensordot(acceleration, of.rigid_fields(), axes=1)[None]))
     loads[-3:, 0] += mass.carried @ acceleration
@@ -237,10 +234,7 @@ class DrivenResponse(NamedTuple):
 
 
 def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> DrivenResponse:
-    """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped.
-
-    Raises ComputationFailed as `settle`.
-    """
+    """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped."""
     of = structure(mesh, plate)
     loads = stack_loads(of, stacks)
     found = settle(of, factorise(of.lower()), loads)
@@ -279,12 +273,9 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
 
 
 def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
-    """Wrench (3 chains, 3 hinges, 3, k) that each neck carries, at the platform centre, N and N mm, of fields
-    (k, n, 2), mm: that of the bodies beyond it on those before.
+    """Wrench (3 chains, 3 hinges, 3, k) of the bodies beyond each neck on those before, about the platform centre.
 
-    Notes
-    -----
-    The nodal forces of the triangles of one body on the nodes of its neck: those of its pushes are in the body.
+    Of fields (k, n, 2), mm; N and N mm, by nodal forces of one body's triangles: those of its pushes are inside it.
     """
     found = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):

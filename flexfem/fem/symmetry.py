@@ -134,8 +134,6 @@ def _harmonic(of: Structure, condensed: Condensed, nodes: int, harmonic: int) ->
 def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
     """T_h (2 c + 3, c + 1) of a cut of so many nodes of the plane, from a cut and the harmonic's pose.
 
-    Notes
-    -----
     The cut ahead is the cut behind of the next sector. Of three freedoms of the hub the turn leaves one as it is,
     theta or z, and turns the others as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
     """
@@ -155,8 +153,6 @@ def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
 def under_loads(values: Sequence[Array]) -> list[Array]:
     """Values (3 cases, ...) of three chains, each in the frame of chain 1, from those of one or three sectors.
 
-    Notes
-    -----
     Chain c of three alike answers a case as chain 1 does the case turned back by c turns.
     """
     if len(values) == 3:
