@@ -67,7 +67,7 @@ if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
-    from flexfem.questions.summary import summary as summary
+    from flexfem.questions.stiffness import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.schemas import schema as schema

@@ -43,8 +43,7 @@ from flexfem.questions.life import life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.setup import Analytic
-from flexfem.questions.stiffness import stiffness
-from flexfem.questions.summary import summary
+from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, Progress, Result, versions
 from flexfem.units import DIRECTIONS, unit_of

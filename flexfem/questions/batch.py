@@ -184,7 +184,7 @@ def solved_design(
     response = elements(stage, resolution, clock)
     found = _at_rest(stage, response)
     if payload is not None:
-        structure = vibrating(stage, response.mesh, payload, "disengaged")
+        structure = vibrating(stage, response.mesh, payload)
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
