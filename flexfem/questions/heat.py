@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, hinge_compliance
-from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
@@ -189,8 +189,7 @@ def _by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
     """The three cases by the pseudo-rigid model."""
     stage, mobility, formula, links = chosen
     design = lower(stage)
-    own = mobility is None and not links
-    freedoms = stage_freedoms(design.prismatic) if own else freedoms_of(21 if mobility is None else mobility)
+    freedoms = freedoms_of(21 if links else mobility, design.prismatic)
     hinges = Compliance(*(np.asarray(part)[None] for part in hinge_compliance(stage, formula)))
     rates = (np.array([alpha.stage]), np.array([alpha.frame]))
     bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if links else None

@@ -30,7 +30,6 @@ from flexfem.mechanism.bodies import (
     drawn_inertia,
     hub_moments,
     mass_per_area,
-    payload_matrix,
 )
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
@@ -280,7 +279,7 @@ def modes(
                 raise BadInput("no [[actuator]]: the stage has no drive to engage")
         drive = drive_of(stage)
     warnings, notes = list(warning.of_stage(stage)), list[str]()
-    drawn = drawn_inertia(stage).matrix + payload_matrix(load)
+    drawn = drawn_inertia(stage) + load.matrix
     values = {"mass": drawn[0, 0], "inertia": drawn[2, 2], "hub_mass": hub_moments(stage)[0] * mass_per_area(stage)}
     rigid = {} if models == "elements" else _analytic(stage, load, drive, warnings)
     warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
