@@ -14,7 +14,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.large import along, at_pose, missed, summed_loads, tangents
+from flexfem.analytic.large import along, at_pose, missed, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
@@ -165,9 +165,10 @@ def _way(stage: Stage, of: PaperModel, elements: Response | None, axis: int, far
         "load": np.full((*shape, 3), np.nan),
     }
     found["strain"] = np.full(len(commanded), np.nan)
-    at = tangents(of, along(commanded, axis))
+    at = at_pose(of, along(commanded, axis))
     ahead, behind = (at_pose(of, along(commanded + side, axis)).load for side in (step, -step))
-    slopes = (at.without[..., axis], at.tangent[..., axis], (ahead - behind) / (2 * step))
+    without, tangent = (each.stiffness()[..., axis] for each in (at.without_terms, at))
+    slopes = (without, tangent, (ahead - behind) / (2 * step))
     summed = summed_loads(of, commanded, axis)
     loads = (summed["without"], summed["tangent"], at.load)
     for theory, (slope, load) in enumerate(zip(slopes, loads, strict=True)):
