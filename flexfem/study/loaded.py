@@ -63,12 +63,12 @@ class LoadedStudy:
     def assumed(self) -> tuple[str, ...]:
         """Key paths, of the stage and of the study, whose provenance says that they are assumed."""
         own = (key for key, source in self.study.provenance.items() if is_assumed(source))
-        return (*(f"stage: {key}" for key in self._doubts.assumed), *(f"study: {key}" for key in own))
+        return (*(f"stage: {key}" for key in self.doubts.assumed), *(f"study: {key}" for key in own))
 
     @property
     def not_stated(self) -> tuple[str, ...]:
         """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
-        stage = (f"stage: {key}" for key in self._doubts.not_stated)
+        stage = (f"stage: {key}" for key in self.doubts.not_stated)
         return (*stage, *(f"study: {key}" for key in self.study.not_stated))
 
     @property
@@ -82,7 +82,7 @@ class LoadedStudy:
         return f"{said}; in what the drive reaches, {driven}" if study.driven else said
 
     @property
-    def _doubts(self) -> Doubts:
+    def doubts(self) -> Doubts:
         """Those of the stage, its drive and expansions included where they are asked."""
         stage = self.stage
         asked = [stage.drive_doubts] if self.study.driven else []
