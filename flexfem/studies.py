@@ -203,8 +203,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "damaged": [f"{parts.path(chunk)}: a damaged part" for chunk in found.damaged],
         "stale": len(found.stale),
         "stress_accuracy": loaded.stress_accuracy,
-        "assumed": list(loaded.assumed),
-        "not_stated": list(loaded.not_stated),
+        **loaded.doubts._asdict(),
     }
 
 

@@ -22,7 +22,7 @@ from flexfem.analytic.paper import (
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
-from flexfem.hinges.formulas import ChartedFormula, Compliance
+from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
@@ -119,7 +119,7 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
 def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
     """Whether the formula, and the chart of the thickness, have an answer for each hinge (n, 3, 3), by reason."""
     found = {}
-    if isinstance(formulas.formula(formula), ChartedFormula):
+    if formulas.formula(formula).charted:
         found[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
         found[OFF_THICKNESS] = on_thickness_chart(designs)
@@ -341,7 +341,7 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
         return f"{said}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected {low:g} to {high:g}"
     if reason == OFF_THICKNESS:
         values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
-        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().series.ends)
+        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().ends)
         return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
     return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
 

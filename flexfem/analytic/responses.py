@@ -35,7 +35,6 @@ from flexfem.mechanism.bodies import (
     hub_moments,
     inertia_of,
     mass_per_area,
-    payload_matrix,
 )
 from flexfem.mechanism.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
 from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, lower, stage_frames
@@ -234,8 +233,8 @@ def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Ar
     ----------
     bodies : (..., 3 chains, 4 bodies, 4) of `body_moments`.   hub : (..., 4).   areal : (...), tonne/mm^2.
     """
-    platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal).matrix + payload_matrix(payload)
-    links = inertia_of(bodies, np.asarray(areal)[..., None, None]).matrix
+    platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal) + payload.matrix
+    links = inertia_of(bodies, np.asarray(areal)[..., None, None])
     M = np.zeros((*platform.shape[:-2], FREEDOMS, FREEDOMS))
     M[..., :3, :3] = platform
     for k, (chain, link) in enumerate((chain, link) for chain in range(len(CHAINS)) for link in LINKS):

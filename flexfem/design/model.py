@@ -201,7 +201,7 @@ class Model:
         for k in np.flatnonzero(reason == ""):
             self.counts["drawn"] += 1
             try:
-                found[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k])).mass) * UNITS["kg"].factor
+                found[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k]))[0, 0]) * UNITS["kg"].factor
             except BadInput as refusal:
                 reason[k] = str(refusal)
         return found

@@ -374,9 +374,11 @@ def doubts_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list
     """Key paths, of the stage and of the requirements, that are assumed, and those whose source is not stated."""
     of, study = loaded.requirements, replace(loaded.study, stage=stage)
     own = [key for key, source in of.provenance.items() if is_assumed(source)], of.not_stated
+    warm = study.study.drift is not None
     assumed, not_stated = (
-        [f"stage: {key}" for key in of_stage if study.study.drift is not None or not of_heat(key)]
-        + [f"requirements: {key}" for key in of_requirements]
-        for of_stage, of_requirements in zip(study.doubts, own, strict=True)
-    )
+        [f"stage: {key}" for key in (each.removeprefix("stage: ") for each in said if each.startswith("stage: "))
+         if warm or not of_heat(key)]
+        + [f"requirements: {key}" for key in keys]
+        for said, keys in zip(study.doubts, own, strict=True)
+    )  # fmt: skip
     return assumed, not_stated

@@ -47,7 +47,6 @@ DENSITY = Ends(0.1, 1e5)  # kg/m^3: aerogels, and four times osmium
 WALKER = Ends(0.01, 1)
 CYCLES = Ends(0.1, 1e12)  # less than the quarter of a cycle that breaks a specimen; a thousand years at 30 Hz
 STROKE = Ends(1e-3, 1e4)  # um
-VOLTAGE = Ends(1, 2000)  # V
 FORCE = Ends(1e-6, 1e6)  # N
 STACK_STIFFNESS = Ends(1e-6, 1e6)  # N/um
 SPRING = Ends(1e-6, 1e9)  # N/mm

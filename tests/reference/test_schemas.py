@@ -36,7 +36,6 @@ SHIPPED = {
     "requirements": sorted((ROOT / "cases").glob("design-*.toml")),
     "fixture": [ROOT / "cases/fixture.toml"],
     "material": [ROOT / "flexfem/data/materials.toml"],
-    "stack": [ROOT / "flexfem/data/stacks.toml"],
 }
 NECK = {"neck_um": 507.0, "sd_um": 3.0}
 MADE = {
@@ -126,7 +125,6 @@ BAD_VALUES = {
     "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
     "pole without a height": ("fixture", (("pole", "height_mm"), None)),
     "material without a source": ("material", (("al-6061-t6", "source"), None)),
-    "stack of 1 MV": ("stack", (("stack", 0, "voltage_v"), 1e6)),
 }
 CONTRADICTIONS = {
     "half of the material": ("stage", (("material",), {"name": "mine", "youngs_modulus_gpa": 70.0})),
