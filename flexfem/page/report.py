@@ -46,7 +46,7 @@ from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
 from flexfem.results import Fields, Progress, versions
-from flexfem.studies import REPORTS
+from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DEGREE, DIRECTIONS, LENGTH, MICROMETRE, PLANES, RATE, STRESS, UNITS, unit_for
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
