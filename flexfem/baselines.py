@@ -29,10 +29,9 @@ from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.questions.bands import levels
+from flexfem.questions.bands import converge, levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
-from flexfem.questions.convergence import converge
 from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
 from flexfem.questions.gravity import gravity

@@ -252,7 +252,7 @@ def _errors(
 
 def _coarser(stage: Stage, finest: int, clock: Clock) -> dict[int, Array]:
     """Compliances on the coarser meshes of a band, by resolution; one that folds is left out when there is another."""
-    from flexfem.fem.gmsh_process import MeshTimeout
+    from flexfem.fem.mesher import MeshTimeout
 
     found, failures = dict[int, Array](), list[ComputationFailed]()
     for resolution in levels(finest)[:-1]:

@@ -206,7 +206,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
-    from flexfem.fem.gmsh_process import MeshTimeout
+    from flexfem.fem.mesher import MeshTimeout
 
     (reason,) = refusals_of(loaded, values[None])
     try:
