@@ -14,7 +14,7 @@ from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import AnalyticResult, analyse, at_rest, hinge_compliances
 from flexfem.arrays import Array
 from flexfem.files import quantities
-from flexfem.files.provenance import Sourced, doubts
+from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
 from flexfem.files.toml import Table, bad_key, read_csv, validate
 from flexfem.mechanism.designs import lower
@@ -168,12 +168,11 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
     scattered = _scattered(made, found, sd)
     answered = scattered[np.all(np.isfinite(scattered), axis=1)]
     low, high = np.quantile(answered, QUANTILES, axis=0)
-    said = doubts([("", stage), ("necks: ", measured)])
     known = f"each known to {MICROMETRE.factor * np.max(sd):.3g} um (standard deviation) or better; {DRAWS} draws"
     left_out = DRAWS - len(answered)
     notes = [known if np.any(sd) else "no standard deviation is given: no scatter is known"]
     return AsBuilt(
-        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        about(stage, necks=measured),
         {
             "stiffness": found.stiffness,
             "drawn": drawn.stiffness,
