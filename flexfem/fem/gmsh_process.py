@@ -8,6 +8,7 @@ from __future__ import annotations
 import atexit
 import os
 import pickle
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from subprocess import PIPE, Popen
@@ -16,15 +17,34 @@ from threading import Thread
 from typing import TypeAlias
 
 from flexfem.arrays import AnyArray
-from flexfem.clock import Limit, Stopwatch
 from flexfem.fem.mesher import Request
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 
 LOOK = 0.25  # s between two looks at a process
+STEP = 1.0  # s; a longer gap between two looks is taken for a stop of whoever looks: of the machine, or of the job
 MOST_KEPT = 10_000_000  # bytes of meshes; the process of a larger answer ends, so that its memory is free again
 
 Made: TypeAlias = dict[str, AnyArray]
+
+
+class Stopwatch:
+    """Seconds of the monotonic clock, of every gap between two looks `STEP` at most; look more often than that."""
+
+    def __init__(self) -> None:
+        self._seen = time.monotonic()
+
+    def step(self) -> float:
+        """Seconds since the look before."""
+        before, self._seen = self._seen, time.monotonic()
+        return min(self._seen - before, STEP)
+
+
+class Limit:
+    """Seconds that are `left` for work of several pieces, each of which takes off what it has used."""
+
+    def __init__(self, seconds: float) -> None:
+        self.left = seconds
 
 
 class MeshTimeout(ComputationFailed):

@@ -19,8 +19,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.clock import Limit
-from flexfem.fem.gmsh_process import run_jobs
+from flexfem.fem.gmsh_process import Limit, run_jobs
 from flexfem.fem.mesher import Cone, Job, mesh_faces
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import Face, area, draw_sector, necks

@@ -27,8 +27,8 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import SPACE, significant
+from flexfem.questions.check import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.questions.errors import CurveModels
-from flexfem.questions.hinges import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.units import LENGTH
 
 FREEDOMS = ("rotation", "axial", "shear")
@@ -160,11 +160,6 @@ def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
         ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
-    for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
-        value = found[FREEDOMS.index(freedom)]
-        text = wrapped(f"{name}: t/R = {ratio:.3g}, b/t = {width:.3g}, factor {value:.3f}", 1.45, 8.5)
-        look: dict[str, Any] = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6, "zorder": 4}
-        ax.plot([width], [value], "os^Dv"[index % 5], color=INK, label=text, **look)
     _logarithmic(ax, x, THICKNESSES, (strain, 1.0), 0.14)
     ax.set(xlabel="b/t", ylabel="three dimensions / plane stress")
     legend_beside(ax, fontsize=8.5, handlelength=3.2, labelspacing=0.7)

@@ -12,7 +12,7 @@ from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_pla
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
-from flexfem.clock import Limit
+from flexfem.fem.gmsh_process import Limit
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
