@@ -12,7 +12,7 @@ from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_pla
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
-from flexfem.fem.gmsh_process import Limit
+from flexfem.fem.mesher import Limit
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
@@ -252,7 +252,7 @@ def _errors(
 
 def _coarser(stage: Stage, finest: int, clock: Clock) -> dict[int, Array]:
     """Compliances on the coarser meshes of a band, by resolution; one that folds is left out when there is another."""
-    from flexfem.fem.gmsh_process import MeshTimeout
+    from flexfem.fem.mesher import MeshTimeout
 
     found, failures = dict[int, Array](), list[ComputationFailed]()
     for resolution in levels(finest)[:-1]:

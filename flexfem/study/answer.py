@@ -17,7 +17,7 @@ from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswe
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.gmsh_process import Limit
+from flexfem.fem.mesher import Limit
 from flexfem.files.refusals import suggestion
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
@@ -206,7 +206,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
-    from flexfem.fem.gmsh_process import MeshTimeout
+    from flexfem.fem.mesher import MeshTimeout
 
     (reason,) = refusals_of(loaded, values[None])
     try:
