@@ -75,8 +75,6 @@ def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike,
 def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tuple[Any, ...]) -> Array:
     """Stiffness (...), N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
 
-    Notes
-    -----
     The approach is `(9 F^2 / (16 R E*^2))^(1/3)`, its slope `(6 R E*^2 F)^(1/3)`, with
     `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics, 1985, (4.23).
     """

@@ -154,8 +154,6 @@ def stage_frames(stage: StageContent) -> Frames:
 def elastic(plane: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) -> Elastic:
     """Elastic constants (...) of a material in a plane; the arguments broadcast, MPa.
 
-    Notes
-    -----
     Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors on
     the hinges alone (`hinges/chart.py`): links are about as wide as thick.
     """
@@ -172,8 +170,6 @@ def out_of_plane(plane: Plane, poissons_ratio: ArrayLike) -> Array:
 def envelope(designs: Designs) -> Array:
     """Diameter (n,), mm, of the circle about the platform centre that holds platform, hinges and pads.
 
-    Notes
-    -----
     The farthest corner: each notch is a box 2R long and as wide as the link, the pad behind a base hinge is as long as
     it is wide. Only the outside of a link's bend can lie farther out, when it does not lead to a farther hinge.
     """
@@ -191,15 +187,11 @@ def envelope(designs: Designs) -> Array:
 def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) -> Frames:
     """Place the hinges of three chains, 120 degrees apart, around a platform centred at the origin.
 
-    Parameters
-    ----------
     link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform centre.
     joint_angles : (..., 3), rad: relative angles at rest, as in (19).
     axes : (..., 3, 3), rad, in the frame of chain 1 and turned with each chain; nan where the default holds: base
         and elbow along link 1, platform along link 2. A neck has no arrow, so an axis and its opposite are the same.
 
-    Notes
-    -----
     With (19) and (20) and the platform centre at the origin, `x_B = -(l1 e1 + l2 e2 + l3 e3)`.
     """
     heading = np.cumsum(np.asarray(joint_angles, dtype=float), axis=-1)

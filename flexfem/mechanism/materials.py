@@ -1,8 +1,4 @@
-"""The material of a stage, and those that are known by name: shipped ones and the user's own, each with its source.
-
-A table `[material]` with the name of a registered material alone has the numbers of that one; beside `file`, those of
-the material of that name in a TOML file of the user's own.
-"""
+"""The material of a stage, and those that are known by name: shipped ones, the user's own, and those of a file."""
 
 from __future__ import annotations
 
