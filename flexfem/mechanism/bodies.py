@@ -1,9 +1,9 @@
 """The bodies of a stage, pads, links, platform and the notches between them: outlines of lines and arcs, and masses.
 
 Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
-`geometry/README.md` shows the rules: every body is as wide as the link, pads are as long as they are wide. Inner bends of
-links are rounded, because a sharp re-entrant corner would spoil the convergence of the finite elements. A side of a lug
-follows the hinge's own face where that face meets the disc, else runs on along the neck into the disc, else goes
+`geometry/README.md` shows the rules: every body is as wide as the link, pads are as long as they are wide. Inner bends
+of links are rounded, because a sharp re-entrant corner would spoil the convergence of the finite elements. A side of a
+lug follows the hinge's own face where that face meets the disc, else runs on along the neck into the disc, else goes
 tangentially to it. The hub is a disc of the stage's metal, left out of the meshed sectors because it is rigid.
 """
 

@@ -3,8 +3,8 @@
 A ball dents the metal under it in three dimensions: that is the stiffness of its contact, which the plane stage must
 not hold a second time. Both models therefore load a link, and read its motion, on the cross-sections of one length of
 its strip, `Station`, with the moment of the true line of action. Of the platform they load and read the rigid hub. A
-hinge turns by the mean rotation of a short station directly beyond its notch, less that of one directly before it; a unit
-couple on the same stations is conjugate to it.
+hinge turns by the mean rotation of a short station directly beyond its notch, less that of one directly before it; a
+unit couple on the same stations is conjugate to it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The drive of one stage or of many designs of it: every stack in its place, what it can do and how it is commanded.
 
-Contacts of one stage are placed on its drawn outlines; those of many designs in closed form on straight links, others on
-the outlines, once for every geometry among the designs.
+Contacts of one stage are placed on its drawn outlines; those of many designs in closed form on straight links, others
+on the outlines, once for every geometry among the designs.
 """
 
 from __future__ import annotations

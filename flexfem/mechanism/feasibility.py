@@ -37,13 +37,13 @@ class Condition(NamedTuple):
     """What must hold of n designs at p places, such as the hinges of one name on three chains.
 
     reason : the key, and what is wrong.   room : (n, p), mm, what is left; negative where the condition is broken.
-    said : of a stage, the place and its room there, the refusal.
+    said : of a stage, a place and its room there: the key of the file, its value, and what else a refusal says.
     """
 
     reason: str
     holds: Holds
     room: Array
-    said: Callable[[StageContent, int, float], str]
+    said: Callable[[StageContent, int, float], tuple[str, object, str]]
 
 
 def conditions(designs: Designs) -> list[Condition]:
@@ -58,15 +58,15 @@ def conditions(designs: Designs) -> list[Condition]:
     narrow, fits, found = width - neck, radius <= deepest * (1 + _ROUND_OFF), list[Condition]()
     for k, name in enumerate(HINGE_NAMES):
         key, at = f"hinges.{name}", (..., k)
-        said = partial(_neck, name), partial(_notch, name)
-        found.append(Condition(f"{key}.neck_mm: neck as wide as the link", narrow[at] > 0, narrow[at], said[0]))
+        reason, room = f"{key}.neck_mm: neck as wide as the link", narrow[at]
+        found.append(Condition(reason, room > 0, room, partial(_neck, name)))
         reason = f"{key}.radius_mm: notch deeper than the link"
-        found.append(Condition(reason, fits[at], (deepest - radius)[at], said[1]))
+        found.append(Condition(reason, fits[at], (deepest - radius)[at], partial(_notch, name)))
     hub = (disc - designs.hub_radius)[:, None]
     found.append(Condition("platform.hub_radius_mm: hub larger than the platform", hub > 0, hub, _hub))
     for k, name in enumerate(HINGE_NAMES):
         reason, room = f"platform.radius_mm: the platform swallows the {name} hinge", clear[..., k]
-        found.append(Condition(reason, room > 0, room, partial(_swallows, name)))
+        found.append(Condition(reason, room > 0, room, _swallows))
     for one, other in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
         pairs = [k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other}]
         names = f"{HINGE_NAMES[one]} and {HINGE_NAMES[other]} hinges" if one != other else f"{HINGE_NAMES[one]} hinges"
@@ -80,57 +80,50 @@ def broken(found: list[Condition]) -> list[Broken]:
     return [Broken(each.reason, ~np.all(each.holds, axis=-1)) for each in found]
 
 
-def _neck(name: str, stage: StageContent, chain: int, room: float) -> str:
-    said = f"{key_of(stage, chain + 1, name, 'neck_mm')} = {stage.hinge(chain + 1, name).neck:g}"
-    return f"{said}, neck as wide as the link, expected < chain.link_width_mm = {stage.chain.link_width:g}"
+def _neck(name: str, stage: StageContent, chain: int, room: float) -> tuple[str, object, str]:
+    expected = f", expected < chain.link_width_mm = {stage.chain.link_width:g}"
+    return key_of(stage, chain + 1, name, "neck_mm"), f"{stage.hinge(chain + 1, name).neck:g}", expected
 
 
-def _notch(name: str, stage: StageContent, chain: int, room: float) -> str:
-    hinge = stage.hinge(chain + 1, name)
-    return (
-        f"{key_of(stage, chain + 1, name, 'radius_mm')} = {hinge.radius:g}, notch deeper than the link, "
-        f"expected <= (link_width - neck)/2 = {hinge.radius + room:g}"
-    )
+def _notch(name: str, stage: StageContent, chain: int, room: float) -> tuple[str, object, str]:
+    radius = stage.hinge(chain + 1, name).radius
+    expected = f", expected <= (link_width - neck)/2 = {radius + room:g}"
+    return key_of(stage, chain + 1, name, "radius_mm"), f"{radius:g}", expected
 
 
-def _hub(stage: StageContent, _: int, room: float) -> str:
-    disc, hub = stage.platform.radius, stage.platform.hub_radius
-    return f"platform.hub_radius_mm = {hub:g}, hub larger than the platform, expected < platform.radius_mm = {disc:g}"
+def _hub(stage: StageContent, _: int, room: float) -> tuple[str, object, str]:
+    expected = f", expected < platform.radius_mm = {stage.platform.radius:g}"
+    return "platform.hub_radius_mm", f"{stage.platform.hub_radius:g}", expected
 
 
-def _swallows(name: str, stage: StageContent, chain: int, room: float) -> str:
-    disc = stage.platform.radius
-    return (
-        f"platform.radius_mm = {disc:g}, the platform swallows the {name} hinge of chain {chain + 1}, expected < "
-        f"{disc + room:g} (distance of the hinge from the platform centre less its notch)"
-    )
+def _swallows(stage: StageContent, chain: int, room: float) -> tuple[str, object, str]:
+    far = f"{stage.platform.radius + room:g} (distance of the hinge from the platform centre less its notch)"
+    return "platform.radius_mm", f"{stage.platform.radius:g}", f" of chain {chain + 1}, expected < {far}"
 
 
-def _closer(pairs: list[int], stage: StageContent, place: int, room: float) -> str:
+def _closer(pairs: list[int], stage: StageContent, place: int, room: float) -> tuple[str, object, str]:
     ends = [(chain + 1, HINGE_NAMES[position]) for chain, position in PAIRS[pairs[place]]]
     radii = sum(stage.hinge(*end).radius for end in ends)
-    return (
-        f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: "
-        f"{' and '.join(f'{name} hinge of chain {chain}' for chain, name in ends)} are {radii + room:.4g} mm apart, "
-        f"expected > {radii:g}"
-    )
+    names = " and ".join(f"{name} hinge of chain {chain}" for chain, name in ends)
+    expected = f": {names} are {radii + room:.4g} mm apart, expected > {radii:g}"
+    return "chain.link_lengths_mm", list(stage.chain.link_lengths), expected
 
 
 def check_feasible(stage: StageContent) -> None:
     """Refuse a stage that cannot be made, looked at once. Raises BadInput with key, value and what was expected."""
     check_closed_form(stage)
-    _raise(_refused(stage, _check_bodies))
+    _raise_refused(stage, _check_bodies)
 
 
 def check_closed_form(stage: StageContent) -> None:
     """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
     if not isinstance(stage, StageContent):
         raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load gives it for a file")
-    _raise(_refused(stage, _check_conditions))
+    _raise_refused(stage, _check_conditions)
 
 
-def _raise(refused: BadInput | None) -> None:
-    if refused:
+def _raise_refused(stage: StageContent, check: Callable[[StageContent], None]) -> None:
+    if refused := _refused(stage, check):
         raise refused
 
 
@@ -148,7 +141,8 @@ def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadI
 def _check_conditions(stage: StageContent) -> None:
     for each in conditions(lower(stage)):
         for place in np.flatnonzero(~each.holds[0]):
-            raise BadInput(each.said(stage, int(place), float(each.room[0, place])))
+            key, value, expected = each.said(stage, int(place), float(each.room[0, place]))
+            raise BadInput(f"{key} = {value}, {each.reason.partition(': ')[2]}{expected}")
 
 
 def _check_bodies(stage: StageContent) -> None:
