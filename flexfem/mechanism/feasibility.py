@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from itertools import combinations, combinations_with_replacement, product
 from typing import NamedTuple
 
@@ -36,77 +35,50 @@ class Broken(NamedTuple):
 class Condition(NamedTuple):
     """What must hold of n designs at p places, such as the hinges of one name on three chains.
 
-    reason : the key, and what is wrong.   room : (n, p), mm, what is left; negative where the condition is broken.
-    said : of a stage, a place and its room there: the key of the file, its value, and what else a refusal says.
+    key : of the file.   wrong : in words.   expected : in words, with the limit of the value.
+    value : (n, p), mm, of the key, of pairs of hinges the sum of their radii.   room : (n, p), mm, up to the limit.
+    pairs : places in `PAIRS`, of conditions on pairs of hinges.
     """
 
-    reason: str
-    holds: Holds
+    key: str
+    wrong: str
+    expected: str
+    value: Array
     room: Array
-    said: Callable[[StageContent, int, float], tuple[str, object, str]]
+    pairs: tuple[int, ...] = ()
+
+    @property
+    def broken(self) -> Broken:
+        """Which designs break it."""
+        return Broken(f"{self.key}: {self.wrong}", ~np.all(self.room > 0, axis=-1))
 
 
 def conditions(designs: Designs) -> list[Condition]:
     """Evaluate all conditions of n designs, in the order in which one stage is refused for them."""
-    radius, neck, disc, centres = designs.radius, designs.neck, designs.platform_radius, designs.frames.centres
+    radius, neck, disc, centres = designs.radius, designs.neck, designs.platform_radius[:, None], designs.frames.centres
     width = designs.link_width[:, None, None]
-    deepest = (width - neck) / 2
     x, y = centres[..., 0], centres[..., 1]
-    clear = np.hypot(x, y) - (disc[:, None, None] + radius + neck / 2)
-    gap = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND])
-    apart = gap - (radius[..., *_FIRST] + radius[..., *_SECOND])
-    narrow, fits, found = width - neck, radius <= deepest * (1 + _ROUND_OFF), list[Condition]()
+    deeper = (width - neck) / 2 * (1 + _ROUND_OFF) - radius
+    clear = np.hypot(x, y) - (disc[..., None] + radius + neck / 2)
+    radii = radius[..., *_FIRST] + radius[..., *_SECOND]
+    apart = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND]) - radii
+    hub, discs, found = designs.hub_radius[:, None], np.repeat(disc, 3, axis=1), list[Condition]()
     for k, name in enumerate(HINGE_NAMES):
-        key, at = f"hinges.{name}", (..., k)
-        reason, room = f"{key}.neck_mm: neck as wide as the link", narrow[at]
-        found.append(Condition(reason, room > 0, room, partial(_neck, name)))
-        reason = f"{key}.radius_mm: notch deeper than the link"
-        found.append(Condition(reason, fits[at], (deepest - radius)[at], partial(_notch, name)))
-    hub = (disc - designs.hub_radius)[:, None]
-    found.append(Condition("platform.hub_radius_mm: hub larger than the platform", hub > 0, hub, _hub))
+        key, wrong, limit = f"hinges.{name}.neck_mm", "neck as wide as the link", "< chain.link_width_mm = {:g}"
+        found.append(Condition(key, wrong, limit, neck[..., k], (width - neck)[..., k]))
+        key, wrong, limit = f"hinges.{name}.radius_mm", "notch deeper than the link", "<= (link_width - neck)/2 = {:g}"
+        found.append(Condition(key, wrong, limit, radius[..., k], deeper[..., k]))
+    wrong, limit = "hub larger than the platform", "< platform.radius_mm = {:g}"
+    found.append(Condition("platform.hub_radius_mm", wrong, limit, hub, disc - hub))
     for k, name in enumerate(HINGE_NAMES):
-        reason, room = f"platform.radius_mm: the platform swallows the {name} hinge", clear[..., k]
-        found.append(Condition(reason, room > 0, room, _swallows))
+        wrong = f"the platform swallows the {name} hinge"
+        limit = "< {:g} (distance of the hinge from the platform centre less its notch)"
+        found.append(Condition("platform.radius_mm", wrong, limit, discs, clear[..., k]))
     for one, other in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
-        pairs = [k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other}]
-        names = f"{HINGE_NAMES[one]} and {HINGE_NAMES[other]} hinges" if one != other else f"{HINGE_NAMES[one]} hinges"
-        reason, room = f"chain.link_lengths_mm: {names} closer than their radii", apart[:, pairs]
-        found.append(Condition(reason, room > 0, room, partial(_closer, pairs)))
+        pairs = tuple(k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other})
+        wrong = f"{' and '.join(dict.fromkeys((HINGE_NAMES[one], HINGE_NAMES[other])))} hinges closer than their radii"
+        found.append(Condition("chain.link_lengths_mm", wrong, "> {:g}", radii[:, pairs], apart[:, pairs], pairs))
     return found
-
-
-def broken(found: list[Condition]) -> list[Broken]:
-    """Every condition by its reason, and which designs break it."""
-    return [Broken(each.reason, ~np.all(each.holds, axis=-1)) for each in found]
-
-
-def _neck(name: str, stage: StageContent, chain: int, room: float) -> tuple[str, object, str]:
-    expected = f", expected < chain.link_width_mm = {stage.chain.link_width:g}"
-    return key_of(stage, chain + 1, name, "neck_mm"), f"{stage.hinge(chain + 1, name).neck:g}", expected
-
-
-def _notch(name: str, stage: StageContent, chain: int, room: float) -> tuple[str, object, str]:
-    radius = stage.hinge(chain + 1, name).radius
-    expected = f", expected <= (link_width - neck)/2 = {radius + room:g}"
-    return key_of(stage, chain + 1, name, "radius_mm"), f"{radius:g}", expected
-
-
-def _hub(stage: StageContent, _: int, room: float) -> tuple[str, object, str]:
-    expected = f", expected < platform.radius_mm = {stage.platform.radius:g}"
-    return "platform.hub_radius_mm", f"{stage.platform.hub_radius:g}", expected
-
-
-def _swallows(stage: StageContent, chain: int, room: float) -> tuple[str, object, str]:
-    far = f"{stage.platform.radius + room:g} (distance of the hinge from the platform centre less its notch)"
-    return "platform.radius_mm", f"{stage.platform.radius:g}", f" of chain {chain + 1}, expected < {far}"
-
-
-def _closer(pairs: list[int], stage: StageContent, place: int, room: float) -> tuple[str, object, str]:
-    ends = [(chain + 1, HINGE_NAMES[position]) for chain, position in PAIRS[pairs[place]]]
-    radii = sum(stage.hinge(*end).radius for end in ends)
-    names = " and ".join(f"{name} hinge of chain {chain}" for chain, name in ends)
-    expected = f": {names} are {radii + room:.4g} mm apart, expected > {radii:g}"
-    return "chain.link_lengths_mm", list(stage.chain.link_lengths), expected
 
 
 def check_feasible(stage: StageContent) -> None:
@@ -140,9 +112,17 @@ def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadI
 
 def _check_conditions(stage: StageContent) -> None:
     for each in conditions(lower(stage)):
-        for place in np.flatnonzero(~each.holds[0]):
-            key, value, expected = each.said(stage, int(place), float(each.room[0, place]))
-            raise BadInput(f"{key} = {value}, {each.reason.partition(': ')[2]}{expected}")
+        for place in np.flatnonzero(~(each.room[0] > 0)).tolist():
+            value, limit = each.value[0, place], each.value[0, place] + each.room[0, place]
+            if each.pairs:
+                ends = PAIRS[each.pairs[place]]
+                names = " and ".join(f"{HINGE_NAMES[position]} hinge of chain {chain + 1}" for chain, position in ends)
+                said = f"{list(stage.chain.link_lengths)}, {each.wrong}: {names} are {limit:.4g} mm apart"
+                raise BadInput(f"{each.key} = {said}, expected {each.expected.format(value)}")
+            table, *hinge, key = each.key.split(".")
+            path = key_of(stage, place + 1, hinge[0], key) if hinge else each.key
+            chain = f" of chain {place + 1}" if table == "platform" and len(each.room[0]) > 1 else ""
+            raise BadInput(f"{path} = {value:g}, {each.wrong}{chain}, expected {each.expected.format(limit)}")
 
 
 def _check_bodies(stage: StageContent) -> None:
