@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from flexfem.cad.drawings import dxf_text, sheet_of, svg_text
-from flexfem.fem.gmsh_process import run_mesher
-from flexfem.fem.mesher import Extruded
+from flexfem.fem.mesher import Extruded, run_mesher
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.drawing import Part, cut_path, part_of

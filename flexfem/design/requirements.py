@@ -20,14 +20,23 @@ from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.files.writing import digest
-from flexfem.mechanism.keys import keys, meant
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
-from flexfem.refused import BadInput
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, Column, Factor, Number, Step, acting, columns_of
-from flexfem.study.loaded import LoadedStudy, require_model
-from flexfem.study.plan import Drifting, DriveQuestion, Expression, Frequencies, Lasting, Output, Study, names_in
+from flexfem.study.factors import MANY, Column, Factor, Number, Step, columns_of
+from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file
+from flexfem.study.plan import (
+    Drifting,
+    DriveQuestion,
+    Expression,
+    Frequencies,
+    Lasting,
+    Output,
+    Study,
+    names_in,
+    require_known,
+)
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -91,13 +100,10 @@ class Free(Factor):
         return self
 
     @property
-    def allowed(self) -> Array | None:
-        """The values (k,) that it may take, rising; None where it is continuous."""
-        if self.values is not None:
-            return np.sort(np.array(self.values))
-        if self.step is None:
-            return None
-        assert self.start is not None and self.end is not None
+    def allowed(self) -> Array:
+        """The values (k,) that it may take, rising; none where it is continuous."""
+        if self.step is None or self.start is None or self.end is None:
+            return np.sort(np.array(self.values or ()))
         steps = int(np.floor((self.end - self.start) / self.step + ROUND_OFF))
         return np.round(self.start + self.step * np.arange(steps + 1), 12)
 
@@ -261,12 +267,12 @@ class Requirements(Sourced):
         for index, output in enumerate(self.output):
             if output.name in known or output.name in keys():
                 raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            _require_known(output.expression, known, "output", index, "expression")
+            require_known(output.expression, known, "output", index, "expression")
             known.add(output.name)
         for index, require in enumerate(self.require):
-            _require_known(require.quantity, known, "require", index, "quantity")
+            require_known(require.quantity, known, "require", index, "quantity")
         for index, objective in enumerate(self.objective):
-            _require_known(objective.quantity, known, "objective", index, objective.key)
+            require_known(objective.quantity, known, "objective", index, objective.key)
         return self
 
     @model_validator(mode="after")
@@ -309,13 +315,6 @@ class Requirements(Sourced):
         """Key paths of the numbers that need a source: of what is asked, and not of how it is found."""
         own = ("accuracy_percent", "output")
         return tuple(path for path in super().numbers if not path.startswith(own))
-
-
-def _require_known(expression: str, known: set[str], *at: str | int) -> None:
-    for name in names_in(expression):
-        if name not in known and name not in keys():
-            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*known, *keys()}))}"
-            raise refusal(expected, *at)
 
 
 @dataclass(frozen=True)
@@ -370,20 +369,11 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
         The file is refused, or its base stage cannot be read, made or asked: one line with file, line and key.
     """
     found = validate(Requirements, path)
-    try:
-        stage = load_feasible(os.path.normpath(Path(path).parent / found.stage))
-    except BadInput as error:
-        raise bad_key(path, ("stage",), f"stage = {shown(found.stage)}: {error}") from None
-    require_model(path, found.study, stage)
+    stage = base_stage(path, found.study)
     unused = found.study.unasked - found.used - ({DENSITY} if found.used & {*MASS} else set())
-    columns: list[Column] = []
-    for index, free in enumerate(found.free):
-        try:
-            columns += [acting(column, stage, unused) for column in columns_of([free])]
-        except BadInput as error:
-            raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
+    columns = columns_of_file(path, "free", found.free, stage, unused)
     _require_changes(path, found, stage, columns)
-    return LoadedRequirements(Path(path), found, stage, tuple(columns))
+    return LoadedRequirements(Path(path), found, stage, columns)
 
 
 def _require_changes(path: str | os.PathLike[str], of: Requirements, stage: Stage, columns: Iterable[Column]) -> None:

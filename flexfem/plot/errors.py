@@ -25,8 +25,8 @@ from flexfem.plot.style import (
     wrapped,
 )
 from flexfem.plot.text import BANDS, BRIEF, OF_STAGE, banded, minus, scientific
+from flexfem.questions.bands import MeshConvergence
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
-from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, LENGTH, Direction, Unit, unit_for

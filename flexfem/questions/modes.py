@@ -399,7 +399,7 @@ def _in_plane(
     bands = _frequency_bands(resolution, [each.frequencies for _, each in meshes])
     values = {"share": _shares(found), "meshed_mass": found.total[0, 0]}
     shapes, reduced = np.array([found.field(k) for k in range(count)]), _reduced(of, found, damping, drive)
-    fields = Vibration(of.mesh, shapes, [False] * count, None, reduced)
+    fields = Vibration(of.structure.mesh, shapes, [False] * count, None, reduced)
     return Answered({"frequency": found.frequencies}, {"frequency": bands}), values, fields
 
 
@@ -500,7 +500,8 @@ def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
 
 def _reduced(of: VibratingStructure, modes: ModesOfStructure, damping: float, drive: StageDrive | None) -> DynamicModel:
     """The dynamics of a structure by some of its modes; the commands of an engaged drive are inputs, too."""
-    loads = np.eye(of.size, 3, 3 - of.size)
+    size = of.structure.size
+    loads = np.eye(size, 3, 3 - size)
     names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
     if drive is not None:
         loads = np.hstack([loads, of.pushes @ (of.rates[:, None] * drive.differential)])
