@@ -19,7 +19,7 @@ from random_stages import drawn
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.drive import commanding, driven_elements, element_stresses, neck_stresses
+from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.driven import commands_for, moved
 from flexfem.refused import BadInput
 
@@ -41,12 +41,10 @@ def ratios(stage: Stage, resolution: int) -> dict[tuple[str, str], list[float]]:
     for criterion in CRITERIA:
         for pose in np.diag(1e-3 / np.array([1, 1, lever])):
             x = commands_for(best.of, drive, pose, NONE, lever, criterion)
-            elements = element_stresses(
-                stage, metal, np.append(NONE, drive.preload + moved(metal.of, drive, x, NONE).force)
-            )
+            elements = metal.stress(NONE, drive.preload + moved(metal.of, drive, x, NONE).force)
             for name, model in MODELS.items():
                 one = commanding(ModelChoice(stage, *model))
-                stress = neck_stresses(one, np.append(NONE, moved(one.of, drive, x, NONE).force))
+                stress = one.stress(NONE, moved(one.of, drive, x, NONE).force)
                 high = elements > HIGH * np.max(elements)
                 found[name, f"{criterion}, highest"].append(np.max(stress) / np.max(elements))
                 found[name, f"{criterion}, each neck"] += (stress / elements)[high].tolist()

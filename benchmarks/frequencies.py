@@ -75,7 +75,7 @@ def _drawn(rng: np.random.Generator, number: int) -> list[tuple[Array, Array, st
 
 def by_elements(stage: Stage, resolution: int) -> Array:
     """Frequencies (6,), rad/s."""
-    return modes(vibrating(stage, build_mesh(stage, resolution), Payload(), "disengaged"), COUNT).frequencies
+    return modes(vibrating(stage, build_mesh(stage, resolution), Payload()), COUNT).frequencies
 
 
 def truth(elements: Array) -> Array:

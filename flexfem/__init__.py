@@ -47,9 +47,9 @@ if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.page.report import plot_results as plot_results
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
+    from flexfem.questions.bands import converge as converge
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.check import check as check
-    from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.errors import verification as verification
@@ -67,7 +67,7 @@ if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
     from flexfem.questions.stiffness import stiffness as stiffness
-    from flexfem.questions.summary import summary as summary
+    from flexfem.questions.stiffness import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.schemas import schema as schema

@@ -29,10 +29,9 @@ from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.questions.bands import levels
+from flexfem.questions.bands import converge, levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
-from flexfem.questions.convergence import converge
 from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
 from flexfem.questions.gravity import gravity
@@ -43,8 +42,7 @@ from flexfem.questions.life import life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.setup import Analytic
-from flexfem.questions.stiffness import stiffness
-from flexfem.questions.summary import summary
+from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, Progress, Result, versions
 from flexfem.units import DIRECTIONS, unit_of

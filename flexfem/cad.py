@@ -13,8 +13,7 @@ from xml.etree import ElementTree
 
 import ezdxf
 
-from flexfem.fem.gmsh_process import run_mesher
-from flexfem.fem.mesher import Extruded
+from flexfem.fem.mesher import Extruded, run_mesher
 from flexfem.files.refusals import one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.bodies import Segment, necks

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,8 +19,6 @@ from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
 from flexfem.files.toml import Path
-from flexfem.hinges.strength import range_at_yield
-from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions import warnings as warning
@@ -52,6 +49,16 @@ class PlatformModel:
         """Pose (..., 3) of the platform under loads (..., 3). Raises BadInput for another shape."""
         return apply(self.compliance, forces("force", force))
 
+    def neck_stress(self, pose: ArrayLike) -> Array:
+        """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3)."""
+        raise NotImplementedError
+
+    @cached_property
+    def range_at_yield(self) -> Array:
+        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
+        highest: Array = np.max(self.neck_stress(np.eye(3)), axis=(1, 2))
+        return self.stage.material.yield_strength / highest
+
 
 @dataclass(frozen=True, eq=False)
 class AnalyticModel(PlatformModel):
@@ -68,16 +75,8 @@ class AnalyticModel(PlatformModel):
     result: AnalyticResult
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3).
-
-        `|6 M K_b / (b t^2)| + |N K_t / (b t)|`; how far it is from finite elements: `strength.concentration`.
-        """
+        """As of `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `strength.concentration`."""
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
-
-    @property
-    def range_at_yield(self) -> Array:
-        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
-        return range_at_yield(self.result.stress, lower(self.stage).yield_strength[0])
 
     @property
     def warnings(self) -> list[str]:
@@ -88,10 +87,7 @@ class AnalyticModel(PlatformModel):
 
 @dataclass(frozen=True, eq=False)
 class ElementModel(PlatformModel):
-    """Plane finite elements of a stage, as `solve` gives them.
-
-    resolution : quadratic triangles across every neck.
-    """
+    """Plane finite elements of a stage, as `solve` gives them; resolution: quadratic triangles across every neck."""
 
     resolution: int
     solved: Response
@@ -107,27 +103,23 @@ class ElementModel(PlatformModel):
 
     def stress(self, force: ArrayLike) -> Array:
         """Von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
-        return self._per_load(forces("force", force), lambda case: case.stress)
+        return self._of_cases(forces("force", force), "stress")
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3)."""
-        return self._per_load(self.force(pose), lambda case: case.neck_stress)
+        """As of `PlatformModel`."""
+        return self._of_cases(self.force(pose), "neck_stress")
 
-    @cached_property
-    def range_at_yield(self) -> Array:
-        """Displacement (3,) in each direction, the others held, at which the first neck yields: mm, mm, rad."""
-        return range_at_yield(np.moveaxis(self.neck_stress(np.eye(3)), 0, -1), lower(self.stage).yield_strength[0])
+    def _of_cases(self, loads: Array, name: str) -> Array:
+        """An attribute of the load cases of loads (..., 3)."""
+        cases = [load_case(self.stage, self.mesh, self.solved, load) for load in loads.reshape(-1, 3)]
+        found = [getattr(case, name) for case in cases]
+        return np.reshape(found, (*loads.shape[:-1], *np.shape(found)[1:]))
 
     @cached_property
     def band(self) -> Array:
-        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad.
-
-        By grid convergence over this mesh and two coarser ones, which are made when first asked for; what is zero by
-        symmetry has the size of its round-off.
-        """
+        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, by two coarser meshes."""
         steps = levels(self.resolution)
-        found = np.array([solved(self.stage, level).compliance for level in steps])
-        return compliance_bands(np.array(steps), found)
+        return compliance_bands(np.array(steps), np.array([solved(self.stage, level).compliance for level in steps]))
 
     @property
     def warnings(self) -> list[str]:
@@ -137,8 +129,6 @@ class ElementModel(PlatformModel):
     def plot(self, force: ArrayLike, ax: Axes | None = None, factor: float | None = None) -> Axes:
         """Draw the displaced stage with its von Mises stress under one load (3,); returns the axes.
 
-        Parameters
-        ----------
         ax : matplotlib axes, new ones by default.   factor : exaggeration, a round one by default.
         """
         from flexfem.plot.fields import plot_displacement
@@ -147,18 +137,12 @@ class ElementModel(PlatformModel):
         fields = Fields(mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load))
         return plot_displacement(ax, fields, factor=factor, hub_radius=self.stage.platform.hub_radius)
 
-    def _per_load(self, loads: Array, read: Callable[[Any], Array]) -> Array:
-        cases = [read(load_case(self.stage, self.mesh, self.solved, load)) for load in loads.reshape(-1, 3)]
-        return np.reshape(cases, (*loads.shape[:-1], *np.shape(cases)[1:]))
-
 
 class Errors(NamedTuple):
     """Error percentages of the protocol: finite-element displacement minus commanded, under the force of (18).
 
     percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations count with the
-    lever l3, as CONVENTIONS says.
-
-    band : (3, 3), percentage points, half-width of the numerical uncertainty by grid convergence.
+    lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of the numerical uncertainty.
     """
 
     percent: Array
@@ -231,8 +215,7 @@ def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
         The mesh or the solution does not pass its checks.
     """
     check_feasible(stage)
-    resolution = arguments.resolution(resolution)
-    found = solved(stage, resolution)
+    found = solved(stage, arguments.resolution(resolution))
     stiffness = inverse(found.compliance)
     return ElementModel(stage, (stiffness + stiffness.T) / 2, found.compliance, resolution, found)
 
@@ -244,7 +227,7 @@ def errors(
     links: bool = False,
     resolution: int = RESOLUTION,
 ) -> Errors:
-    """Error percentages of an analytic model against finite elements, with their numerical bands.
+    """Error percentages of an analytic model against finite elements under the load `K du`, (18), with their bands.
 
     Parameters
     ----------
@@ -254,14 +237,9 @@ def errors(
     ------
     BadInput, ComputationFailed
         As `analyse` and `solve`.
-
-    Notes
-    -----
-    The load on both is `K du`, (18); bands as of `converge`, of the whole compliance matrix.
     """
     check_feasible(stage)
-    resolution = arguments.resolution(resolution, 4)
+    steps = levels(arguments.resolution(resolution, 4))
     model = analyse_stage(stage, mobility, formula, links)
-    meshes = [solve(stage, level) for level in levels(resolution)]
-    found = np.array([mesh.compliance for mesh in meshes])
-    return Errors(*error_bands(model.stiffness, found, levels(resolution), stage.chain.link_lengths[2]))
+    found = np.array([solved(stage, level).compliance for level in steps])
+    return Errors(*error_bands(model.stiffness, found, steps, stage.chain.link_lengths[2]))

@@ -1,11 +1,8 @@
-"""Results: what a question answers, declared once.
+"""Results: what a question answers, declared once as `Quantity` attributes of a subclass of `Result`.
 
-A question declares a subclass of `Result` whose attributes are `Quantity` objects: name, unit, axes, meaning and the
-change that `regression` accepts. Everything that a person or a program sees follows from this declaration: the table on
-the console, in Markdown and in HTML, the JSON document and its schema, the paths of study columns, the reference in the
-documentation and the gate of `regression`.
-
-Values are stored inside in N, mm, MPa, rad, tonne and s. JSON and tables have them in the unit of the declaration.
+Tables, JSON documents with their schema, columns of studies, the reference in the documentation and the gates of
+`regression` follow from the declaration. Values are inside in N, mm, MPa, rad, tonne and s; what is printed or stored
+has the units of the declaration.
 """
 
 from __future__ import annotations
@@ -13,7 +10,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -26,13 +22,14 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
-from flexfem.files.writing import digest, write_atomically
+from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for
+from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
 LARGEST_FILE = 2**26  # bytes of a stored result
+LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
 ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # likewise, of the plane problem beside three dimensions
@@ -78,26 +75,17 @@ class Quantity:
 
     Parameters
     ----------
-    meaning : str
-        What the quantity is, a noun phrase. It heads the column of a table.
-    unit : str or tuple
-        Key of `units.UNITS`, "" for a pure number; one for each label of the axis "direction", or without it of the
-        last axis; or a matrix of them for the last two axes; or a key of `BY_DIRECTION` instead of these.
-    over : tuple of str
-        Axes of the array.
-    gate : Gate
-        What `regression` accepts.
-    scale : str
-        What a change is relative to: the value itself; the largest of the last axis or of all; the largest of a pose or
+    meaning : a noun phrase, which heads the column of a table.
+    unit : key of `units.UNITS`, "" for a pure number; a tuple by label of the axis "direction", or without it of the
+        last axis; a matrix for the last two axes; or a key of `BY_DIRECTION`.
+    over : axes of the array.
+    gate : the change that `regression` accepts.
+    scale : what a change is relative to: the value; the largest of the last axis or of all; the largest of a pose or
         wrench with rotations times the lever and moments divided by it; or the diagonal of a matrix.
-    largest : tuple of str
-        Axes over which tables show the largest value alone.
-    prefixed : bool
-        Tables choose a prefix for every number (um, nm, mrad).
-    shown : bool
-        Whether tables have it; JSON always has.
-    note : str
-        A sentence on how it is to be read, below the tables.
+    largest : axes over which tables show the largest value alone.
+    prefixed : whether tables choose a prefix for every number (um, nm, mrad).
+    shown : whether tables have it; JSON always has.
+    note : a sentence on how it is to be read, below the tables.
     """
 
     meaning: str
@@ -145,19 +133,14 @@ class Quantity:
 
 
 class About(NamedTuple):
-    """What a result is of.
-
-    name : of the stage.   file, hash : where it was read, and of its physical content.
-    assumed, not_stated : key paths of numbers that are assumed, and of those without a stated source.
-    lever : l3, mm, which makes rotations comparable with translations.
-    """
+    """What a result is of: name of the stage, its file, hash, key paths of numbers in doubt, lever l3."""
 
     name: str
     file: str = ""
     hash: str = ""
     assumed: Sequence[str] = ()
     not_stated: Sequence[str] = ()
-    lever: float = 1.0
+    lever: float = 1.0  # mm, makes rotations comparable with translations
 
 
 class Number(NamedTuple):
@@ -181,35 +164,26 @@ class TextTable(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """Finite-element fields that a figure draws: nodes (n, 2) mm, triangles (m, 6), bodies (m,), displacement (n, 2)
-    mm, von Mises stress (n,) MPa; in three dimensions the displacement of the mid-plane, and the highest stress through
-    the thickness."""
+    """Finite-element fields of a figure; in three dimensions of the mid-plane, with the highest stress through it."""
 
-    nodes: AnyArray
-    triangles: AnyArray
-    bodies: AnyArray
-    displacement: AnyArray
-    stress: AnyArray
+    nodes: AnyArray  # (n, 2), mm
+    triangles: AnyArray  # (m, 6)
+    bodies: AnyArray  # (m,)
+    displacement: AnyArray  # (n, 2), mm
+    stress: AnyArray  # (n,), von Mises, MPa
 
 
 class Result:
-    """Quantities with labelled axes, bands, and what they are of. Subclasses declare; see the module.
+    """Quantities with labelled axes, bands, and what they are of.
 
     Parameters
     ----------
-    about : About
-    values : mapping of str to array
-        By quantity, inside units; nan where there is no answer. A quantity that was not computed is left out.
-    bands : mapping of str to array
-        Half-widths of the numerical uncertainty, of the same shapes; nan where there is none.
-    axes : mapping of str to sequence of str
-        Labels of the axes that the class does not fix.
-    settings : mapping
-        What the question was asked with: models, resolutions.
-    warnings, notes : sequence of str
-        Where the answer leaves what it is meant for, and how its table is to be read.
-    fields : object
-        Fields of finite elements for figures; not stored.
+    values : arrays by quantity, inside units; nan where there is no answer. What was not computed is left out.
+    bands : half-widths of the numerical uncertainty, of the same shapes; nan where there is none.
+    axes : labels of the axes that the class does not fix.
+    settings : what the question was asked with: models, resolutions.
+    warnings, notes : where the answer leaves what it is meant for, and how its table is to be read.
+    fields : fields of finite elements for figures; not stored.
     """
 
     title: ClassVar[str] = ""
@@ -222,9 +196,8 @@ class Result:
     kinds: ClassVar[dict[str, type[Result]]] = {}
 
     def __init_subclass__(cls) -> None:
-        inherited = {name: one for base in reversed(cls.__mro__[1:]) for name, one in vars(base).items()}
-        found = {name: one for name, one in (inherited | vars(cls)).items() if isinstance(one, Quantity)}
-        cls.quantities = found
+        every = {name: one for base in reversed(cls.__mro__) for name, one in vars(base).items()}
+        cls.quantities = {name: one for name, one in every.items() if isinstance(one, Quantity)}
         Result.kinds[cls.kind()] = cls
 
     def __init__(
@@ -320,13 +293,11 @@ class Result:
             found[name]["values"] = _nested(values * factors)
             if name in self.bands:
                 found[name]["bands"] = _nested(self.bands[name] * factors)
+        about = {key: list(part) if isinstance(part, tuple) else part for key, part in self.about._asdict().items()}
         return {
             "result": self.kind(),
             "format": FORMAT,
-            **{
-                key: list(part) if isinstance(part, list | tuple) else part
-                for key, part in self.about._asdict().items()
-            },
+            **about,
             "settings": self.settings,
             "axes": {axis: list(labels) for axis, labels in self.axes.items()},
             "quantities": found,
@@ -341,13 +312,7 @@ class Result:
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a stored result of this kind, or of any for `Result`.
-
-        Raises
-        ------
-        BadInput
-            It is none, it was changed since it was stored, or another version stored it.
-        """
+        """Read a stored result of this kind, or of any for `Result`. Raises BadInput when it is none or was changed."""
         data = unsealed(path)
         found = Result.kinds.get(str(data.get("result")))
         if found is None or not issubclass(found, cls):
@@ -415,10 +380,7 @@ class Result:
     def tables(self, plain: bool = True) -> list[TextTable]:
         """Tables of all quantities: those with the same rows and the same kind of columns make one table.
 
-        Parameters
-        ----------
-        plain : bool
-            Units in ASCII letters, for terminals.
+        `plain` : units in ASCII letters, for terminals.
         """
         groups: dict[tuple[tuple[str, ...], str], list[Quantity]] = {}
         for name, quantity in self.quantities.items():
@@ -428,17 +390,11 @@ class Result:
         return [self._table(rows, spread, group, plain) for (rows, spread), group in groups.items()]
 
     def _table(self, over: tuple[str, ...], spread: str, group: list[Quantity], plain: bool) -> TextTable:
-        if not over and not spread:  # one number each: a list
-            rows = [[one.meaning, self._cell(one, self._shown(one, (), ())[0], plain, True)] for one in group]
-            return TextTable(["", ""], rows, 1)
-        if over == ("model",) and not spread and len(group) > 3:  # a row for each quantity, a column for each model
-            models = self.axes["model"]
-            rows = []
-            for one in group:
-                cells = [self._cell(one, self._shown(one, over, (k,))[0], plain, True) for k in range(len(models))]
-                more = self._differences(one, over, (len(models) - 1,)) if len(models) > 1 else []
-                rows.append([one.meaning, *cells, *more])
-            return TextTable(["", *models, *(["difference (%)"] if len(models) > 1 else [])], rows, 1)
+        if not spread and (not over or (over == ("model",) and len(group) > 3)):  # a row for each quantity
+            columns = self._rows(over, group, plain, with_unit=True)
+            head = ["", *(column[0] if over else "" for column in columns)]
+            rows = [[one.meaning, *(column[len(over) + k] for column in columns)] for k, one in enumerate(group)]
+            return TextTable(head, rows, 1)
         if not spread:  # a column for each quantity
             head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
             return TextTable(head, self._rows(over, group, plain), len(over))
@@ -455,7 +411,7 @@ class Result:
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """The head of a column with its unit; prefixed numbers have theirs with them."""
-        name = _name(quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)), plain)
+        name = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)).said(plain)
         return f"{text} ({name})" if name and not self._with_unit(quantity) else text
 
     def _with_unit(self, quantity: Quantity) -> bool:
@@ -463,14 +419,16 @@ class Result:
         by_direction = isinstance(quantity.unit, tuple) and "direction" in quantity.over
         return quantity.prefixed or (by_direction and self._spread(quantity) not in ("direction", "component"))
 
-    def _rows(self, over: tuple[str, ...], group: list[Quantity], plain: bool) -> list[list[str]]:
+    def _rows(
+        self, over: tuple[str, ...], group: list[Quantity], plain: bool, with_unit: bool = False
+    ) -> list[list[str]]:
         """Rows of quantities with the same axes; behind the last model how the first differs from it."""
         rows, last = [], tuple[str, ...]()
         last_model = len(self.axes.get("model", ())) - 1
         for place, labels in self._places(over):
             names = [label if labels[: k + 1] != last[: k + 1] else "" for k, label in enumerate(labels)]
             cells = [
-                self._cell(one, at, plain, self._with_unit(one))
+                self._cell(one, at, plain, with_unit or self._with_unit(one))
                 for one in group
                 for at in self._shown(one, over, place)
             ]
@@ -490,12 +448,12 @@ class Result:
 
     def _shown(self, quantity: Quantity, over: Sequence[str], place: Sequence[int]) -> list[tuple[int, ...]]:
         """Places of the array behind the cells of one row: for each column that of the largest value."""
-        spread = self._spread(quantity)
-        found = []
+        spread, sizes = self._spread(quantity), np.abs(self.values[quantity.name])
+        sizes, found = np.where(np.isnan(sizes), -1.0, sizes), []
         for k in range(len(self.axes[spread]) if spread else 1):
             known = dict(zip(over, place, strict=True)) | {spread: k}
             ranges = [[known[axis]] if axis in known else range(len(self.axes[axis])) for axis in quantity.over]
-            found.append(max(product(*ranges), key=lambda at: _size(float(self.values[quantity.name][at]))))
+            found.append(max(product(*ranges), key=lambda at: float(sizes[at])))
         return found
 
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
@@ -506,7 +464,7 @@ class Result:
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
-        text = f"{text} {_name(unit, plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
+        text = f"{text} {unit.said(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
         return f"{text} ({', '.join(where)})" if where and value and text else text
@@ -532,35 +490,20 @@ class Result:
         """What stands below the tables: how to read them."""
         banded = any(np.any(np.isfinite(band)) for band in self.bands.values())
         band = ["±: half-width of the numerical uncertainty, by meshes"] if banded else []
-        notes = [
-            f"{one.meaning}: {one.note}" for name, one in self.quantities.items() if one.note and name in self.values
-        ]
+        noted = (one for name, one in self.quantities.items() if one.note and name in self.values)
+        notes = [f"{one.meaning}: {one.note}" for one in noted]
         return [*self.reading, *notes, *self.notes, *band]
 
     def to_markdown(self) -> str:
         """All tables in Markdown."""
         lines = []
-        for table in self.tables(plain=False):
-            marks = ["---"] * table.names + ["--:"] * (len(table.head) - table.names)
-            lines += [f"{table.caption}:", ""] if table.caption else []
-            lines += ["| " + " | ".join(row) + " |" for row in (table.head, marks, *table.rows)] + [""]
+        for each in self.tables(plain=False):
+            align = "l" * each.names + "r" * (len(each.head) - each.names)
+            lines += [f"{each.caption}:", ""] if each.caption else []
+            lines += [markdown_table(each.head, each.rows, align), ""]
         return "\n".join([f"**{self.heading()}**", "", *lines, *(f"- {text}" for text in self.sentences())])
 
-    def to_html(self) -> str:
-        """All tables in HTML."""
-        found = []
-        for table in self.tables(plain=False):
-            caption = f"<caption>{escape(table.caption)}</caption>" if table.caption else ""
-            rows = ["".join(f"<th>{escape(text)}</th>" for text in table.head)]
-            for row in table.rows:
-                names = "".join(f"<th>{escape(text)}</th>" for text in row[: table.names])
-                rows.append(names + "".join(f'<td class="number">{escape(text)}</td>' for text in row[table.names :]))
-            head, *body = (f"<tr>{row}</tr>" for row in rows)
-            found.append(f"<table>{caption}<thead>{head}</thead><tbody>{''.join(body)}</tbody></table>")
-        below = "".join(f"<li>{escape(text)}</li>" for text in [*self.sentences(), *self.warnings])
-        return "".join(found) + (f"<ul>{below}</ul>" if below else "")
-
-    _repr_html_ = to_html
+    _repr_markdown_ = to_markdown  # in notebooks
 
     def __repr__(self) -> str:
         parts = ", ".join(f"{name}{list(values.shape) or ''}" for name, values in self.values.items())
@@ -572,6 +515,64 @@ class Result:
 
         rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
         return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
+
+
+def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:
+    """The fields of a named tuple by name in words, and its lists of named tuples as tables; doubts are left out.
+
+    Fields are said with the units that their names end in; keys whose texts are equal are one.
+    """
+    facts, tables = list[tuple[str, str]](), list[TextTable]()
+    for name, value in record._asdict().items():
+        title = without_unit(name).replace("_", " ")
+        if name in ("warnings", "assumed", "not_stated") or value in (None, "", [], False):
+            continue
+        if hasattr(value, "_fields"):
+            inner, more = record_parts(value, plain)
+            facts += [(f"{title} {inside}" if inside in value._fields else inside, text) for inside, text in inner]
+            tables += more
+        elif isinstance(value, list) and hasattr(value[0], "_fields"):
+            tables.append(_records_table(title, value, plain))
+        elif isinstance(value, dict):
+            texts = {
+                key if isinstance(each, str) else without_unit(key): _said(each, unit_of(key).said(plain))
+                for key, each in value.items()
+            }
+            for text in dict.fromkeys(texts.values()):
+                facts.append((", ".join(key for key in texts if texts[key] == text), text))
+        elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
+            facts.append((title, "\n" + "\n".join(map(str, value))))
+        else:
+            facts.append((title, _said(value, unit_of(name).said(plain))))
+    return facts, tables
+
+
+def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable:
+    """A row for each named tuple; of many fields a column, so that it is not wider than a terminal."""
+    units = [unit_of(name).said(plain) for name in records[0]._fields]
+    names = [without_unit(name).replace("_", " ") for name in records[0]._fields]
+    head = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
+    rows = [[_said(part) for part in one] for one in records]
+    if len(head) > MOST_COLUMNS:
+        head, *rows = map(list, zip(head, *rows, strict=True))
+        return TextTable(head, rows, len(head), title)
+    return TextTable(head, rows, sum(isinstance(part, int | str) for part in records[0][:2]), title)
+
+
+def _said(value: Any, unit: str = "") -> str:
+    """A value in words."""
+    if hasattr(value, "_asdict"):
+        return _said(value._asdict())
+    if isinstance(value, dict):
+        said = (
+            f"{without_unit(key).replace('_', ' ')} {_said(each, unit_of(key).plain)}"
+            for key, each in value.items()
+            if each is not None
+        )
+        return "; ".join(said)
+    if isinstance(value, list | tuple):
+        return f"{', '.join(map(_said, value))} {unit}".rstrip()
+    return f"{round(value, 12) + 0.0:.8g} {unit}".rstrip() if isinstance(value, float) else str(value)
 
 
 def number(value: float, band: float = np.nan) -> str:
@@ -619,27 +620,19 @@ def versions() -> dict[str, str]:
     return found
 
 
-def _size(value: float) -> float:
-    return -1.0 if np.isnan(value) else abs(value)
-
-
-def _name(unit: Unit, plain: bool) -> str:
-    return unit.plain if plain else unit.name
-
-
 def _nested(values: Array) -> Any:
-    """An array as nested lists, None where a number is not finite."""
-    plain = np.where(np.isnan(values), None, values)  # type: ignore[call-overload]
-    plain = np.where(np.isposinf(values), "unlimited", plain)
-    return np.where(np.isneginf(values), "-unlimited", plain).tolist()
+    """An array as nested lists; null where there is no answer, a word where there is no limit."""
+    found = np.array(values, dtype=object)
+    for word, where in ((None, np.isnan(values)), ("unlimited", values == np.inf), ("-unlimited", values == -np.inf)):
+        found[where] = word
+    return found.tolist()
 
 
 def _numbers(value: Any) -> Any:
     """Nested lists of a document with nan for null and inf for "unlimited"."""
     if isinstance(value, list):
         return [_numbers(each) for each in value]
-    words = {None: np.nan, "unlimited": np.inf, "-unlimited": -np.inf}
-    return words.get(value, value)
+    return {None: np.nan, "unlimited": np.inf, "-unlimited": -np.inf}.get(value, value)
 
 
 def _lists(value: Any) -> Any:
@@ -648,5 +641,5 @@ def _lists(value: Any) -> Any:
 
 def _units_said(unit: UnitNames, plain: bool = False) -> str:
     if isinstance(unit, str):
-        return _name(UNITS[unit], plain) if unit else "1"
+        return UNITS[unit].said(plain) if unit else "1"
     return ", ".join(dict.fromkeys(", ".join(_units_said(each, plain) for each in unit).split(", ")))

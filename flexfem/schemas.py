@@ -24,7 +24,6 @@ from flexfem.files.inputs import require_unread
 from flexfem.files.quantities import UNIT
 from flexfem.files.refusals import SHOWN, as_toml, one_line
 from flexfem.files.writing import check_folder, write_atomically
-from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import Entry
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.as_built import Necks
@@ -96,11 +95,6 @@ FORMATS = {
         "Materials of your own, a table each, beside a stage file that names one: `name` and `file` in `[material]`.",
         named="material",
     ),
-    "stack": Format(
-        Catalogue,
-        "Stack catalogue",
-        "The piezo stacks that stage files name; `flexfem/data/stacks.toml` is shipped.",
-    ),
     "necks": Format(
         Necks,
         "Measured necks",
@@ -128,7 +122,7 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
     Parameters
     ----------
     name : str, optional
-        Kind of input file: stage, case, study, requirements, fixture, measured, material, stack or necks; or of result:
+        Kind of input file: stage, case, study, requirements, fixture, measured, material or necks; or of result:
         stiffness, drift and others. Without it all kinds are named.
     output : path, optional
         Folder for the schema as a file; without a name those of all input files are written.

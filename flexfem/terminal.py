@@ -8,16 +8,12 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from flexfem.refused import SourcesChanged
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
 
 EVERY = 10.0  # s between two lines
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
@@ -27,10 +23,7 @@ ENDING = 5.0  # s that a stopped command has to end in order, before the next si
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asks the command to stop; its exit code is 128 and the signal's number.
-
-    said : what is said of it, in one line.
-    """
+    """A signal asks the command to stop; the exit code is 128 and the signal's number, `said` the line about it."""
 
     said = "stopped"
 
@@ -68,11 +61,16 @@ class Plain:
         except OSError:
             if not self._silent:
                 raise
-            with suppress(OSError, ValueError):  # what it still holds goes nowhere
-                os.dup2(os.open(os.devnull, os.O_WRONLY), self.raw.fileno())
+            discard(self.raw)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.raw, name)
+
+
+def discard(stream: Any) -> None:
+    """Let what a stream still holds go nowhere."""
+    with suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def raw(stream: Any) -> Any:
@@ -184,11 +182,11 @@ def reason_of(error: BaseException) -> str:
 
 
 @contextmanager
-def working(description: str) -> Iterator[Callable[[str], None]]:
+def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], None]]:
     """Yield what takes a word whenever something is done or begins.
 
-    On a terminal a sign that moves, gone at the end; else a line for every word, and one whenever `EVERY` seconds have
-    passed without any.
+    On a terminal a sign that moves, gone at the end; else a line for every word that comes `pause` s after the last
+    line, and one whenever `EVERY` seconds have passed without any.
     """
     stream = raw(sys.stderr)
     if stream.isatty():
@@ -198,17 +196,19 @@ def working(description: str) -> Iterator[Callable[[str], None]]:
         with Console(file=stream).status(Text(description)) as sign:
             yield lambda text: sign.update(Text(f"{description}: {text}"))
         return
-    began, ended, spoken = time.monotonic(), threading.Event(), threading.Event()
+    began, ended = time.monotonic(), threading.Event()
+    latest = began - pause
 
     def say(text: str) -> None:
-        spoken.set()
-        print(f"{description}: {text}", file=sys.stderr)
+        nonlocal latest
+        if time.monotonic() - latest >= pause:
+            latest = time.monotonic()
+            print(f"{description}: {text}", file=sys.stderr, flush=True)
 
     def remind() -> None:
         while not ended.wait(EVERY):
-            if not spoken.is_set():
+            if time.monotonic() - latest >= EVERY:
                 print(f"{description}: {time.monotonic() - began:.0f} s", file=sys.stderr, flush=True)
-            spoken.clear()
 
     thread = threading.Thread(target=remind, daemon=True)
     thread.start()
@@ -217,32 +217,3 @@ def working(description: str) -> Iterator[Callable[[str], None]]:
     finally:
         ended.set()
         thread.join()
-
-
-def people() -> Any:
-    """A console on standard output; wide when it is no terminal, so that no table is folded in a file."""
-    from rich.console import Console
-
-    terminal = sys.stdout is not None and sys.stdout.isatty()
-    return Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
-
-
-def table(head: Sequence[str], rows: Iterable[Iterable[str]]) -> Table:
-    """A table without lines, for `people`."""
-    from rich.table import Table
-
-    made = Table(*head, box=None, padding=(0, 2, 0, 0), show_header=any(head))
-    for row in rows:
-        made.add_row(*row)
-    return made
-
-
-def print_ending(out: Console, of: Any) -> None:
-    """Print the warnings of a record or a result, and how many numbers are in doubt."""
-    from flexfem.mechanism.stage_file import doubts_said
-
-    doubts = getattr(of, "about", of)
-    for text in getattr(of, "warnings", []):
-        out.print(f"warning: {text}")
-    for text in doubts_said(getattr(doubts, "assumed", []), getattr(doubts, "not_stated", [])):
-        out.print(f"{text}: --json lists them")

@@ -26,10 +26,14 @@ class Unit(NamedTuple):
     def __str__(self) -> str:
         return self.name
 
+    def said(self, plain: bool) -> str:
+        """The name, or the plain one."""
+        return self.plain if plain else self.name
+
     @property
     def plain(self) -> str:
         """The name for terminals: with ASCII letters."""
-        return self.name.replace("µ", "u").replace("°", "deg").replace("²", "^2")
+        return self.name.replace("µ", "u").replace("°", "deg").replace("²", "^2").replace("³", "^3")
 
 
 UNITS = {  # by what keys of files and columns of studies end in

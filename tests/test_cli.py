@@ -68,9 +68,9 @@ def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
     assert sum(len(block.data) for block in mesh.cells if block.type == "triangle6") == facts["triangles"]
     if suffix == ".msh":
         assert set(mesh.field_data) == {"stage", "ground", "hub"}
-        hub = mesh.cell_sets_dict["hub"]["line3"]
-        lines = np.concatenate([block.data for block in mesh.cells if block.type == "line3"])
-        np.testing.assert_allclose(np.hypot(*mesh.points[lines[hub]].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
+        groups = zip(mesh.cells, mesh.cell_data["gmsh:physical"], strict=True)
+        (hub,) = (block.data[tags == mesh.field_data["hub"][0]] for block, tags in groups if block.type == "line3")
+        np.testing.assert_allclose(np.hypot(*mesh.points[hub].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
 
 
 def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):

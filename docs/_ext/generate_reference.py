@@ -158,7 +158,7 @@ def _all(name: str) -> bool:
 PAGES: dict[str, tuple[str, tuple[tuple[str, Callable[[str], bool]], ...], Callable[[], str]]] = {
     "stage": ("Stage files", (("stage", lambda name: name not in ("material", "actuator")),), str),
     "material": ("Materials", (("stage", "material".__eq__), ("material", _all)), _materials),
-    "actuator": ("Actuators and stacks", (("stage", "actuator".__eq__), ("stack", _all)), _stacks),
+    "actuator": ("Actuators and stacks", (("stage", "actuator".__eq__),), _stacks),
     "case": ("Case files", (("case", _all),), str),
     "study": ("Study files", (("study", _all),), _outputs),
     "fixture": (

@@ -17,13 +17,12 @@ from flexfem.analytic.paper import (
     freedoms_of,
     mechanism,
     rank_revealing,
-    stage_freedoms,
     stiffness,
 )
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
-from flexfem.hinges.formulas import ChartedFormula, Compliance
+from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
@@ -40,8 +39,6 @@ OFF_CHART = "t/R off the hinge chart"
 OFF_THICKNESS = "t/R, b/t or nu off the thickness chart"
 NOT_POSITIVE = "no positive compliance by its formula"
 WIDER = np.outer(10.0 ** np.arange(-6, 4), (1.0, 2.0, 5.0)).ravel()  # mm, widths of necks with which a stage is tried
-
-
 LINKS = tuple((1 + 2 * chain, 2 + 2 * chain) for chain in range(3))  # of every chain; the platform is body 0
 JOINTS = tuple(ends for first, last in LINKS for ends in ((GROUND, first), (first, last), (last, 0)))
 AT_PLATFORM = (2, 5, 8)  # of the joints: the hinges of the platform
@@ -122,7 +119,7 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
 def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
     """Whether the formula, and the chart of the thickness, have an answer for each hinge (n, 3, 3), by reason."""
     found = {}
-    if isinstance(formulas.formula(formula), ChartedFormula):
+    if formulas.formula(formula).charted:
         found[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
         found[OFF_THICKNESS] = on_thickness_chart(designs)
@@ -145,37 +142,27 @@ def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broke
     ]
 
 
-def lowered(
-    frames: Frames,
-    hinges: Compliance,
-    freedoms: Freedoms,
-    platform: Array | None = None,
-    links: network.SeriesSum | None = None,
-) -> network.Mechanism:
+def lowered(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> network.Mechanism:
     """The stages as networks: the platform, the links of chain 1, 2 and 3; the joints are the nine hinges.
 
     Parameters
     ----------
-    frames : centres (..., 3, 3, 2).
-    hinges : fields (..., 3, 3).
-    platform : (..., 9, 9), compliance of the platform at its hinges, or that of `body_compliance`.
-    links : what elastic pads and links add to the chains.
+    frames : centres (..., 3, 3, 2).   hinges : fields (..., 3, 3).
+    bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as of `body_compliance`.
     """
     allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms])
     rotation, axial, shear = (np.asarray(each) * allowed[..., kind] for kind, each in enumerate(hinges))
     each = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
-    compliance = each.reshape(*each.shape[:-4], len(JOINTS), 3, 3)
-    return network.Mechanism(7, 0, JOINTS, compliance, AT_PLATFORM, platform, links)
+    return network.Mechanism(7, 0, JOINTS, each.reshape(*each.shape[:-4], len(JOINTS), 3, 3), AT_PLATFORM, bodies)
 
 
 def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
     """Compliance (..., 3 chains, 3, 3) of the platform on each chain alone, with arguments as `lowered`."""
-    of = lowered(frames, hinges, freedoms)
-    return network.in_series(of.compliance, network.topology(of.bodies, of.output, of.joints))
+    return network.in_series(lowered(frames, hinges, freedoms))
 
 
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
-    """What the necks carry, (..., 3 chains, 3 hinges, k), of wrenches (..., 3 chains, 3 hinges or 1, 3, k)."""
+    """What the necks carry, (..., 3 chains, 3 hinges, k), of wrenches (..., 3 chains, 3 hinges, 3, k)."""
     F_x, F_y, M = (wrenches[..., row, :] for row in range(3))
     x, y = frames.centres[..., 0, None], frames.centres[..., 1, None]
     c, s = np.cos(frames.axes)[..., None], np.sin(frames.axes)[..., None]
@@ -194,7 +181,7 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
     The stiffness is (18) at rest by another route: a network of bodies and joints.
     """
     found = network.stiffness(lowered(designs.frames, hinges, freedoms, bodies))
-    wrench = at_necks(designs.frames, found.paths[..., None, :, :])
+    wrench = at_necks(designs.frames, found.wrenches.reshape(-1, 3, 3, 3, 3))
     turning = np.abs(wrench.moment[:, :, 0]) * hinges.rotation[:, :, 0, None]
     stress = neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
     return PlatformAtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
@@ -354,7 +341,7 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
         return f"{said}: t/R = {tau:.4g} is not on the hinge chart of formula {formula!r}, expected {low:g} to {high:g}"
     if reason == OFF_THICKNESS:
         values = f"t/R = {tau:.4g}, b/t = {b / hinge.neck:.4g}, nu = {nu:.4g}"
-        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().series.ends)
+        ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().ends)
         return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
     return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
 
@@ -362,6 +349,4 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
 def _freedoms(stage: Stage, mobility: int | None, links: bool = False) -> Freedoms:
     if links and mobility not in (None, 21):
         raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
-    if mobility is None and not links:
-        return stage_freedoms(lower(stage).prismatic)
-    return freedoms_of(21 if mobility is None else mobility)
+    return freedoms_of(21 if links else mobility, lower(stage).prismatic)

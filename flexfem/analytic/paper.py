@@ -45,13 +45,11 @@ def mobility(freedoms: Freedoms) -> int:
     return gruebler_kutzbach(LINKS, (len(hinge) for chain in freedoms for hinge in chain))
 
 
-def stage_freedoms(prismatic: ArrayLike) -> Freedoms:
-    """Table of a stage whose flags `prismatic` (3 chains, 3 hinges) give a hinge its axial freedom."""
-    return tuple(tuple(_RA if flag else _R for flag in chain) for chain in np.asarray(prismatic, dtype=bool))
-
-
-def freedoms_of(mobility: int) -> Freedoms:
-    """The uniform table of mobility 3, 6, 12 or 21; raises BadInput for any other number."""
+def freedoms_of(mobility: int | None, prismatic: ArrayLike | None = None) -> Freedoms:
+    """The uniform table of mobility 3, 6, 12 or 21; for None that of a stage whose flags `prismatic` (3 chains, 3
+    hinges) give a hinge its axial freedom. Raises BadInput for any other number."""
+    if mobility is None and prismatic is not None:
+        return tuple(tuple(_RA if flag else _R for flag in chain) for chain in np.asarray(prismatic, dtype=bool))
     if not isinstance(mobility, Integral) or mobility not in FREEDOMS_BY_MOBILITY:
         known = ", ".join(map(str, FREEDOMS_BY_MOBILITY))
         raise BadInput(f"mobility = {mobility}, expected one of {known}, or none for the stage's own prismatic hinges")

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic import network
-from flexfem.analytic.elastic_bodies import bar_density, platform_compliance
+from flexfem.analytic.elastic_bodies import bar_density, body_compliance
 from flexfem.analytic.model import JOINTS, AnalyticResult, at_necks, lowered
 from flexfem.analytic.model import LINKS as LINKS_OF
 from flexfem.analytic.paper import Freedoms, mobility
@@ -35,15 +35,13 @@ from flexfem.mechanism.bodies import (
     hub_moments,
     inertia_of,
     mass_per_area,
-    payload_matrix,
 )
-from flexfem.mechanism.contacts import LINKS, Push, Stack, Station, share_beyond
+from flexfem.mechanism.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
 from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, lower, stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
-PLATFORM = 3  # of `actuators.BODY_NAMES` and `bodies.BODIES`
 MOVING = 7  # bodies: the platform and two links of every chain
 ON_BODIES = 3 * (MOVING - 1)  # twists of links
 FREEDOMS = 3 * MOVING
@@ -62,23 +60,16 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """What elastic links add to the chains, as `network.SeriesSum`, under n stacks, and the platform's compliance.
+    """What elastic bodies do: compliance (..., 9, 9) of `body_compliance`; openings (..., 3 chains, 3, n) of the chains
+    and motions (..., n, n) of the loads by one newton of each of n stacks, as `network.LoadedWithin`."""
 
-    A : (..., 3 chains, 3, 3).   B : (..., 3, 3, n).   D : (..., n, n).   platform : (..., 9, 9).
-    """
-
-    A: Array
-    B: Array
-    D: Array
-    platform: Array
+    compliance: Array
+    openings: Array
+    motions: Array
 
 
 def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...] | None = None) -> DrivenModel:
-    """The driven stage by the hinges and freedoms of an analytic model of it, with elastic links where it has them.
-
-    Parameters
-    ----------
-    stacks : None takes the stage's own.
+    """A driven stage by the hinges, freedoms and links of an analytic model, with its own stacks where None are given.
 
     Raises BadInput for a stage without actuators.
     """
@@ -98,16 +89,23 @@ def driven(
 
     nan for a design with a chain that has no compliance in some direction.
     """
-    platform, series = None, None
+    bodies, within = None, None
     if elastic is not None:
-        B, D = (np.pad(part, [(0, 0)] * (part.ndim - n) + [(3, 0)] * n) for part, n in ((elastic.B, 1), (elastic.D, 2)))
-        platform, series = elastic.platform, network.SeriesSum(elastic.A, B, D)
-    found = network.solve(lowered(frames, hinges, freedoms, platform, series), loads_of(stacks))
-    necks = found.wrenches.reshape(*found.wrenches.shape[:-3], 3, 3, *found.wrenches.shape[-2:])
-    return DrivenModel(found.motions, necks)
+        bodies, lead = elastic.compliance, elastic.motions.shape[:-2]
+        openings = np.zeros((*lead, len(JOINTS), 3, 3 + len(stacks)))
+        openings[..., ::3, :, 3:] = elastic.openings  # of each chain, in its first joint
+        within = network.LoadedWithin(openings, np.zeros((*lead, 3 + len(stacks), 3 + len(stacks))))
+        within.motions[..., 3:, 3:] = elastic.motions
+    found = network.solve(lowered(frames, hinges, freedoms, bodies), _loads_of(stacks), within=within)
+    return DrivenModel(found.motions, _by_chain(found.wrenches))
 
 
-def loads_of(stacks: tuple[Stack, ...]) -> Array:
+def _by_chain(wrenches: Array) -> Array:
+    """Wrenches (..., 9 joints, 3, k) as (..., 3 chains, 3 hinges, 3, k)."""
+    return wrenches.reshape(*wrenches.shape[:-3], 3, 3, *wrenches.shape[-2:])
+
+
+def _loads_of(stacks: tuple[Stack, ...]) -> Array:
     """Loads (..., 7 bodies, 3, 3 + n): unit wrenches on the platform, then one newton of each stack."""
     lead = np.broadcast_shapes(*(push.wrench.shape[:-1] for stack in stacks for push in stack.pushes))
     loads = np.zeros((*lead, MOVING, 3, 3 + len(stacks)))
@@ -121,25 +119,21 @@ def loads_of(stacks: tuple[Stack, ...]) -> Array:
 
 
 def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
-    """What pads, links and platform of one stage add to the compliances of its chains.
-
-    Raises BadInput when they cannot be drawn.
-    """
+    """What pads, links and platform of one stage do. Raises BadInput when they cannot be drawn."""
     n = len(stacks)
-    A, B, D = np.zeros((3, 3, 3)), np.zeros((3, 3, n)), np.zeros((n, n))
+    openings, motions = np.zeros((3, 3, n)), np.zeros((n, n))
     for chain in CHAINS:
-        R = chain_rotation(chain - 1)
-        here = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1 for push in stack.pushes]
-        mine = [(j, push) for j, push in here if push.station is not None]  # the hub takes those on the platform
-        for link, c, at in link_pieces(stage, chain, [push for _, push in mine]):
+        # the hub takes the pushes on the platform
+        mine = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1
+                for push in stack.pushes if push.station is not None]  # fmt: skip
+        for link, c, at in link_pieces(stage, chain, [push for _, push in mine]) if mine else ():
             Q = np.zeros((len(at), 3, n))
             for j, push in mine:
                 Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
             moved = c @ Q
-            A[chain - 1] += R @ np.sum(c, axis=0) @ R.T
-            B[chain - 1] += R @ np.sum(moved, axis=0)
-            D += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
-    return LinkParts(A, B, D, platform_compliance(stage, stage.elastic))
+            openings[chain - 1] += chain_rotation(chain - 1) @ np.sum(moved, axis=0)
+            motions += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
+    return LinkParts(body_compliance(stage), openings, motions)
 
 
 class Pieces(NamedTuple):
@@ -212,11 +206,8 @@ def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[S
     ----------
     stacks : engaged ones, whose openings (n) are added to the compliance, for `engaged`.
     """
-    pushes = (*on_bodies(stage if of.links else None), *stacks)
-    elastic = link_parts(stage, pushes) if of.links else None
-    C = driven(stage_frames(stage), of.hinges, of.freedoms, pushes, elastic).compliance
-    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
-    return Dynamics(C, M, FREEDOMS if of.links else of.mobility)
+    found = driven_model(stage, of, (*on_bodies(stage if of.links else None), *stacks))
+    return Dynamics(found.compliance, _mass_of(stage, payload), FREEDOMS if of.links else of.mobility)
 
 
 def engaged(of: Dynamics, rates: Array) -> Dynamics:
@@ -229,15 +220,10 @@ def many(
 ) -> Dynamics:
     """The dynamics of n designs; hinges (n, 3, 3), mass (n, 21, 21) of `mass_matrix`.
 
-    elastic : (n, ...) each, of `elastic_bodies`; None where links are rigid.
+    elastic : (n, ...) each, of `link_parts` with the loads `on_bodies`; None where links are rigid.
     """
     rank = mobility(freedoms) if elastic is None else FREEDOMS
     return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass, rank)
-
-
-def elastic_bodies(stage: Stage) -> LinkParts:
-    """What elastic links add to the compliances of one stage, for the wrenches of `on_bodies`. Raises BadInput."""
-    return link_parts(stage, on_bodies(stage))
 
 
 def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Array:
@@ -247,8 +233,8 @@ def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Ar
     ----------
     bodies : (..., 3 chains, 4 bodies, 4) of `body_moments`.   hub : (..., 4).   areal : (...), tonne/mm^2.
     """
-    platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal).matrix + payload_matrix(payload)
-    links = inertia_of(bodies, np.asarray(areal)[..., None, None]).matrix
+    platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal) + payload.matrix
+    links = inertia_of(bodies, np.asarray(areal)[..., None, None])
     M = np.zeros((*platform.shape[:-2], FREEDOMS, FREEDOMS))
     M[..., :3, :3] = platform
     for k, (chain, link) in enumerate((chain, link) for chain in range(len(CHAINS)) for link in LINKS):
@@ -257,26 +243,26 @@ def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Ar
     return M
 
 
+def _mass_of(stage: Stage, payload: Payload) -> Array:
+    return mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
+
+
 def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
     """Unit wrenches on the links as pushes: x, y, theta of link 1 and link 2 of every chain, in the stage's frame.
 
-    stage : to spread them over the middle of elastic links; None where links are rigid.
+    stage : to spread them all along elastic links, where inertia acts; None where links are rigid.
     """
     found = []
     for chain in range(len(CHAINS)):
         for link in LINKS:
-            place = None if stage is None else _whole(stage, chain + 1, link)
+            place = None
+            if stage is not None:
+                path = centrelines(stage, chain + 1)[link]
+                half = sum(segment.length for segment in path) / 2
+                place = Station(path, stage.chain.link_width, half, half)
             for wrench in np.eye(3) @ chain_rotation(chain):  # rows: the stage's directions in the chain's frame
-                push = Push(link, wrench, place)
-                found.append(Stack(chain, (push, Push(0, np.zeros(3), None))))
+                found.append(Stack(chain, (Push(link, wrench, place), Push(0, np.zeros(3), None))))
     return tuple(found)
-
-
-def _whole(stage: Stage, chain: int, link: int) -> Station:
-    """The station that is a whole link: inertia acts all along it."""
-    path = centrelines(stage, chain)[link]
-    length = sum(segment.length for segment in path)
-    return Station(path, stage.chain.link_width, length / 2, length / 2)
 
 
 def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleration: Array) -> tuple[Array, Array]:
@@ -286,15 +272,16 @@ def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleratio
     ----------
     acceleration : (2,), of gravity in the plane, mm/s^2.
     """
-    bodies = on_bodies(stage if of.links else None)
-    elastic = link_parts(stage, bodies) if of.links else None
-    found = driven(stage_frames(stage), of.hinges, of.freedoms, bodies, elastic)
-    M = mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
-    weights = M @ np.tile([*acceleration, 0.0], MOVING)
-    design = lower(stage)
-    carried = at_necks(design.frames, (found.necks @ weights)[None, ..., None])
-    stress = neck_stress(carried, design.neck, design.thickness, stress_raised(design))
+    found = driven_model(stage, of, on_bodies(stage if of.links else None))
+    weights = _mass_of(stage, payload) @ np.tile([*acceleration, 0.0], MOVING)
+    stress = _highest(lower(stage), (found.necks @ weights)[None, ..., None])
     return found.compliance[:3] @ weights, stress[0, ..., 0]
+
+
+def _highest(designs: Designs, wrenches: Array) -> Array:
+    """Largest von Mises stress (n, 3 chains, 3 hinges, k), MPa, of wrenches (n, 3, 3, 3, k) that the necks carry."""
+    carried = at_necks(designs.frames, wrenches)
+    return neck_stress(carried, designs.neck, designs.thickness, stress_raised(designs))
 
 
 MISSING = "is missing, expected um/(m K), the coefficient of linear thermal expansion"
@@ -320,13 +307,6 @@ class WarmBodies(NamedTuple):
     edges: Array
 
 
-class Expansions(NamedTuple):
-    """In-plane coefficients (n,), 1/K."""
-
-    stage: Array
-    frame: Array
-
-
 class DriftRates(NamedTuple):
     """Of n designs: pose per kelvin (n, 3), mm and rad; largest translation and rotation per K/mm (n, 2)."""
 
@@ -343,8 +323,8 @@ def require_expansion(stage: Stage, frame: bool = False) -> None:
         raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {still}")
 
 
-def in_plane(designs: Designs) -> Expansions:
-    """What the plane problem sees of the expansions of stage and frame; a frame of none is as the stage.
+def in_plane(designs: Designs) -> tuple[Array, Array]:
+    """What the plane problem sees (n,) of the expansions, 1/K, of stage and frame; a frame of none is as the stage.
 
     Notes
     -----
@@ -352,7 +332,7 @@ def in_plane(designs: Designs) -> Expansions:
     """
     own, frame = designs.expansion.T
     frame = np.where(np.isnan(frame), own, frame)
-    return Expansions(own + designs.out_of_plane * (own - frame), frame)
+    return own + designs.out_of_plane * (own - frame), frame
 
 
 def rates_of(pose: Array) -> DriftRates:
@@ -390,9 +370,7 @@ def drift(
     openings[:, ::3] = gaps  # of each chain, in its first joint
     of = lowered(designs.frames, hinges, freedoms, None if bodies is None else bodies.compliance)
     found = network.solve(of, np.zeros((MOVING, 3, 3)), openings)
-    necks = at_necks(designs.frames, found.wrenches.reshape(-1, 3, 3, 3, 3))
-    stress = neck_stress(necks, designs.neck, designs.thickness, stress_raised(designs))
-    return WarmModel(found.output, -found.wrenches[:, ::3], stress)
+    return WarmModel(found.output, -found.wrenches[:, ::3], _highest(designs, _by_chain(found.wrenches)))
 
 
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:

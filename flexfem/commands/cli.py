@@ -14,6 +14,7 @@ import inspect
 import os
 import re
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from difflib import get_close_matches
@@ -25,7 +26,7 @@ from typer.core import TyperGroup
 
 import flexfem
 from flexfem import terminal as streams
-from flexfem.commands import design, study
+from flexfem.commands import study
 from flexfem.commands.console import Json, Wanted, show, usable
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
@@ -107,8 +108,31 @@ class Commands(TyperGroup):
 
 
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
-app.add_typer(design.app)
 app.add_typer(study.app, name="study")
+
+
+@app.command()
+def design(
+    requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
+    output: Wanted = None,
+    workers: Annotated[int, typer.Option(min=1, max=1024, help="Processes for finite elements; 1 is this one.")] = 1,
+    json: Json = False,
+) -> None:
+    """Find the best stage that meets requirements, and check it by finite elements; exit code 1 where none does."""
+    os.environ.update(ONE_THREAD)  # before numpy is loaded: threads change last bits
+    from flexfem.design.run import run_design
+
+    began = time.monotonic()
+    with streams.working("design", pause=streams.EVERY) as say:
+        found = run_design(requirements, output, workers, say)
+    if output is not None:
+        from flexfem.plot.write import write_design_figures
+
+        written = write_design_figures(found, output / f"{requirements.stem}-design.json")
+        print(*map(str, written), sep="\n", file=sys.stderr)
+    show(found, json)
+    print(f"{time.monotonic() - began:.1f} s", file=sys.stderr)
+    raise typer.Exit(0 if found.feasible and found.agreed else 1)
 
 
 def command(name: str) -> Any:
@@ -285,10 +309,10 @@ def _run() -> tuple[int, str]:
     except (ComputationFailed, SourcesChanged) as failure:
         return 1, str(failure)
     except BrokenPipeError:  # the reader, such as head, has seen enough
-        _silence()
+        streams.discard(sys.stdout)
         return CLOSED_PIPE, ""
     except OSError as error:  # a full disk, a closed output: what is still held cannot be written either
-        _silence()
+        streams.discard(sys.stdout)
         return 1, streams.reason_of(error)
     except Exception as error:  # whatever nobody has foreseen, libraries' errors too, is one line and exit code 1
         if os.environ.get("FLEXFEM_TRACEBACK"):
@@ -304,9 +328,3 @@ def _usage(error: Any) -> str:
     said = " ".join(error.format_message().split()).removesuffix(".")
     help_of = f" (see {error.ctx.command_path} --help)" if error.ctx is not None else ""
     return f"{said[:1].lower()}{said[1:]}{help_of}"
-
-
-def _silence() -> None:
-    """Let what standard output still holds go nowhere."""
-    with suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexfem.terminal import people, print_ending, table
+if TYPE_CHECKING:
+    from rich.console import Console
 
-LONG = 40  # characters: texts of a list that are longer have lines of their own
+    from flexfem.results import TextTable
 
 
 def usable(folder: Path | None) -> Path | None:
@@ -55,12 +57,7 @@ def show(found: Any, as_json: bool, say: Callable[[Any], None] | None = None) ->
         say(found)
     else:
         for each in found if isinstance(found, list) else [found]:
-            if hasattr(each, "tables"):
-                print_result(each)
-            elif hasattr(each, "_asdict"):
-                print_record(each)
-            else:  # files written, or what says itself
-                people().print(str(each))
+            _print(each)
 
 
 def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
@@ -68,47 +65,42 @@ def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
     show({"written": [str(path) for path in paths], **others}, as_json, lambda data: print(*data["written"], sep="\n"))
 
 
-def print_result(found: Any) -> None:
-    """Print the heading, the tables, how they are read, warnings, and how many numbers are in doubt."""
-    out = people()
-    out.print(found.heading())
-    for each in found.tables():
+def _print(found: Any) -> None:
+    """Print a result, a named tuple or a text, then warnings and how many numbers are in doubt."""
+    from rich.console import Console
+
+    from flexfem.mechanism.stage_file import doubts_said
+    from flexfem.results import record_parts
+
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # else wide: no table is folded in a file
+    out = Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
+    if hasattr(found, "tables"):
+        out.print(found.heading())
+        _print_tables(out, found.tables())
+        for text in found.sentences():
+            out.print(text)
+    elif hasattr(found, "_asdict"):
+        facts, tables = record_parts(found)
+        for title, text in facts:
+            out.print(f"{title}:{text}" if text.startswith("\n") else f"{title}: {text}")
+        _print_tables(out, tables)
+    else:  # files written, or what says itself
+        out.print(str(found))
+    doubts = getattr(found, "about", found)
+    for text in getattr(found, "warnings", []):
+        out.print(f"warning: {text}")
+    for text in doubts_said(getattr(doubts, "assumed", []), getattr(doubts, "not_stated", [])):
+        out.print(f"{text}: --json lists them")
+
+
+def _print_tables(out: Console, tables: Iterable[TextTable]) -> None:
+    """Print tables without lines, each below its caption."""
+    from rich.table import Table
+
+    for each in tables:
+        made = Table(*each.head, box=None, padding=(0, 2, 0, 0), show_header=any(each.head))
+        for row in each.rows:
+            made.add_row(*row)
         if each.caption:
             out.print(f"{each.caption}:")
-        out.print(table(each.head, each.rows))
-    for text in found.sentences():
-        out.print(text)
-    print_ending(out, found)
-
-
-def print_record(found: Any) -> None:
-    """Print a named tuple: a line for each field, a table for a list of named tuples, keys with equal texts are one."""
-    out = people()
-    for name, value in found._asdict().items():
-        title = name.replace("_", " ")
-        if name in ("warnings", "assumed", "not_stated") or value in (None, "", [], False):
-            continue
-        if isinstance(value, list) and hasattr(value[0], "_fields"):
-            out.print(f"{title}:")
-            head = [field.replace("_", " ") for field in value[0]._fields]
-            out.print(table(head, [[_text(part) for part in one] for one in value]))
-        elif hasattr(value, "lines"):
-            print(f"{title}:", *value.lines, sep="\n  ")
-        elif isinstance(value, dict):
-            for text in dict.fromkeys(map(_text, value.values())):
-                out.print(f"{', '.join(key for key, each in value.items() if _text(each) == text)}: {text}")
-        elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
-            print(f"{title}:", *value, sep="\n")
-        else:
-            out.print(f"{title}: {_text(value)}")
-    print_ending(out, found)
-
-
-def _text(value: Any) -> str:
-    if hasattr(value, "_asdict"):
-        return _text(value._asdict())
-    if isinstance(value, dict):
-        return "; ".join(f"{key.replace('_', ' ')} {_text(each)}" for key, each in value.items() if each is not None)
-    if isinstance(value, list | tuple):
-        return ", ".join(map(_text, value))
-    return f"{round(value, 12) + 0.0:.8g}" if isinstance(value, float) else str(value)
+        out.print(made)

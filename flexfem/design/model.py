@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.analytic.model import hinge_compliances
-from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.requirements import MASS, SCATTERED, Free, LoadedRequirements
 from flexfem.design.scatter import REFUSED, NeckScatter
@@ -214,7 +214,7 @@ class Model:
                 found |= dict(zip(ERRORS, formula_errors(designs, K, of.paper_formula).T, strict=True))
             if self.scatter is not None:
                 self.counts["analytic with scattered necks"] += len(values) * len(self.scatter.searched)
-                freedoms = stage_freedoms(designs.prismatic) if of.mobility is None else freedoms_of(of.mobility)
+                freedoms = freedoms_of(of.mobility, designs.prismatic)
                 couplings = self.scatter.quantiles(designs, of.formula, freedoms)
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
                 found |= {n: self.shifts.get(n, 1.0) * each for n, each in zip(SCATTERED, couplings.T, strict=True)}
@@ -226,7 +226,7 @@ class Model:
         for k in np.flatnonzero(reason == ""):
             self.counts["drawn"] += 1
             try:
-                found[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k])).mass) * UNITS["kg"].factor
+                found[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k]))[0, 0]) * UNITS["kg"].factor
             except BadInput as refusal:
                 reason[k] = str(refusal)
         return found
@@ -319,7 +319,7 @@ def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
 
     stiffness : (n, 3, 3), of the model that answers; nan where it has none.
     """
-    paper = batch_at_rest(designs, hinge_compliances(designs, formula), stage_freedoms(designs.prismatic)).stiffness
+    paper = batch_at_rest(designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)).stiffness
     found, sound = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))
     compliance = np.asarray(np.linalg.inv(stiffness[sound]), dtype=np.float64)
     percent = error_matrix(paper[sound], compliance, np.ones(int(sound.sum())))

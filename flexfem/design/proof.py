@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
 from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, correction_of
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
@@ -332,7 +332,7 @@ def scattered_stages(
     if scatter is None or of.tolerance is None:
         return None
     designs = designs_of(model.loaded.study, values[None])
-    about = designs, of.formula, stage_freedoms(designs.prismatic) if of.mobility is None else freedoms_of(of.mobility)
+    about = designs, of.formula, freedoms_of(of.mobility, designs.prismatic)
     others = scatter.couplings(*about, scatter.others)
     model.counts["analytic with scattered necks"] += others.shape[-1]
     checked = 0 if model.loaded.solid else of.tolerance.checked

@@ -16,18 +16,27 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import OF_THE_KEY, Rule, either, has, ruled, says, when, without
+from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.files.writing import digest
-from flexfem.mechanism.keys import keys, meant
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.keys import keys
+from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
-from flexfem.refused import BadInput
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, Column, Factor, Number, Step, acting, columns_of
-from flexfem.study.loaded import LoadedStudy, require_model
-from flexfem.study.plan import Drifting, DriveQuestion, Expression, Frequencies, Lasting, Output, Study, names_in
+from flexfem.study.factors import MANY, Column, Factor, Number, Step, columns_of
+from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file
+from flexfem.study.plan import (
+    Drifting,
+    DriveQuestion,
+    Expression,
+    Frequencies,
+    Lasting,
+    Output,
+    Study,
+    names_in,
+    require_known,
+)
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -45,7 +54,7 @@ End: TypeAlias = Annotated[float | None, Field(ge=-LARGEST, le=LARGEST, json_sch
 Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
 
 
-def _without_keys_of_studies(schema: Rule) -> None:
+def _without_keys_of_studies(schema: dict[str, Any]) -> None:
     """Leave out the keys of a factor that no free dimension takes."""
     for key in ("points", "distribution", "mean", "sd", "lower", "upper"):
         del schema["properties"][key]
@@ -56,13 +65,7 @@ class Free(Factor):
 
     named: ClassVar[tuple[str, ...]] = ("key", "keys", "label", "step")
 
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            when(has("key"), without("keys"), has("keys")),
-            when(has("values"), without("from", "to", "scale", "step"), has("from", "to")),
-            also=_without_keys_of_studies,
-        )
-    )
+    model_config = ConfigDict(json_schema_extra=_without_keys_of_studies)
 
     label: Label | None = Field(
         default=None, description="How it is called in what is printed; by default the key", examples=["all necks"]
@@ -111,8 +114,6 @@ class Free(Factor):
 class Require(Table):
     """Ends between which a quantity, an expression of columns and keys, must lie."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(either(has("at_least"), has("at_most"))))
-
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End = Field(default=None, description="The lower end", examples=[100.0])
     at_most: End = Field(default=None, description="The upper end; one of both or both", examples=[150.0])
@@ -139,8 +140,6 @@ class Require(Table):
 
 class Objective(Table):
     """A quantity that is to be as large, or as small, as can be."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(when(has("maximise"), without("minimise"), has("minimise"))))
 
     maximise: Expression | None = Field(
         default=None, description="An expression that is to be as large as can be", examples=["range_x_um"]
@@ -205,10 +204,6 @@ class Requirements(Sourced):
     """What a requirements file says."""
 
     kind: ClassVar[str] = "requirements file"
-
-    model_config = ConfigDict(
-        json_schema_extra=ruled(when(says("links", True), either(without("mobility"), says("mobility", 21))))
-    )
 
     name: Label = Field(description="Of the stage that is made, and title of figures", examples=["Long range"])
     stage: Label = Field(
@@ -275,12 +270,12 @@ class Requirements(Sourced):
         for index, output in enumerate(self.output):
             if output.name in known or output.name in keys():
                 raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            _require_known(output.expression, known, "output", index, "expression")
+            require_known(output.expression, known, "output", index, "expression")
             known.add(output.name)
         for index, require in enumerate(self.require):
-            _require_known(require.quantity, known, "require", index, "quantity")
+            require_known(require.quantity, known, "require", index, "quantity")
         for index, objective in enumerate(self.objective):
-            _require_known(objective.quantity, known, "objective", index, objective.key)
+            require_known(objective.quantity, known, "objective", index, objective.key)
         return self
 
     @model_validator(mode="after")
@@ -323,13 +318,6 @@ class Requirements(Sourced):
         """Key paths of the numbers that need a source: of what is asked, and not of how it is found."""
         own = ("accuracy_percent", "output")
         return tuple(path for path in super().numbers if not path.startswith(own))
-
-
-def _require_known(expression: str, known: set[str], *at: str | int) -> None:
-    for name in names_in(expression):
-        if name not in known and name not in keys():
-            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*known, *keys()}))}"
-            raise refusal(expected, *at)
 
 
 @dataclass(frozen=True)
@@ -384,20 +372,11 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
         The file is refused, or its base stage cannot be read, made or asked: one line with file, line and key.
     """
     found = validate(Requirements, path)
-    try:
-        stage = load_feasible(os.path.normpath(Path(path).parent / found.stage))
-    except BadInput as error:
-        raise bad_key(path, ("stage",), f"stage = {shown(found.stage)}: {error}") from None
-    require_model(path, found.study, stage)
+    stage = base_stage(path, found.study)
     unused = found.study.unasked - found.used - ({DENSITY} if found.used & {*MASS} else set())
-    columns: list[Column] = []
-    for index, free in enumerate(found.free):
-        try:
-            columns += [acting(column, stage, unused) for column in columns_of([free])]
-        except BadInput as error:
-            raise bad_key(path, ("free", index), f"free[{index}].{error}") from None
+    columns = columns_of_file(path, "free", found.free, stage, unused)
     _require_changes(path, found, stage, columns)
-    return LoadedRequirements(Path(path), found, stage, tuple(columns))
+    return LoadedRequirements(Path(path), found, stage, columns)
 
 
 def _require_changes(path: str | os.PathLike[str], of: Requirements, stage: Stage, columns: Iterable[Column]) -> None:

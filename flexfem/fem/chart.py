@@ -10,7 +10,7 @@ import importlib.metadata
 import json
 import multiprocessing
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from importlib.resources import files
@@ -25,7 +25,6 @@ from flexfem.fem.hinge import (
     FREEDOMS,
     LENGTH,
     LEVELS,
-    THICK_FREEDOMS,
     THICK_LEVELS,
     Extrapolation,
     PlaneHinge,
@@ -39,22 +38,6 @@ from flexfem.files.writing import write_atomically
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
 RATIOS = (0.02, 1.2)  # t/R, of all charts
 STRESSES = ("bending", "tension")
-ABOUT = (
-    "Compliances of a circular hinge (radius R, neck t, notch height h = 2R + t) between elastic blocks of height H, "
-    "about the neck's centre, plane stress, less the blocks' own as beams from x = R on (Euler-Bernoulli bending, "
-    "axial, shear with 6/5). Rotation: E b R^2 theta/M; axial: E b dx/F_x; shear: E b dy/F_y at nu = 0. Rows t/R, "
-    "columns H/h. Rotation and axial do not depend on Poisson's ratio; shear grows by exactly 4.8 nu R/H. Bands are "
-    "relative."
-)
-
-
-THICK_ABOUT = (
-    "Circular hinge (radius R, neck t, thickness b) between elastic blocks as high as the notch, 2R + t, and at least "
-    "2(2R + t) and b long, in three dimensions: position p between plane stress and plane strain, "
-    "C = C_ps (1 - nu^2 p), of the compliance C in rotation and axially, about the neck's centre, less the blocks'. "
-    "Tables [t/R][b/t][nu]. Bands are absolute, of p. Under `stress`, the highest von Mises stress in the notch over "
-    "that in plane stress, by a moment and by a pull, on the finest mesh."
-)
 
 
 class Chart(NamedTuple):
@@ -66,14 +49,12 @@ class Chart(NamedTuple):
     """
 
     name: str
-    about: str
     meshes: str
     ends: dict[str, tuple[float, float]]
     scales: tuple[tuple[np.ufunc, np.ufunc], ...]
     shape: tuple[int, ...]
     digits: tuple[int, int]
     levels: tuple[int, ...]
-    freedoms: tuple[str, ...]
     compute: Callable[..., tuple[Extrapolation, ...]]
 
     @property
@@ -101,19 +82,18 @@ def _thick(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapola
 
 
 ROOT = (np.sqrt, np.square)
-PLANE_MESHES = f"mapped grids of curved quadratic triangles (no gmsh){{}}; blocks {LENGTH:g} H long"
 LOW = Chart(
-    "hinge_chart", ABOUT, PLANE_MESHES, {"t/R": RATIOS, "H/h": (1.0, 3.0)}, (ROOT, (np.log, np.exp)),
-    (10, 8), (8, 8), LEVELS, FREEDOMS, _plane,
+    "hinge_chart", f"mapped grids of curved quadratic triangles (no gmsh){{}}; blocks {LENGTH:g} H long",
+    {"t/R": RATIOS, "H/h": (1.0, 3.0)}, (ROOT, (np.log, np.exp)), (10, 8), (8, 8), LEVELS, _plane,
 )  # fmt: skip
 HIGH = LOW._replace(
     name="hinge_chart_high", ends={"t/R": RATIOS, "H/h": (3.0, 60.0)}, scales=(ROOT, (np.reciprocal, np.reciprocal)),
     shape=(10, 5),
 )  # fmt: skip
 THICK = Chart(
-    "thickness_chart", THICK_ABOUT, "curved quadratic triangles times quadratic segments (no gmsh){}",
+    "thickness_chart", "curved quadratic triangles times quadratic segments (no gmsh){}",
     {"t/R": RATIOS, "b/t": (0.5, 50.0), "nu": (0.1, 0.45)}, (ROOT, (np.log, np.exp), (np.positive, np.positive)),
-    (7, 11, 3), (10, 5), THICK_LEVELS, THICK_FREEDOMS, _thick,
+    (7, 11, 3), (10, 5), THICK_LEVELS, _thick,
 )  # fmt: skip
 
 
@@ -129,53 +109,49 @@ def make(chart: Chart, path: Path, workers: int = 2, date: str | None = None, ev
 
     date : ISO date to state, today's when None. Raises BadInput when the file cannot be written.
     """
-    points = chart.points()
-    places = [tuple(map(float, point)) for point in product(*points)]
+    places = [tuple(map(float, point)) for point in product(*chart.points())]
     compute, samples = partial(chart.compute, levels=chart.levels), []
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         for done, found in enumerate(pool.map(compute, places), start=1):
             samples.append(found)
             if done % every == 0 or done == len(places):
                 print(f"sample {done} of {len(places)}", flush=True)
-    document = _document(chart, points, list(zip(*samples, strict=True)), date)
+    document = _document(chart, samples, date or datetime.date.today().isoformat())
     entries = (f" {json.dumps(key)}: {json.dumps(value)}".replace("], [", "],\n  [") for key, value in document.items())
     text = "{\n" + ",\n".join(entries) + "\n}\n"
     write_atomically(path, lambda file: file.write(text.encode()))
 
 
-def _document(
-    chart: Chart, points: list[Array], samples: Sequence[Sequence[Extrapolation]], date: str | None
-) -> dict[str, Any]:
-    (place_digits, digits), of = chart.digits, samples[0]
+def _document(chart: Chart, samples: list[tuple[Extrapolation, ...]], date: str) -> dict[str, Any]:
+    """The packaged file, whose explanations stay, with what was computed."""
+    points, (place_digits, digits), of = chart.points(), chart.digits, [each[0] for each in samples]
     values, bands = (
         np.array([getattr(each, name) for each in of]).reshape(*chart.shape, -1) for name in ("values", "bands")
     )
-    worth, extra = bands, dict[str, Any]()
-    if "nu" in chart.ends:
-        worth = bands * points[2][:, None] ** 2
-        stress = np.array([each.values for each in samples[1]]).reshape(*chart.shape, -1)
-        moved = np.max([each.bands / each.values for each in samples[1]], axis=0)
-        extra["stress"] = {name: kept(stress[..., k], digits) for k, name in enumerate(STRESSES)}
-        extra["largest_band_of_stress"] = {name: kept(moved[k], 2) for k, name in enumerate(STRESSES)}
-    names = list(enumerate(chart.freedoms))
+    names = FREEDOMS[: values.shape[-1]]
     solved = (
         f", refinements {list(chart.levels)}, at most {max(each.unknowns for each in of)} unknowns, Richardson "
         "extrapolation with order 4"
     )
-    return {
-        "about": chart.about,
+    worth = bands * points[2][:, None] ** 2 if "nu" in chart.ends else bands  # of the compliance
+    made: dict[str, Any] = {
         "regenerate": "python -m flexfem.fem.chart",
-        "date": date or datetime.date.today().isoformat(),
+        "date": date,
         "versions": {program: importlib.metadata.version(program) for program in PROGRAMS},
         "meshes": chart.meshes.format(solved),
-        "largest_band": {name: kept(np.max(worth[..., k]), 2) for k, name in names},
-        **({"largest_band_is": "of the compliance, relative: nu^2 times the band of p"} if extra else {}),
+        "largest_band": {name: kept(np.max(worth[..., k]), 2) for k, name in enumerate(names)},
         "range": {axis: list(ends) for axis, ends in chart.ends.items()},
         **{axis: kept(at, place_digits) for axis, at in zip(chart.ends, points, strict=True)},
-        **{name: kept(values[..., k], digits) for k, name in names},
-        "bands": {name: kept(bands[..., k], 2) for k, name in names},
-        **extra,
+        **{name: kept(values[..., k], digits) for k, name in enumerate(names)},
+        "bands": {name: kept(bands[..., k], 2) for k, name in enumerate(names)},
     }
+    if "nu" in chart.ends:
+        stress = np.array([each[1].values for each in samples]).reshape(*chart.shape, -1)
+        moved = np.max([each[1].bands / each[1].values for each in samples], axis=0)
+        made["stress"] = {name: kept(stress[..., k], digits) for k, name in enumerate(STRESSES)}
+        made["largest_band_of_stress"] = {name: kept(moved[k], 2) for k, name in enumerate(STRESSES)}
+    packaged: dict[str, Any] = json.loads(chart.path.read_text())
+    return packaged | made
 
 
 def main() -> None:

@@ -1,8 +1,7 @@
 """Curved quadratic triangles in the plane, and wedges: these triangles times quadratic segments through the thickness.
 
-Displacements are products of the shape functions of the triangle, phi, and of the line, psi; a plane structure has one
-node on the line, psi = 1. The block of the stiffness that belongs to two nodes of the plane is therefore a sum of
-matrices of the line, each times a matrix of the plane. scikit-fem 12 has wedges of six nodes only, and straight ones.
+Shape functions are products of the triangle's, phi, and the line's, psi; a plane structure has one node on the line,
+psi = 1. The stiffness of two nodes of the plane is a sum of matrices of the line, each times a matrix of the plane.
 """
 
 from __future__ import annotations
@@ -38,71 +37,9 @@ class Plate(NamedTuple):
         return e * nu / ((1 - nu**2) if axes == 2 else (1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
 
-class ElementBatch(NamedTuple):
-    """Some of the triangles with what integration over them needs.
-
-    triangles : (e, 6) nodes.
-    gradients : (e, 6 nodes, 2, q points), 1/mm, of the shape functions.
-    weights : (e, q), mm^2, quadrature weights times Jacobian determinant.
-    """
-
-    triangles: Index
-    gradients: Array
-    weights: Array
-
-    def pieces(self, size: int = CACHED) -> Iterator[ElementBatch]:
-        """The batch in pieces of at most `size` triangles."""
-        for start in range(0, len(self.triangles), size):
-            part = slice(start, start + size)
-            yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part])
-
-    def gathering(self, nodes: int) -> sp.csc_array:
-        """Matrix (nodes, 6 e) that adds up values at the corners and middles of the triangles."""
-        every = np.arange(self.triangles.size + 1)
-        return sp.csc_array((np.ones(every[-1]), self.triangles.ravel(), every), shape=(nodes, every[-1]))
-
-
-def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
-    """Gradients and weights of all triangles in batches of `CHUNK`.
-
-    Raises ValueError for a degree whose rule has weights that are not positive.
-    """
-    points, rule = quadrature(degree)
-    batches = []
-    for start in range(0, len(mesh.triangles), CHUNK):
-        part = mesh.triangles[start : start + CHUNK]
-        found, determinant = gradients(mesh.nodes[part], points)
-        batches.append(ElementBatch(part, found, np.abs(determinant) * rule))
-    return batches
-
-
-def shape_values(degree: int) -> Array:
-    """Shape functions (6 nodes, q points) at the quadrature points of `integration`."""
-    return shape_functions(quadrature(degree)[0])[0]
-
-
-def stress_tensor(plate: Plate, slopes: Array) -> Array:
-    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d = 2, else solid."""
-    axes = range(slopes.shape[-2])
-    lame, mu = plate.lame(len(axes))
-    stress = mu * (slopes + np.swapaxes(slopes, -3, -2))
-    trace = lame * sum(slopes[..., a, a, :] for a in axes)
-    for a in axes:
-        stress[..., a, a, :] += trace
-    return np.asarray(stress)
-
-
-def von_mises(stress: Array, pull: float = 0.0, across: Array | float = 0.0) -> Array:
-    """Von Mises stress (...), MPa, of stresses (..., 3, 3), or (..., 2, 2) in the plane.
-
-    To these belongs a stress across the plane of `pull` (xx + yy) + `across`; in plane strain `pull` is nu.
-    """
-    if stress.shape[-1] == 2:
-        zz = pull * np.trace(stress, axis1=-2, axis2=-1) + across
-        stress = np.pad(stress, [*[(0, 0)] * (stress.ndim - 2), (0, 1), (0, 1)])
-        stress[..., 2, 2] = zz
-    deviator = stress - np.trace(stress, axis1=-2, axis2=-1)[..., None, None] / 3 * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))))
+def segment_functions(s: Array) -> tuple[Array, Array]:
+    """Values and slopes (3 nodes, z) of the quadratic shape functions at places (z,) of a segment from -1 to 1."""
+    return np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array([s - 0.5, -2 * s, s + 0.5])
 
 
 class Layers(NamedTuple):
@@ -144,20 +81,15 @@ class Layers(NamedTuple):
         return np.concatenate([flat.ravel(), lifted.ravel()])
 
     @property
-    def number(self) -> int:
-        """How many layers there are."""
-        return len(self.heights) // 2
-
-    @property
     def at_nodes(self) -> Layers:
         """With the nodes as points, slopes there being the mean of two layers'."""
-        found, around = np.zeros((len(self.heights),) * 2), np.zeros(len(self.heights))
-        for layer in range(self.number):
-            at = np.arange(2 * layer, 2 * layer + 3)
-            high = self.heights[at[2]] - self.heights[at[0]]
-            found[np.ix_(at, at)] += np.array([[-3.0, -1.0, 1.0], [4.0, 0.0, -4.0], [-1.0, 1.0, 3.0]]) / high
+        count = len(self.heights)
+        slopes, around = np.zeros((count, count)), np.zeros(count)
+        for first in range(0, count - 1, 2):
+            at = slice(first, first + 3)
+            slopes[at, at] += 2 * segment_functions(np.array([-1.0, 0.0, 1.0]))[1] / np.ptp(self.heights[at])
             around[at] += 1.0
-        return self._replace(values=np.eye(len(found)), slopes=found / np.maximum(around, 1.0))
+        return self._replace(values=np.eye(count), slopes=slopes / np.maximum(around, 1.0))
 
     def rigid(self, nodes: Array) -> Array:
         """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per unit of the pose of a rigid body.
@@ -180,28 +112,25 @@ def sheet(thickness: float) -> Layers:
     return Layers(np.zeros(1), np.ones((1, 1)), np.zeros((1, 1)), np.array([thickness]), (0,))
 
 
-def mirrored(thickness: float, number: int, surface: float, faces_held: bool = False) -> Layers:
+def mirrored(thickness: float, number: int, surface: float) -> Layers:
     """Layers of half the thickness, thinner towards the free face; the other half is alike.
 
-    Parameters
-    ----------
     surface : mm, distance from the face over which the layers grow; below it the stress of a neck that wide changes.
-    faces_held : w = 0 on the faces too, as between two rigid walls without friction: plane strain.
-
-    Notes
-    -----
-    Bounds are at `a sinh(s asinh(b / 2 a))` from the face, s equally spaced: more layers refine all of them alike.
     """
-    spaced = np.linspace(1.0, 0.0, number + 1) * np.arcsinh(thickness / 2 / surface)
-    bounds = thickness / 2 - surface * np.sinh(spaced)
+    bounds = thickness / 2 - widening(np.linspace(1.0, 0.0, number + 1), surface, thickness / 2)
     bounds[0] = 0.0
-    return layered(bounds, (0, 2 * number) if faces_held else (0,), 2)
+    return layered(bounds, (0,), 2)
+
+
+def widening(s: Array, scale: float, total: float) -> Array:
+    """Points 0..total for s in 0..1, evenly spaced up to about `scale` and then in a geometric progression."""
+    return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
 
 
 def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layers:
     """Layers with given bounds (l + 1,), mm, ascending; integrals count `copies` times."""
     s, w = np.polynomial.legendre.leggauss(LINE_POINTS)
-    psi, slope = np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array([s - 0.5, -2 * s, s + 0.5])
+    psi, slope = segment_functions(s)
     high, count = np.diff(bounds), len(bounds) - 1
     heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + high / 2]).ravel(), bounds[-1:]])
     values, slopes = np.zeros((2, 2 * count + 1, LINE_POINTS * count))
@@ -211,58 +140,109 @@ def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layer
     return Layers(heights, values, slopes, np.outer(copies * high / 2, w).ravel(), held)
 
 
-def slopes_of(batch: ElementBatch, phi: Array, line: Layers, fields: Array) -> Array:
-    """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, m, d), mm, by differences in an element.
+class ElementBatch(NamedTuple):
+    """Some of the triangles with what integration over them needs.
 
-    Large rigid motions cancel before they are multiplied by Young's modulus.
+    triangles : (e, 6) nodes.
+    gradients : (e, 6 nodes, 2, q points), 1/mm, of the shape functions.
+    weights : (e, q), mm^2, quadrature weights times Jacobian determinant.
+    phi : (6, q), shape functions at the points.
     """
-    at = fields[:, batch.triangles]
-    found = np.einsum("keimc,eibq,mz->kecbqz", at - at[:, :, :1], batch.gradients, line.values, optimize=True)
-    if line.axes == 3:
-        lifted = np.einsum("keimc,iq,mz->kecqz", at - at[:, :, :, :1], phi, line.slopes, optimize=True)
-        found = np.concatenate([found, lifted[:, :, :, None]], axis=3)
-    return np.asarray(found.reshape(*found.shape[:4], -1))
+
+    triangles: Index
+    gradients: Array
+    weights: Array
+    phi: Array
+
+    def pieces(self, size: int = CACHED) -> Iterator[ElementBatch]:
+        """The batch in pieces of at most `size` triangles."""
+        for start in range(0, len(self.triangles), size):
+            part = slice(start, start + size)
+            yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part], self.phi)
+
+    def gathering(self, nodes: int) -> sp.csc_array:
+        """Matrix (nodes, 6 e) that adds up values at the corners and middles of the triangles."""
+        every = np.arange(self.triangles.size + 1)
+        return sp.csc_array((np.ones(every[-1]), self.triangles.ravel(), every), shape=(nodes, every[-1]))
+
+    def slopes(self, line: Layers, fields: Array) -> Array:
+        """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
+
+        By differences in an element: large rigid motions cancel before they are multiplied by Young's modulus.
+        """
+        at = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
+        found = np.einsum("keimc,eibq,mz->kecbqz", at - at[:, :, :1], self.gradients, line.values, optimize=True)
+        if line.axes == 3:
+            lifted = np.einsum("keimc,iq,mz->kecqz", at - at[:, :, :, :1], self.phi, line.slopes, optimize=True)
+            found = np.concatenate([found, lifted[:, :, :, None]], axis=3)
+        return np.asarray(found.reshape(*found.shape[:4], -1))
+
+    def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:
+        """Add to forces (k, n, ...), N, what balances stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
+        weighted = stress.reshape(*stress.shape[:4], -1, len(line.weights))
+        weighted = weighted * (self.weights[:, :, None] * line.weights)[:, None, None]
+        nodal = np.einsum("kecbqz,eibq,mz->eikmc", weighted[:, :, :, :2], self.gradients, line.values, optimize=True)
+        if line.axes == 3:
+            nodal = nodal + np.einsum("kecqz,iq,mz->eikmc", weighted[:, :, :, 2], self.phi, line.slopes, optimize=True)
+        gathered = self.gathering(forces.shape[1]) @ nodal.reshape(self.triangles.size, -1)
+        forces += np.moveaxis(gathered.reshape(forces.shape[1], len(forces), *forces.shape[2:]), 1, 0)
+
+    def stiffness(self, plate: Plate, axes: int) -> Array:
+        """Coefficients (e, 6, 6, l, d, d) of the stiffness of two nodes of the plane, for the line's l matrices.
+
+        Notes
+        -----
+        Of the weak form `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`, with `g = int d_a phi_i d_b phi_j dA` in
+        the plane: `lambda g_ab + mu g_ba + mu delta_ab g_cc`.
+        """
+        (lame, mu), e, phi = plate.lame(axes), len(self.triangles), self.phi
+        root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(e, 12, -1)
+        g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2).transpose(0, 1, 3, 2, 4)
+        found, laplace = np.zeros((e, 6, 6, 1 if axes == 2 else 4, axes, axes)), mu * (g[..., 0, 0] + g[..., 1, 1])
+        found[..., 0, :2, :2] = lame * g + mu * g.swapaxes(3, 4)
+        found[..., 0, range(axes), range(axes)] += laplace[..., None]
+        if axes == 3:
+            a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
+            mass, back = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
+            found[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
+            found[..., 2, :2, 2], found[..., 2, 2, :2] = lame * a, mu * a
+            found[..., 3, :2, 2], found[..., 3, 2, :2] = mu * back, lame * back
+        return found
 
 
-def add_balancing(forces: Array, batch: ElementBatch, phi: Array, line: Layers, stress: Array) -> None:
-    """Add to nodal forces (k, n, m, d), N, what balances stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
-    weighted = stress.reshape(*stress.shape[:4], -1, len(line.weights))
-    weighted = weighted * (batch.weights[:, :, None] * line.weights)[:, None, None]
-    nodal = np.einsum("kecbqz,eibq,mz->eikmc", weighted[:, :, :, :2], batch.gradients, line.values, optimize=True)
-    if line.axes == 3:
-        nodal = nodal + np.einsum("kecqz,iq,mz->eikmc", weighted[:, :, :, 2], phi, line.slopes, optimize=True)
-    gathered = batch.gathering(forces.shape[1]) @ nodal.reshape(batch.triangles.size, -1)
-    forces += np.moveaxis(gathered.reshape(forces.shape[1], len(forces), *forces.shape[2:]), 1, 0)
+def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
+    """All triangles in batches of `CHUNK`, for a quadrature of a degree."""
+    points, rule = quadrature(degree)
+    phi, batches = shape_functions(points)[0], []
+    for start in range(0, len(mesh.triangles), CHUNK):
+        part = mesh.triangles[start : start + CHUNK]
+        found, determinant = gradients(mesh.nodes[part], points)
+        batches.append(ElementBatch(part, found, np.abs(determinant) * rule, phi))
+    return batches
 
 
-def element_blocks(batch: ElementBatch, phi: Array, plate: Plate, axes: int) -> Array:
-    """Coefficients (e, 6, 6, l, d, d) of the stiffness of two nodes of the plane, for the matrices of `line_matrices`.
+def stress_tensor(plate: Plate, slopes: Array) -> Array:
+    """Stress (..., d, d, q), MPa, of displacement gradients `d_b u_a` (..., d, d, q): plane for d = 2, else solid."""
+    axes = range(slopes.shape[-2])
+    lame, mu = plate.lame(len(axes))
+    stress = mu * (slopes + np.swapaxes(slopes, -3, -2))
+    trace = lame * sum(slopes[..., a, a, :] for a in axes)
+    for a in axes:
+        stress[..., a, a, :] += trace
+    return np.asarray(stress)
 
-    Notes
-    -----
-    Of the weak form `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`, with `g = int d_a phi_i d_b phi_j dA` in the
-    plane: `lambda g_ab + mu g_ba + mu delta_ab g_cc`.
+
+def von_mises(stress: Array, pull: float = 0.0, across: Array | float = 0.0) -> Array:
+    """Von Mises stress (...), MPa, of stresses (..., 3, 3), or (..., 2, 2) in the plane.
+
+    To these belongs a stress across the plane of `pull` (xx + yy) + `across`; in plane strain `pull` is nu.
     """
-    (lame, mu), e = plate.lame(axes), len(batch.triangles)
-    root = (batch.gradients * np.sqrt(batch.weights)[:, None, None]).reshape(e, 12, -1)
-    g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2).transpose(0, 1, 3, 2, 4)
-    found, laplace = np.zeros((e, 6, 6, 1 if axes == 2 else 4, axes, axes)), mu * (g[..., 0, 0] + g[..., 1, 1])
-    found[..., 0, :2, :2] = lame * g + mu * g.swapaxes(3, 4)
-    found[..., 0, range(axes), range(axes)] += laplace[..., None]
-    if axes == 3:
-        a = np.einsum("eiaq,jq,eq->eija", batch.gradients, phi, batch.weights, optimize=True)
-        mass, back = np.einsum("iq,jq,eq->eij", phi, phi, batch.weights, optimize=True), a.swapaxes(1, 2)
-        found[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
-        found[..., 2, :2, 2], found[..., 2, 2, :2] = lame * a, mu * a
-        found[..., 3, :2, 2], found[..., 3, 2, :2] = mu * back, lame * back
-    return found
-
-
-def line_matrices(line: Layers) -> Array:
-    """`int psi_k psi_l dz` (l, m, m), and of more nodes than one of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k psi_l`."""
-    values, slopes, weights = line.values, line.slopes, line.weights
-    pairs = [(values, values), (slopes, slopes), (values, slopes), (slopes, values)][: 1 if line.axes == 2 else 4]
-    return np.array([(one * weights) @ other.T for one, other in pairs])
+    if stress.shape[-1] == 2:
+        zz = pull * np.trace(stress, axis1=-2, axis2=-1) + across
+        stress = np.pad(stress, [*[(0, 0)] * (stress.ndim - 2), (0, 1), (0, 1)])
+        stress[..., 2, 2] = zz
+    deviator = stress - np.trace(stress, axis1=-2, axis2=-1)[..., None, None] / 3 * np.eye(3)
+    return np.asarray(np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))))
 
 
 class Pairs(NamedTuple):
@@ -293,7 +273,8 @@ def pairs_of(triangles: Index, number: Index) -> Pairs:
 def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
     """Lower triangle of a symmetric matrix of the unknowns of the numbered nodes, node by node as of `Layers.kept`.
 
-    blocks : (e, 6, 6, l, d, d), of the triangles in their order.
+    blocks : (e, 6, 6, l, d, d), of the triangles in their order, for the matrices (l, m, m) of the line:
+        `int psi_k psi_l dz`, and of more nodes than one of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k psi_l`.
     """
     first, parts = 0, list[Array]()
     for each in blocks:
@@ -302,13 +283,16 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
     shape = parts[0].shape[1:]
     plane = (pairs.gathering @ np.concatenate(parts).reshape(-1, int(np.prod(shape)))).reshape(-1, *shape)
     parts.clear()  # their memory is free
+    psi, slope, weights = line.values, line.slopes, line.weights
+    products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if line.axes == 2 else 4]
+    matrices = np.array([(one * weights) @ other.T for one, other in products])
     size, kept = len(line.kept), line.kept
     place = np.full((len(line.heights), line.axes), -1, dtype=np.int32)
     place.ravel()[kept] = np.arange(size)
-    k, j = np.nonzero((line.values != 0).astype(float) @ (line.values != 0).T)  # nodes of the line that share a layer
+    k, j = np.nonzero((psi != 0).astype(float) @ (psi != 0).T)  # nodes of the line that share a layer
     one, other = (each.ravel() for each in np.broadcast_arrays(place[k][:, :, None], place[j][:, None, :]))
     moving = (one >= 0) & (other >= 0)
-    values = np.einsum("plab,ly->pyab", plane, line_matrices(line)[:, k, j], optimize=True).reshape(len(plane), -1)
+    values = np.einsum("plab,ly->pyab", plane, matrices[:, k, j], optimize=True).reshape(len(plane), -1)
     values, rows, columns = values[:, moving], size * pairs.rows[:, None] + one[moving], other[moving]
     columns = size * pairs.columns[:, None] + columns
     below = rows >= columns
@@ -327,12 +311,12 @@ def nodal_stress(
     m, d = len(line.heights), line.axes
     chosen = np.arange(n) if chosen is None else chosen
     triangles = mesh.triangles[np.isin(mesh.triangles, chosen).any(axis=1)]
-    every = fields.reshape(-1, n, m, d)
+    every = fields.reshape(-1, n, m * d)
     k, total = len(every), np.zeros((n, len(every) * m * d * d))
     for start in range(0, len(triangles), CACHED):
         part = triangles[start : start + CACHED]
-        batch = ElementBatch(part, gradients(mesh.nodes[part], NODES)[0], np.empty((len(part), 0)))
-        stress = stress_tensor(plate, slopes_of(batch, np.eye(6), line, every)).reshape(k, -1, d, d, 6, m)
+        batch = ElementBatch(part, gradients(mesh.nodes[part], NODES)[0], np.empty((len(part), 0)), np.eye(6))
+        stress = stress_tensor(plate, batch.slopes(line, every)).reshape(k, -1, d, d, 6, m)
         total += batch.gathering(n) @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
     around = np.bincount(triangles.ravel(), minlength=n)[chosen]
     mean = np.moveaxis((total[chosen] / around[:, None]).reshape(len(chosen), k, -1), 1, 0)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.mesh import Sector, StageMesh
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, StaticSolution, clamped_nodes
 from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.fem.symmetry import under_loads
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.bodies import BODIES, necks
-from flexfem.mechanism.designs import chain_rotation, stage_frames
+from flexfem.mechanism.bodies import BODIES
+from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, stage_frames, turned
 from flexfem.mechanism.stage import Stage
 
 BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
@@ -54,11 +54,17 @@ def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution
 
 def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
-    centres, found = stage_frames(stage).centres, np.empty((3, 3))
-    for chain, position in np.ndindex(3, 3):
-        near = np.hypot(*(mesh.nodes - centres[chain, position]).T)
-        found[chain, position] = np.max(values[near <= stage.hinge(chain + 1, HINGE_NAMES[position]).radius])
-    return found
+    return np.array([[np.max(values[near]) for near in _near_necks(stage, mesh, chain)] for chain in range(3)])
+
+
+def _near_necks(stage: Stage, mesh: StageMesh, chain: int, frame: int = 0) -> list[NDArray[np.bool_]]:
+    """Which nodes (n,) are within a notch radius of each neck's centre of a chain; chains from 0.
+
+    frame : the chain in whose frame the nodes are.
+    """
+    centres = turned(stage_frames(stage).centres[chain], -frame * CHAIN_TURN)
+    radii = (stage.hinge(chain + 1, name).radius for name in HINGE_NAMES)
+    return [np.hypot(*(mesh.nodes - centre).T) <= radius for centre, radius in zip(centres, radii, strict=True)]
 
 
 class NeckStress(NamedTuple):
@@ -71,8 +77,6 @@ class NeckStress(NamedTuple):
 def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
     """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; of an extruded stage over the thickness.
 
-    Notes
-    -----
     As `load_case`: averaged over the elements around a node, the largest within a notch radius of the neck.
     """
     highest, height = np.zeros((2, len(loads), 3, 3))
@@ -93,12 +97,12 @@ def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tup
     sector stands for.
     """
     plate = plate_of(stage) if response.extrusion is None else sheet_of(stage)
-    for sector, fields, chains in _solved_sectors(response):
-        near = _near_necks(stage, sector, chains[0])
+    for first, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
+        near = np.array(_near_necks(stage, sector.mesh, first, first))
         chosen = np.flatnonzero(np.any(near, axis=0))
         units = nodal_stress(sector.mesh, plate, fields, chosen, response.extrusion)
-        for chain in chains:
-            turned_back = loads @ chain_rotation(chain - chains[0])
+        for chain in range(first, 3, len(response.sectors)):
+            turned_back = loads @ chain_rotation(chain - first)
             for hinge, close in enumerate(near[:, chosen]):
                 yield (chain, hinge), np.tensordot(turned_back, units[:, close], axes=1)
 
@@ -106,50 +110,26 @@ def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tup
 def base_rotations(stage: Stage, response: Response) -> Array:
     """Rotation (3 loads, 3 chains), rad, of link 1 against the pad of every base hinge in the mid-plane, by unit loads.
 
-    Notes
-    -----
-    The rotation of a body is that of the rigid motion that fits the displacements of its nodes between one and two
-    notch radii from the neck's centre best, by least squares: beside the notch and not in it.
+    Bodies rotate as the rigid motion that fits their nodes between one and two notch radii from the neck's centre best.
     """
     rows = []
-    for sector, fields, chains in _solved_sectors(response):
-        flat = fields if response.extrusion is None else fields[:, :, 0, :2]
-        rows.append(_base_rotation(stage, sector.mesh, flat, chains[0])[:, None])
+    for chain, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
+        mesh, flat = sector.mesh, fields if response.extrusion is None else fields[:, :, 0, :2]
+        centre = turned(stage_frames(stage).centres[chain, 0], -chain * CHAIN_TURN)
+        distance = np.hypot(*(mesh.nodes - centre).T) / stage.hinge(chain + 1, "base").radius
+        turns = []
+        for body in ("pad", "link 1"):
+            chosen = np.unique(mesh.triangles[mesh.bodies == BODIES.index(body)])
+            chosen = chosen[(distance[chosen] >= BESIDE[0]) & (distance[chosen] <= BESIDE[1])]
+            arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
+            turns.append((flat[:, chosen, 1] @ arm[:, 0] - flat[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
+        rows.append((turns[1] - turns[0])[:, None])
     return np.concatenate(under_loads(rows), axis=1)
-
-
-def _base_rotation(stage: Stage, mesh: StageMesh, fields: Array, chain: int) -> Array:
-    """Rotation (3 loads,) at the base hinge of one sector."""
-    place, hinge = necks(stage, chain + 1)[0].point, stage.hinge(chain + 1, "base")
-    distance = np.hypot(*(mesh.nodes - [place.real, place.imag]).T) / hinge.radius
-    beside = (distance >= BESIDE[0]) & (distance <= BESIDE[1])
-    turns = []
-    for body in ("pad", "link 1"):
-        of_body = np.unique(mesh.triangles[mesh.bodies == BODIES.index(body)])
-        chosen = of_body[beside[of_body]]
-        arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
-        turns.append((fields[:, chosen, 1] @ arm[:, 0] - fields[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
-    return np.asarray(turns[1] - turns[0])
 
 
 def envelope(response: Response) -> float:
     """Diameter, mm, of the circle about the platform's centre that holds the stage."""
     return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
-
-
-def _solved_sectors(response: Response) -> Iterator[tuple[Sector, Array, tuple[int, ...]]]:
-    """Every sector with its fields and the chains, from 0, that it stands for."""
-    chains = [(0, 1, 2)] if len(response.sectors) == 1 else [(0,), (1,), (2,)]
-    yield from zip(response.sectors, response.sector_fields, chains, strict=True)
-
-
-def _near_necks(stage: Stage, sector: Sector, chain: int) -> NDArray[np.bool_]:
-    """Which nodes are within a notch radius of each neck's centre, bool (3 hinges, n)."""
-    x, y = sector.mesh.nodes.T
-    places = zip(necks(stage, chain + 1), HINGE_NAMES, strict=True)
-    return np.array(
-        [np.hypot(x - p.point.real, y - p.point.imag) <= stage.hinge(chain + 1, name).radius for p, name in places]
-    )
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:

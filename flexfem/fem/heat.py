@@ -1,13 +1,11 @@
 """A structure that warms on a frame that carries its pads, in the plane or extruded.
 
 The stress is `D (e(u) - e0)` with the free thermal strain e0. Temperatures linear in space leave a free body of one
-material without stress: `T = 1` with `u0 = r`, and `T = x_a` with `u0 = x_a r - e_a r^2 / 2`, per expansion, r = (x, y)
-in plane stress and (x, y, z) in three dimensions. The strain of their interpolation is taken for e0, so that this is so
-in curved elements too. What is solved for is `d = u - u0`, which the clamped edges impose, moving as the frame does and
-not as the material would: formed as a difference it would lose its digits where both expand nearly alike. On the hub,
-which grows and bows as free material does, d is a rigid motion. All answers are therefore proportional to the frame's
-expansion less the material's. Even changes and gradients in the plane are mirror-symmetric, one through the thickness
-is antisymmetric: u = v = 0 on the mid-plane, w is free.
+material without stress: `T = 1` with `u0 = r`, and `T = x_a` with `u0 = x_a r - e_a r^2 / 2`, per expansion. Solved for
+is `d = u - u0`, which the clamped edges impose, moving as the frame does and not as the material would: as a difference
+it would lose its digits where both expand nearly alike. On the hub, which grows and bows as free material does, d is a
+rigid motion. So all answers are proportional to the frame's expansion less the material's. A gradient through the
+thickness is antisymmetric: u = v = 0 on the mid-plane, w is free.
 """
 
 from __future__ import annotations
@@ -27,8 +25,7 @@ from flexfem.fem.structure import Structure, structure
 class HeatResponse(NamedTuple):
     """Answer of a plane structure to one kelvin, and to one kelvin per mm along x and along y: three cases.
 
-    pose : (3, 3 cases), mm and rad.   fields : (3 cases, n, 2), mm, displacement of every node.
-    stress : (3 cases, n, 3), MPa, as xx, yy, xy at the nodes.
+    pose : (3, 3 cases), mm and rad.   fields : (3 cases, n, 2), mm.   stress : (3 cases, n, 2, 2), MPa, at the nodes.
     reactions : (3 cases, 3 chains, 3), N and N mm, of the ground on each pad about the platform's centre.
     """
 
@@ -39,10 +36,7 @@ class HeatResponse(NamedTuple):
 
 
 def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> HeatResponse:
-    """Solve for the three cases; the expansions, 1/K, are those in the plane.
-
-    Raises ComputationFailed as `response.settle`.
-    """
+    """Solve for the three cases; the expansions, 1/K, are those in the plane. Raises ComputationFailed as `settle`."""
     found, order = warm_whole(mesh, plate), [2, 0, 1]
     beyond = frame_expansion - stage_expansion
     elastic = beyond * found.fields[order]
@@ -52,10 +46,7 @@ def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_e
 
 
 def free_displacement(points: Array, layers: Layers | None = None) -> Array:
-    """Displacements (3 cases, n, 2), or (3, n, m, 3), mm, per expansion, of free material at points (n, 2), mm.
-
-    Cases as of `warm_half`.
-    """
+    """Displacements (3 cases as of `warm_half`, n, 2) or (3, n, m, 3), mm, per expansion, of free points (n, 2), mm."""
     r = points if layers is None else np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
     axes = r.shape[-1]
     along = [r[..., a, None] * r - np.eye(axes)[a] * np.sum(r**2, axis=-1, keepdims=True) / 2 for a in range(axes)]
@@ -68,7 +59,7 @@ def warm_half(sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None =
     The cases are a gradient along x and along y, then an even change; with antisymmetric layers none, none, a gradient
     along z, the pose being z and the rotations about x and y. Displacements are those beyond free material's.
 
-    Raises ComputationFailed as `response.settle` and `Structure.lower`.
+    Raises ComputationFailed as `settle` and `Structure.lower`.
     """
     return unit_response(sectors, plate, layers, imposed=_imposed)
 

@@ -1,36 +1,24 @@
 """One circular hinge between elastic blocks in plane-stress finite elements: its compliances about the neck's centre.
 
-The quarter of the hinge in x, y > 0 is enough: pulling is even about both axes, bending and shearing are odd about
-y = 0, and shearing is odd about x = 0 too. It is meshed as one mapped grid, whose columns run from the neck along the
-arc, up the wall of the slot (where the block is higher than the notch) and along the edge of the block, so that meshes
-of all refinements belong to one family and extrapolate smoothly. Nothing of it is gmsh's.
+A quarter, x, y > 0, is enough: pulling is even about both axes, bending and shearing are odd about y = 0, and shearing
+about x = 0 too. It is a mapped grid, whose columns run from the neck along the arc, up the wall of the slot (where the
+block is higher than the notch) and along the block, so that meshes of all refinements extrapolate smoothly.
 
-At their far ends the blocks carry the stresses of a long beam (none, linear, linear and parabolic). What the blocks
-would take up as beams, from the ends of the notch on, is subtracted; the rest is the hinge's and does not depend on
-their length. With the stresses given, Poisson's ratio leaves no trace in rotation and axial compliance, and in shear
+At their far ends the blocks carry the stresses of a long beam. What they take up as beams, from the ends of the notch
+on, is subtracted; the rest does not depend on their length. Poisson's ratio then acts on shear alone,
+`E b dy/F_y = (its value at nu = 0) + 2 (6/5) nu 2R/H`: under given tractions stress does not depend on nu (Michell),
+its energy is `int [(sxx + syy)^2 - 2 (1 + nu) (sxx syy - sxy^2)] / 2E`, and `sxx syy - sxy^2`, the Hessian determinant
+of the Airy function, is a divergence, so its integral is that of the straight beam of height H. See A. V. Cherkaev,
+K. A. Lurie, G. W. Milton, Proc. R. Soc. Lond. A 438 (1992) 519 (recalled).
 
-    E b dy/F_y = (its value at nu = 0) + 2 (6/5) nu 2R/H.
+In three dimensions the section times a line is solved, and the position p between plane stress and plane strain,
+C = C_ps (1 - nu^2 p), is that of the energies in three dimensions and in plane stress on the same section, whose mesh
+errors cancel. The blocks need no correction: a straight bar has the compliance of Young's modulus, whatever b. p lies
+in 0..1: plane stress is statically admissible, plane strain kinematically. b -> infinity leads to less than p = 1, as
+the hinge may contract as a whole. With e_zz linear over the section, its area A and second moment I about x (our
+algebra),
 
-Reason: the stress of a simply connected body under given tractions does not depend on nu (Michell), its energy is
-`int [(sxx + syy)^2 - 2 (1 + nu) (sxx syy - sxy^2)] / 2E`, and `sxx syy - sxy^2` is the Hessian determinant of the Airy
-function, a divergence: its integral depends on the tractions alone, so it is that of the straight beam of height H
-from end to end. See A. V. Cherkaev, K. A. Lurie, G. W. Milton, Proc. R. Soc. Lond. A 438 (1992) 519 (recalled). In
-plane strain rotation and axial compliance are therefore those of plane stress times 1 - nu^2.
-
-In three dimensions an eighth of the hinge is meshed by wedges, x, y, z > 0: its plane section times a line. What the
-thickness does is the position p between plane stress and plane strain, C = C_ps (1 - nu^2 p), from the energies of the
-solution in three dimensions and of that in plane stress on the same section, so that their mesh errors cancel. The
-blocks are as high as the notch and are thick plates too, but need no correction: pulled or bent by stresses uniform
-over the thickness b, a straight bar has the compliance of Young's modulus in either theory, whatever b. p lies in 0..1:
-plane stress is statically admissible, plane strain kinematically. p = 1 is in general not reached for b -> infinity,
-because the hinge may contract as a whole. Then e_zz is linear over the section, and with its energy minimised for a
-given length of blocks, A and I the section's area and its second moment about x,
-
-    C_ps(hinge) nu^2 (1 - p) = nu^2/E [ L^2/A - (L - 2R)/H ]   axial,   nu^2/E [ L^2/I - 12 (L - 2R)/H^3 ]   rotation,
-
-since `int (s_xx + s_yy) dA = F L` and `int y (s_xx + s_yy) dA = M L` hold for any stress in equilibrium. Our algebra.
-The stress factor is the highest von Mises stress in the notch, over the whole thickness, over that of the plane-stress
-solution on the same section under the same moment or force. In a wide neck it lies near the free faces, about t away.
+    C_ps(hinge) nu^2 (1 - p) = nu^2/E [ L^2/A - (L - 2R)/H ]   axial,   nu^2/E [ L^2/I - 12 (L - 2R)/H^3 ]   rotation.
 """
 
 from __future__ import annotations
@@ -42,10 +30,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, layered, nodal_stress, von_mises
+from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, layered, nodal_stress, von_mises, widening
 from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.problem import edge_force, nodes_on, settled
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.structure import NONE, edge_force, nodes_on, structure
 
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
@@ -55,7 +42,6 @@ ROWS, EDGE = 2, 5  # rows of the base grid, and its columns along the edge of a 
 LEAST_ARC = 8  # columns of the base grid along an arc
 FLUSH = 1e-6  # relative; a wall shorter than this is no wall
 SHEAR_FACTOR = 1.2  # 6/5: exact for the parabolic shear stress in the blocks
-THICK_FREEDOMS = ("rotation", "axial")
 THICK_LEVELS = (2, 3, 4)  # refinements, coarse to fine
 THICK_LENGTH = 2.0  # of a block at least, per height; and at least b, for the blocks to even out what differs over b
 LEAST_THICK_ARC = 3  # columns of the base grid along an arc
@@ -65,10 +51,7 @@ SURFACE = 2.0  # thickness of the outermost layers, per t: below the free surfac
 
 
 class PlaneHinge(NamedTuple):
-    """A hinge of radius one in a sheet of modulus and thickness one.
-
-    ratio : t/R.   height : H/h, of the blocks over the notch, h = 2R + t.   length : of a block over its height H.
-    """
+    """A hinge of radius, modulus and thickness one: t/R, H/h of the blocks over the notch, and their length over H."""
 
     ratio: float
     height: float
@@ -88,10 +71,9 @@ class PlaneHinge(NamedTuple):
 
 
 class ThickHinge(NamedTuple):
-    """A hinge of radius one and modulus one.
+    """A hinge of radius and modulus one: t/R, b/t, Poisson's ratio; length of a block, in radii, or 0 for the chart's.
 
-    ratio : t/R.   width : b/t.   poissons_ratio : of the material.
-    length : of a block, in radii; 0 for the one of the chart, which is long against height and thickness.
+    Blocks of the chart are long against height and thickness.
     """
 
     ratio: float
@@ -107,9 +89,8 @@ class ThickHinge(NamedTuple):
 
 
 class Extrapolation(NamedTuple):
-    """What a single hinge is meshed for, at vanishing element size, in the order of `FREEDOMS` (k,).
+    """Values (k,) at vanishing element size, half-widths of their uncertainty, and the values (l, k) on the meshes.
 
-    values : (k,).   bands : (k,), half-widths of their uncertainty.   levels : (l, k), on the meshes.
     unknowns : on the finest mesh.
     """
 
@@ -175,7 +156,7 @@ def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
     rows = int(np.ceil(1.4 * tau**0.25))  # one is enough in a slender neck, whose stress is a beam's
     edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
     columns = arc * refinement, 0, edge * refinement
-    mesh = _mesh(tau, hinge.block, 0.0, columns, refinement * rows, lambda share: _widening(share, high / 2, length))
+    mesh = _mesh(tau, hinge.block, 0.0, columns, refinement * rows, lambda share: widening(share, high / 2, length))
     in_block = mesh.nodes.sum(axis=1) >= 1 + high / 2 - 1e-9 * length  # beyond the column at the end of the arc
     block = mesh.triangles[in_block[mesh.triangles[:, :3]].all(axis=1)]
     nodes = mesh.nodes.copy()
@@ -187,12 +168,7 @@ def layers(hinge: ThickHinge, refinement: int) -> Array:
     """Bounds of the layers (k + 1,), in radii, from the mid-plane z = 0 to the free surface, thinner towards it."""
     half, surface = hinge.width * hinge.ratio / 2, SURFACE * hinge.ratio
     number = refinement * int(np.ceil(LAYERS * np.arcsinh(half / surface)))
-    return half - _widening(np.linspace(1.0, 0.0, number + 1), surface, half)
-
-
-def _widening(s: Array, scale: float, total: float) -> Array:
-    """Points 0..total for s in 0..1, evenly spaced up to about `scale` and then in a geometric progression."""
-    return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
+    return half - widening(np.linspace(1.0, 0.0, number + 1), surface, half)
 
 
 def _loads(mesh: StageMesh, block: tuple[float, float]) -> Array:
@@ -220,13 +196,10 @@ def _held(mesh: StageMesh) -> NDArray[np.bool_]:
     return held
 
 
-def compliance(hinge: PlaneHinge, refinement: int, poissons_ratio: float = 0.0) -> Array:
-    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
-    return compliance_on(hinge_mesh(hinge, refinement), hinge, poissons_ratio)
-
-
-def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> Array:
-    """As `compliance`, on any mesh of the quarter with the edges that `hinge_mesh` names.
+def compliance(
+    hinge: PlaneHinge, refinement: int = 0, poissons_ratio: float = 0.0, mesh: StageMesh | None = None
+) -> Array:
+    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`.
 
     Notes
     -----
@@ -234,10 +207,11 @@ def compliance_on(mesh: StageMesh, hinge: PlaneHinge, poissons_ratio: float) -> 
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
+    mesh = mesh or hinge_mesh(hinge, refinement)
     of, whole = structure(mesh, Plate(1.0, poissons_ratio, 1.0), held=NONE), list[float]()
     lower = of.lower()
     for force, held in zip(_loads(mesh, hinge.block), _held(mesh), strict=True):
-        field = settled(of, lower, force, held)
+        field = of.settled(lower, force, held)
         whole.append(4 * float(np.sum((2 * force - of.forces(field[None])[0]) * field)))
     return np.array(whole) - block_compliance(hinge, poissons_ratio)
 
@@ -266,14 +240,17 @@ def richardson(levels: Sequence[int], values: Array) -> Array:
 
 
 class _Solved(NamedTuple):
-    """Displacements on one mesh in plane stress (2, n, 2), and in three dimensions (2, n, m, 3), and their loads."""
+    """Displacements by a moment and a pull in plane stress (2, n, 2) and in three dimensions (2, n, m, 3); compliances.
+
+    thin : (2,), in plane stress, with the blocks'.   excess : (2,), what three dimensions add.
+    """
 
     mesh: StageMesh
     line: Layers
-    flat: Array
-    load: Array
     plane: Array
     solid: Array
+    thin: Array
+    excess: Array
 
 
 def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
@@ -284,35 +261,25 @@ def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
     fixed = np.pad(np.repeat(held[:, :, None], len(line.heights), axis=2), [*[(0, 0)] * 3, (0, 1)])
     fixed[:, :, 0, 2] = fixed[0, nodes_on(mesh, "bottom"), :, 2] = True
     fixed[0, nodes_on(mesh, "left")[0], 1:, 1] = False  # the motion along y that bending leaves is held at one point
-    found = []
+    fields, works = [], []
     for layered_by, loads, supports in ((None, flat, held), (line, through, fixed)):
         of = structure(mesh, plate, layered_by, SOLID_QUADRATURE, NONE)
         lower = of.lower()
-        found.append(np.array([settled(of, lower, *each) for each in zip(loads, supports, strict=True)]))
-    return _Solved(mesh, line, flat, through, *found)
+        fields.append(np.array([of.settled(lower, *each) for each in zip(loads, supports, strict=True)]))
+        works.append(4 * np.sum(loads * fields[-1], axis=tuple(range(1, loads.ndim))))  # on the hinge, of four quarters
+    return _Solved(mesh, line, fields[0], fields[1], works[0], works[1] / line.weights.sum() - works[0])
 
 
 def compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
     """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
     of = _solved(hinge, refinement)
-    thin = np.sum(of.flat * of.plane, axis=(1, 2))
-    thick = np.sum(of.load * of.solid, axis=(1, 2, 3)) / of.line.weights.sum()
-    blocks = block_compliance(hinge, hinge.poissons_ratio)[:2]
-    return 4 * thin - blocks, 4 * (thick - thin), of.solid[0].size  # a quarter of the work is done on the quarter
-
-
-def position(hinge: ThickHinge, refinement: int) -> Array:
-    """Position p (2,) between plane stress, 0, and plane strain, 1, on one mesh; Poisson's ratio must not be zero."""
-    plane, excess, _ = compliances(hinge, refinement)
-    return -excess / plane / hinge.poissons_ratio**2
+    return of.thin - block_compliance(hinge, hinge.poissons_ratio)[:2], of.excess, of.solid[0].size
 
 
 def thick_sample(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS) -> Extrapolation:
-    """Positions of a hinge between plane stress and plane strain over three or more refinements, coarse to fine.
+    """Positions of a hinge between plane stress, 0, and plane strain, 1, over refinements, coarse to fine.
 
-    Notes
-    -----
-    The band is what the finest mesh moves the extrapolated value by, far more than what is left after it.
+    The band is what the finest of the three or more meshes moves the value by, far more than what is left after it.
     """
     made = [compliances(hinge, refinement) for refinement in levels]
     found = np.array([-excess / plane for plane, excess, _ in made]) / hinge.poissons_ratio**2
@@ -321,11 +288,9 @@ def thick_sample(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS) -> Ext
 
 
 def stress_factors(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS[1:]) -> Extrapolation:
-    """Highest von Mises stress over that in plane stress, under a moment and a pull (2,); of two or more refinements.
+    """Highest von Mises stress over that in plane stress, under a moment and a pull (2,), on the finest of two meshes.
 
-    Notes
-    -----
-    The value is that of the finest mesh, the band what the finest mesh moves it by.
+    The band is what that mesh moves it by. In a wide neck the highest stress lies near the free faces, about t away.
     """
     found, unknowns, plate = [], 0, Plate(1.0, hinge.poissons_ratio, 1.0)
     for refinement in levels:

@@ -2,8 +2,7 @@
 
 Sizes are cones about the necks that stay at their least over the length on which a notch bends, about `sqrt(t R)`: four
 triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1 (see
-`benchmarks/study.py`). Curves are drawn by gmsh's own kernel, and nothing is smoothed. BENT and GROWTH were chosen
-for that accuracy on 12 stages other than those of the benchmark.
+`benchmarks/study.py`; BENT and GROWTH were chosen for that on other stages).
 """
 
 from __future__ import annotations
@@ -18,10 +17,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.arrays import AnyArray, Array, Index
+from flexfem.arrays import Array, Index
 from flexfem.clock import Limit
-from flexfem.fem.gmsh_process import run_jobs
-from flexfem.fem.mesher import Cone, Job, mesh_faces
+from flexfem.fem.mesher import Cone, Job, Made, mesh_faces, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import Face, area, draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
@@ -30,21 +28,33 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import Hinge
 from flexfem.refused import ComputationFailed
 
+RESOLUTION = 8  # triangles across every neck
+SOLID_RESOLUTION, LAYERS = 6, 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
+TIME_LIMIT = 60.0  # s, for meshing one sector
+MOST_TRIANGLES = 1_000_000
+SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
+COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
+TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
+LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
+AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in sectors with two triangles across a neck
+BENT = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), over which a notch bends
+GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle across it
+SLENDER = 0.3  # of a notch's radius: up to here its own thickness `t + d^2/R` grows slower than a cone
+STUBBY = 0.5  # t/R from which on the notch and not the neck sets the size
+PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch has its neck's cone
+SAME_PLACE = 1e-6  # mm; nodes of two sectors on their common cut, centres of arcs
+SIDES = ("left", "right", "bottom", "top")
 NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])  # on the reference triangle
 
 
 @cache
 def quadrature(degree: int) -> tuple[Array, Array]:
-    """Points (q, 2) on the reference triangle and weights (q,), exact for polynomials of a degree.
-
-    Raises ValueError for a degree whose rule has weights that are not positive.
-    """
+    """Points (q, 2) on the reference triangle and positive weights (q,), exact for polynomials of a degree."""
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri
 
     points, weights = get_quadrature(RefTri, degree)
-    if np.any(weights <= 0):
-        raise ValueError(f"quadrature of degree {degree} has weights that are not positive")
+    assert np.all(weights > 0)
     return np.ascontiguousarray(points.T), weights
 
 
@@ -77,17 +87,6 @@ def _jacobian(at: Array, slope: Array) -> Array:
     return J.transpose(1, 2, 0, 3)
 
 
-RESOLUTION = 8  # triangles across every neck
-SOLID_RESOLUTION, LAYERS = 6, 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
-TIME_LIMIT = 60.0  # s, for meshing one sector
-MOST_TRIANGLES = 1_000_000
-SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
-COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
-TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
-LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
-AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in sectors with two triangles across a neck
-
-
 class StageMesh(NamedTuple):
     """Curved quadratic triangles of the whole stage.
 
@@ -104,19 +103,14 @@ class StageMesh(NamedTuple):
     edges: dict[str, Index]
 
 
-def local_thickness(distance: Array, hinge: Hinge) -> Array:
-    """Thickness (...) that triangles follow at a distance (...) from the neck's centre, mm.
+def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
+    """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two).
 
     Notes
     -----
-    A hyperbola: the notch's own `t + d^2 / R` near the neck, a straight growth of `SLOPE` far from it.
+    The local thickness that they follow is a hyperbola of the distance from a neck's centre: the notch's own
+    `t + d^2 / R` near the neck, a straight growth of `SLOPE` far from it.
     """
-    bend = SLOPE * hinge.radius / 2
-    return np.asarray(hinge.neck + SLOPE * (np.sqrt(distance**2 + bend**2) - bend))
-
-
-def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
-    """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two)."""
     width = stage.chain.link_width
     coarse = COARSEST * width
     rim, middle = rim_of(stage)
@@ -127,7 +121,8 @@ def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
             x = np.geomspace(1e-3 * hinge.neck, coarse, 400)
             drop = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
             high = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * drop, width)
-            size = np.minimum(local_thickness(x, hinge), coarse)
+            bend = SLOPE * hinge.radius / 2
+            size = np.minimum(hinge.neck + SLOPE * (np.sqrt(x**2 + bend**2) - bend), coarse)
             count += 2.0 * float(np.trapezoid(high / size**2, x))
     return float(count * resolution**2 / TRIANGLE)
 
@@ -197,9 +192,6 @@ def least_scaled_jacobian(found: Array) -> float:
     return float(np.min(found[:, :6] / found[:, 6:]))
 
 
-SIDES = ("left", "right", "bottom", "top")
-
-
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
     """A grid of the unit square, every cell cut into two quadratic triangles, put in its place by a map.
 
@@ -223,14 +215,6 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
     lines = (number[:, 0], number[:, -1], number[0], number[-1])
     edges = {side: np.stack([n[:-1:2], n[2::2], n[1::2]], axis=-1) for side, n in zip(SIDES, lines, strict=True)}
     return ordered(StageMesh(nodes, triangles, np.zeros(len(triangles), dtype=np.int64), edges))[0]
-
-
-BENT = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), over which a notch bends
-GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle across it
-SLENDER = 0.3  # of a notch's radius: up to here its own thickness `t + d^2/R` grows slower than a cone
-STUBBY = 0.5  # t/R from which on the notch and not the neck sets the size
-PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch has its neck's cone
-SAME_PLACE = 1e-6  # mm; nodes of two sectors on their common cut, centres of arcs
 
 
 class Sector(NamedTuple):
@@ -264,7 +248,6 @@ def mesh_sectors(
     checks, MeshTimeout when it takes too long.
     """
     check_feasible(stage)
-    limit = time_limit if isinstance(time_limit, Limit) else Limit(time_limit)
     even = isinstance(resolution, int)
     across = (resolution,) * 3 if isinstance(resolution, int) else resolution
     chains = (1,) if stage.chains_alike and even else (1, 2, 3)
@@ -282,17 +265,18 @@ def mesh_sectors(
     kinds = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
     unlike = [kinds.index(kind) for kind in dict.fromkeys(kinds)]
     wanted = [jobs[place] for place in unlike]
-    made = [_meshed_inside(job) for job in wanted] if inside else run_jobs(wanted, limit)
-    sectors = {kinds[place]: _sector(each, areas[place]) for place, each in zip(unlike, made, strict=True)}
-    return _fitting(tuple(sectors[kind] for kind in kinds))
+    made = [_meshed_inside(job) for job in wanted] if inside else run_jobs(wanted, time_limit)
+    by_kind = {kinds[place]: _sector(each, areas[place]) for place, each in zip(unlike, made, strict=True)}
+    sectors = tuple(by_kind[kind] for kind in kinds)
+    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
+        ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+        if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
+            raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
+    return sectors
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float | Limit = TIME_LIMIT) -> StageMesh:
-    """The whole stage as `mesh_sectors` meshes it. Alike chains share one mesh, turned: it is exactly symmetric.
-
-    Raises BadInput for a stage that cannot be made, and as `mesh_sectors`.
-    """
-    check_feasible(stage)
+    """The whole stage as `mesh_sectors` meshes it. Alike chains share one mesh, turned: it is exactly symmetric."""
     return welded(mesh_sectors(stage, resolution, time_limit))[0]
 
 
@@ -304,12 +288,7 @@ def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
 
 
 def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """As `welded`, with the nodes in no order.
-
-    Notes
-    -----
-    `cut ahead` of each chain is `cut behind` of the next.
-    """
+    """As `welded`, with the nodes in no order; `cut ahead` of each chain is `cut behind` of the next."""
     parts = [sector.mesh for sector in (sectors if len(sectors) == 3 else sectors * 3)]
     first = np.concatenate([[0], np.cumsum([len(part.nodes) for part in parts])])
     number = np.arange(first[-1])
@@ -379,16 +358,15 @@ def _fine_places(
         yield arc.centre, radius, radius * 2 * math.pi / PER_TURN
 
 
-def _meshed_inside(job: Job) -> dict[str, AnyArray]:
+def _meshed_inside(job: Job) -> Made:
     try:
         return mesh_faces(job)
-    except SystemExit as missing:
-        raise ComputationFailed(str(missing)) from None
-    except Exception as error:  # gmsh raises bare Exception
-        raise ComputationFailed(f"gmsh: {' '.join(str(error).split())}") from None
+    except (SystemExit, Exception) as error:  # gmsh raises bare Exception
+        said = " ".join(str(error).split())
+        raise ComputationFailed(said if isinstance(error, SystemExit) else f"gmsh: {said}") from None
 
 
-def curved(made: dict[str, AnyArray]) -> StageMesh:
+def curved(made: Made) -> StageMesh:
     """The mesh of straight triangles and edges with the middles of their sides, those of arcs on the arcs."""
     nodes, corners, edges, centres = made["nodes"], made["triangles"], made["edges"], made["edge_centres"]
     ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]], edges])
@@ -405,19 +383,10 @@ def curved(made: dict[str, AnyArray]) -> StageMesh:
     return StageMesh(np.concatenate([nodes, middles]), triangles, made["faces"], groups)
 
 
-def _sector(made: dict[str, AnyArray], drawn: float) -> Sector:
+def _sector(made: Made, drawn: float) -> Sector:
     mesh = curved(made)
     check_triangles(mesh, drawn)
     edges = mesh.edges
     hub = np.unique(edges["hub"])
     behind, ahead = (outwards(mesh.nodes, edges[f"cut {side}"]) for side in ("behind", "ahead"))
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
-
-
-def _fitting(sectors: tuple[Sector, ...]) -> tuple[Sector, ...]:
-    """The sectors, when the nodes on their common cuts are the same. Raises ComputationFailed."""
-    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
-        ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
-        if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
-            raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
-    return sectors

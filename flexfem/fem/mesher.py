@@ -1,25 +1,55 @@
-"""The only module that imports gmsh. Run as a process of its own: it can hang or crash without taking flexfem along.
+"""gmsh in processes of its own, which can hang or crash without taking flexfem along; the only module that imports it.
 
-`main` reads pickled lists of requests (`Job`, `Export`, `Extruded`) from standard input and writes as many lists of
-what was made to standard output; gmsh's own words go to standard error.
+A process meshes one list of requests (`Job`, `Extruded`) after the other, since starting it takes longer than
+most meshes: `main` reads them pickled from standard input and writes what was made to standard output.
 """
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import os
 import pickle
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from subprocess import PIPE, Popen
+from tempfile import TemporaryFile
+from threading import Thread
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from flexfem.arrays import AnyArray
+from flexfem.clock import Limit, Stopwatch
 from flexfem.mechanism.bodies import Face, Segment
+from flexfem.refused import ComputationFailed, SourcesChanged
+from flexfem.sources import CHANGED, child_command, manifest
 
 SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
+TRIANGLE, EDGE = 2, 1  # gmsh's numbers of the linear ones
+STRAIGHT = complex(np.nan)  # for a centre
+LOOK = 0.25  # s between two looks at a process
+MOST_KEPT = 10_000_000  # bytes of meshes; the process of a larger answer ends, so that its memory is free again
+OPTIONS = {
+    "General.NumThreads": 1,  # more make the order of the nodes vary from run to run
+    "General.Verbosity": 2,
+    "General.Terminal": 0,  # in a worker that shares its terminal
+    "Mesh.Algorithm": 6,  # Frontal-Delaunay
+    "Mesh.LcIntegrationPrecision": 1e-2,
+    "Mesh.Smoothing": 0,  # half the time, and the compliance is no better for it
+    "Mesh.MeshSizeExtendFromBoundary": 0,  # the cones hold inside as well: a tenth fewer triangles, better shaped
+    "Mesh.MeshSizeFromCurvature": 0,
+    "Mesh.MeshSizeFromPoints": 0,
+}
+LIBRARIES = {
+    "libGL.so.1": "libgl1",
+    "libGLU.so.1": "libglu1-mesa",
+    "libXcursor.so.1": "libxcursor1",
+    "libXft.so.2": "libxft2",
+    "libXinerama.so.1": "libxinerama1",
+    "libgomp.so.1": "libgomp1",
+}
 
 
 class DrawnCurve(NamedTuple):
@@ -27,48 +57,6 @@ class DrawnCurve(NamedTuple):
 
     label: str
     centre: complex | None
-
-
-def draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], list[int]]:
-    """Draw every point and curve once; returns the curves and the closed loop of each face."""
-    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
-    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1).reshape(ends.shape)
-    drawn, loops, places = _Drawn(kernel), [], iter(first.tolist())
-    for face in faces:
-        pieces = zip(face.loop, face.labels, strict=True)
-        tags = [drawn.curve(segment, label, *next(places)) for segment, label in pieces]
-        loops.append(int(kernel.addCurveLoop([tag for tag in tags if tag])))
-    return drawn.curves, loops
-
-
-class _Drawn:
-    """Points and curves that the kernel has, by the places of their ends among all ends."""
-
-    def __init__(self, kernel: Any) -> None:
-        self.kernel = kernel
-        self.curves: dict[int, DrawnCurve] = {}
-        self._points: dict[int, int] = {}
-        self._between: dict[tuple[int, int], int] = {}
-
-    def curve(self, segment: Segment, label: str, start: int, end: int) -> int:
-        """Tag of a curve, negative where its face meets it backwards; 0 for an arc of a bend too slight to draw."""
-        one, other = self._point(start, segment.start), self._point(end, segment.end)
-        if one == other:
-            return 0
-        if (other, one) in self._between:
-            return -self._between[other, one]
-        if segment.centre is None:
-            tag = int(self.kernel.addLine(one, other))
-        else:
-            middle = self.kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
-            tag = int(self.kernel.addCircleArc(one, middle, other))
-        self._between[one, other], self.curves[tag] = tag, DrawnCurve(label, segment.centre)
-        return tag
-
-    def _point(self, place: int, at: complex) -> int:
-        if place not in self._points:
-            self._points[place] = self.kernel.addPoint(at.real, at.imag, 0.0)
-        return self._points[place]
 
 
 class Cone(NamedTuple):
@@ -93,63 +81,6 @@ class Job(NamedTuple):
     cones: tuple[Cone, ...]
 
 
-TRIANGLE, EDGE = 2, 1  # gmsh's numbers of the linear ones
-STRAIGHT = complex(np.nan)  # for a centre
-
-
-def set_sizes(gmsh: Any, job: Job) -> None:
-    field, tags = gmsh.model.mesh.field, []
-    for cone in job.cones:
-        tags.append(field.add("Ball"))
-        values = (cone.centre.real, cone.centre.imag, cone.radius, cone.least, cone.most, cone.reach)
-        for name, value in zip(("XCenter", "YCenter", "Radius", "VIn", "VOut", "Thickness"), values, strict=True):
-            field.setNumber(tags[-1], name, value)
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", tags)
-    field.setAsBackgroundMesh(smallest)
-
-
-def collect(mesh: Any, surfaces: list[int], curves: dict[int, DrawnCurve]) -> dict[str, AnyArray]:
-    tags, xyz, _ = mesh.getNodes()
-    place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-    place[tags] = np.arange(len(tags))
-    triangles = [place[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
-    edges = [place[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in curves]
-    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
-    back = np.full(len(tags), -1)
-    back[used] = np.arange(len(used))
-    per_curve = [len(e) for e in edges]
-    return {
-        "nodes": xyz.reshape(-1, 3)[used, :2],
-        "triangles": renumbered.reshape(-1, 3),
-        "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
-        "edges": back[np.concatenate(edges)],
-        "edge_labels": np.repeat([curve.label for curve in curves.values()], per_curve),
-        "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in curves.values()], per_curve),
-    }
-
-
-OPTIONS = {
-    "General.NumThreads": 1,  # more make the order of the nodes vary from run to run
-    "General.Verbosity": 2,
-    "General.Terminal": 0,  # in a worker that shares its terminal
-    "Mesh.Algorithm": 6,  # Frontal-Delaunay
-    "Mesh.LcIntegrationPrecision": 1e-2,
-    "Mesh.Smoothing": 0,  # half the time, and the compliance is no better for it
-    "Mesh.MeshSizeExtendFromBoundary": 0,  # the cones hold inside as well: a tenth fewer triangles, better shaped
-    "Mesh.MeshSizeFromCurvature": 0,
-    "Mesh.MeshSizeFromPoints": 0,
-}
-LIBRARIES = {
-    "libGL.so.1": "libgl1",
-    "libGLU.so.1": "libglu1-mesa",
-    "libXcursor.so.1": "libxcursor1",
-    "libXft.so.2": "libxft2",
-    "libXinerama.so.1": "libxinerama1",
-    "libgomp.so.1": "libgomp1",
-}
-
-
 class Extruded(NamedTuple):
     """A solid to write as .step, from z = 0 up to its thickness, mm.
 
@@ -162,16 +93,8 @@ class Extruded(NamedTuple):
     thickness: float
 
 
-class Export(NamedTuple):
-    """A mesh to write as .msh: nodes (n, 2), triangles (m, 6) and groups of edges (k, 3) by name."""
-
-    path: str
-    nodes: AnyArray
-    triangles: AnyArray
-    groups: dict[str, AnyArray]
-
-
-Request: TypeAlias = Job | Export | Extruded
+Request: TypeAlias = Job | Extruded
+Made: TypeAlias = dict[str, AnyArray]
 
 
 def require_gmsh() -> None:
@@ -207,47 +130,92 @@ def gmsh_session() -> Iterator[Any]:
         gmsh.finalize()
 
 
-def mesh_faces(job: Job) -> dict[str, AnyArray]:
+def _draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], list[int]]:
+    """Draw every point and curve once; returns the curves by tag and the closed loop of each face.
+
+    An arc of a bend too slight to draw is left out; a curve that a face meets backwards has a negative tag in its loop.
+    """
+    ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
+    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1)  # of all ends at its place
+    points, between, curves = dict[int, int](), dict[tuple[int, int], int](), dict[int, DrawnCurve]()
+    places, loops = iter(first.reshape(ends.shape).tolist()), []
+
+    def point(place: int) -> int:
+        if place not in points:
+            points[place] = kernel.addPoint(ends.flat[place].real, ends.flat[place].imag, 0.0)
+        return points[place]
+
+    for face in faces:
+        tags = []
+        for segment, label in zip(face.loop, face.labels, strict=True):
+            start, end = map(point, next(places))
+            if (end, start) in between:
+                tags.append(-between[end, start])
+            elif start != end:
+                if segment.centre is None:
+                    tag = int(kernel.addLine(start, end))
+                else:
+                    middle = kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
+                    tag = int(kernel.addCircleArc(start, middle, end))
+                between[start, end], curves[tag] = tag, DrawnCurve(label, segment.centre)
+                tags.append(tag)
+        loops.append(int(kernel.addCurveLoop(tags)))
+    return curves, loops
+
+
+def _set_sizes(field: Any, cones: tuple[Cone, ...]) -> None:
+    """The least of the cones is the size of a triangle."""
+    tags = []
+    for cone in cones:
+        tags.append(field.add("Ball"))
+        values = (cone.centre.real, cone.centre.imag, *cone[1:])
+        for name, value in zip(("XCenter", "YCenter", "Radius", "VIn", "VOut", "Thickness"), values, strict=True):
+            field.setNumber(tags[-1], name, value)
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", tags)
+    field.setAsBackgroundMesh(smallest)
+
+
+def mesh_faces(job: Job) -> Made:
     """Mesh faces with triangles, conforming along the curves they share.
 
     Returns
     -------
     nodes (n, 2) in mm; triangles (m, 3), faces (m,) index of each triangle's face; edges (k, 2) of the curves that are
     labelled or bent, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. The middles of the sides
-    are added by `sectors.curved`, faster than by gmsh.
+    are added by `mesh.curved`, faster than by gmsh.
     """
     with gmsh_session() as gmsh:
-        kernel = gmsh.model.geo
-        curves, loops = draw_loops(kernel, job.faces)
+        kernel, mesh = gmsh.model.geo, gmsh.model.mesh
+        curves, loops = _draw_loops(kernel, job.faces)
         surfaces = [kernel.addPlaneSurface([loop]) for loop in loops]
         kernel.synchronize()
         for tag, curve in curves.items():
             if curve.label in job.divisions:
-                gmsh.model.mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
-        set_sizes(gmsh, job)
-        gmsh.model.mesh.generate(2)
+                mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
+        _set_sizes(mesh.field, job.cones)
+        mesh.generate(2)
         told = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
-        return collect(gmsh.model.mesh, surfaces, told)
+        tags, xyz, _ = mesh.getNodes()
+        place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+        place[tags] = np.arange(len(tags))
+        triangles = [place[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
+        edges = [place[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in told]
+    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
+    back = np.full(len(tags), -1)
+    back[used] = np.arange(len(used))
+    per_curve = [len(e) for e in edges]
+    return {
+        "nodes": xyz.reshape(-1, 3)[used, :2],
+        "triangles": renumbered.reshape(-1, 3),
+        "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
+        "edges": back[np.concatenate(edges)],
+        "edge_labels": np.repeat([curve.label for curve in told.values()], per_curve),
+        "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in told.values()], per_curve),
+    }
 
 
-def write_msh(export: Export) -> dict[str, AnyArray]:
-    """Write a mesh with the physical groups `stage` and those of the edges; returns nothing of interest."""
-    with gmsh_session() as gmsh:
-        mesh = gmsh.model.mesh
-        gmsh.model.addDiscreteEntity(2, 1)
-        tags = np.arange(1, len(export.nodes) + 1)
-        mesh.addNodes(2, 1, tags, np.pad(export.nodes, [(0, 0), (0, 1)]).ravel())
-        mesh.addElementsByType(1, 9, [], tags[export.triangles].ravel())
-        gmsh.model.addPhysicalGroup(2, [1], name="stage")
-        for curve, (name, edges) in enumerate(export.groups.items(), start=1):
-            gmsh.model.addDiscreteEntity(1, curve)
-            mesh.addElementsByType(curve, 8, [], tags[edges].ravel())
-            gmsh.model.addPhysicalGroup(1, [curve], name=name)
-        gmsh.write(export.path)
-    return {}
-
-
-def write_extruded(task: Extruded) -> dict[str, AnyArray]:
+def write_extruded(task: Extruded) -> Made:
     """Write a solid as a STEP file, its arcs as cylinders, in mm, and read it back.
 
     Returns
@@ -257,7 +225,7 @@ def write_extruded(task: Extruded) -> dict[str, AnyArray]:
     """
     with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
-        _, loops = draw_loops(kernel, [Face(task.outer, ["free"] * len(task.outer))])
+        _, loops = _draw_loops(kernel, [Face(task.outer, ["free"] * len(task.outer))])
         for centre, radius in task.holes:
             loops.append(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, radius)]))
         kernel.extrude([(2, kernel.addPlaneSurface(loops))], 0.0, 0.0, task.thickness)
@@ -278,18 +246,110 @@ def write_extruded(task: Extruded) -> dict[str, AnyArray]:
 
 
 def main() -> None:
-    """Serve one list of jobs after the other until standard input ends, or one fails."""
+    """Serve one list of requests after the other until standard input ends, or one fails."""
+    serve: dict[type, Any] = {Job: mesh_faces, Extruded: write_extruded}
     made = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what libraries print is no part of the mesh
     with suppress(EOFError):
         while True:
-            pickle.dump(_served(pickle.load(sys.stdin.buffer)), made)
+            requests = pickle.load(sys.stdin.buffer)
+            try:
+                answers = [serve[type(request)](request) for request in requests]
+            except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
+                sys.exit(f"gmsh: {' '.join(str(error).split())}")
+            pickle.dump(answers, made)
             made.flush()
 
 
-def _served(jobs: list[Request]) -> list[dict[str, AnyArray]]:
-    serve: dict[type, Any] = {Job: mesh_faces, Export: write_msh, Extruded: write_extruded}
+class MeshTimeout(ComputationFailed):
+    """gmsh was stopped because it took too long."""
+
+
+def run_mesher(request: Request, time_limit: float | Limit) -> Made:
+    """Mesh, or write a solid; as `run_jobs`."""
+    return run_jobs([request], time_limit)[0]
+
+
+def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Made]:
+    """What some requests make, one after the other in one process.
+
+    Raises ComputationFailed when it fails, MeshTimeout when it is still busy after `time_limit` s, SourcesChanged when
+    its sources are not those that this process began with.
+    """
+    while _waiting and not _waiting[-1].alive:
+        _waiting.pop().end()
+    process = _waiting.pop() if _waiting else _Process()
     try:
-        return [serve[type(job)](job) for job in jobs]
-    except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
-        sys.exit(f"gmsh: {' '.join(str(error).split())}")
+        made = process.answer(list(requests), time_limit if isinstance(time_limit, Limit) else Limit(time_limit))
+    except BaseException:  # Ctrl-C too: what it still answers would be taken for the answer to the next question
+        process.end()
+        raise
+    if sum(array.nbytes for each in made for array in each.values()) > MOST_KEPT:
+        process.end()
+    else:
+        _waiting.append(process)
+    return made
+
+
+class _Process:
+    """A running `main`."""
+
+    def __init__(self) -> None:
+        self._said = TemporaryFile()  # noqa: SIM115  open as long as the process
+        self._child = Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=self._said)
+        self._request = pickle.dumps(dict(manifest()))
+
+    @property
+    def alive(self) -> bool:
+        return self._child.poll() is None
+
+    def answer(self, requests: list[Request], limit: Limit) -> list[Made]:
+        """As `run_jobs`; no stop of flexfem counts for the limit."""
+        self._request += pickle.dumps(requests)
+        found: list[list[Made]] = []
+        asking, watch, allowed = Thread(target=self._ask, args=(found,), daemon=True), Stopwatch(), limit.left
+        asking.start()
+        while asking.is_alive():
+            asking.join(min(LOOK, max(limit.left, 0.0)))
+            limit.left -= watch.step()
+            if asking.is_alive() and limit.left <= 0:
+                raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s")
+        if not found:
+            raise self._failure()
+        return found[0]
+
+    def _ask(self, found: list[list[Made]]) -> None:
+        """Ask and wait, in a thread; leaves nothing when the process ends before it has answered."""
+        assert self._child.stdin and self._child.stdout
+        with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
+            self._child.stdin.write(self._request)
+            self._child.stdin.flush()
+            self._request = b""
+            found.append(pickle.load(self._child.stdout))
+
+    def _failure(self) -> ComputationFailed | SourcesChanged:
+        """Why the process ended: the last line that it said."""
+        code = self._child.wait()
+        self._said.seek(0)
+        lines = self._said.read().decode(errors="replace").strip().splitlines()
+        reason = lines[-1] if lines else f"gmsh ended with exit code {code}"
+        return (SourcesChanged if code == CHANGED else ComputationFailed)(reason)
+
+    def end(self) -> None:
+        self._child.kill()
+        with self._child, self._said:
+            pass
+
+
+_waiting: list[_Process] = []
+
+
+@atexit.register
+def end_processes() -> None:
+    """End the processes that wait for jobs."""
+    while _waiting:
+        _waiting.pop().end()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_waiting.clear)  # they are the parent's

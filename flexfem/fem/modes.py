@@ -1,8 +1,7 @@
 """Natural frequencies and mode shapes: consistent mass, rigid hub with payload, stacks; in the plane or extruded.
 
-With the unknowns q of a structure, `K phi = omega^2 M phi`. K is factorised once; ARPACK iterates with its inverse, and
-the frequencies are Rayleigh quotients of the modes that it finds, with the strain energy from differences of
-displacements within the elements: they are exact to second order in the modes' errors. Of three alike sectors one is
+K is factorised once; ARPACK iterates with its inverse, and the frequencies are Rayleigh quotients of the modes that it
+finds, with the strain energy from differences of displacements within the elements. Of three alike sectors one is
 condensed onto its cuts, and the modes are those of harmonic 0 and, two of one frequency, of harmonic 1.
 """
 
@@ -30,10 +29,9 @@ ALIKE = 1e-6  # relative difference of squared frequencies that symmetry makes e
 
 
 class VibratingStructure(NamedTuple):
-    """A structure that vibrates, its stiffness as a factor.
+    """A structure that vibrates, its stiffness as a factor: `space` is solved with that of the stacks.
 
     pushes : (size, n), loads of one newton of each stack.   rates : (n,), N/mm, stiffness of stacks; none disengaged.
-    space : all motions, its solve by the stiffness with the stacks.
     """
 
     mass: Mass
@@ -45,16 +43,6 @@ class VibratingStructure(NamedTuple):
     def structure(self) -> Structure:
         """The structure."""
         return self.mass.of
-
-    @property
-    def mesh(self) -> StageMesh:
-        """The mesh of the plane."""
-        return self.structure.mesh
-
-    @property
-    def size(self) -> int:
-        """Number of unknowns."""
-        return self.structure.size
 
     def inertia(self, motion: Array) -> Array:
         """The mass matrix times accelerations (size, k)."""
@@ -101,6 +89,7 @@ def vibrating_structure(
     pushes: Array | None = None,
     rates: Array | None = None,
     degree: int = MASS_QUADRATURE,
+    space: Space | None = None,
 ) -> VibratingStructure:
     """Assemble and factorise.
 
@@ -109,10 +98,11 @@ def vibrating_structure(
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload.
     pushes, rates : of engaged stacks, (size, n) and (n,), N/mm.
     degree : of the quadrature of the mass, by default exact.
+    space : motions whose stiffness is factorised; None for all.
 
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
-    space, pushes = every_motion(of), np.zeros((of.size, 0)) if pushes is None else pushes
+    space, pushes = space or every_motion(of), np.zeros((of.size, 0)) if pushes is None else pushes
     rates = np.zeros(pushes.shape[1]) if rates is None else rates
     mass = mass_of(of, density, carried, degree)
     return VibratingStructure(mass, space._replace(solve=_with_stacks(space.solve, pushes, rates)), pushes, rates)
@@ -128,12 +118,9 @@ def _with_stacks(solve: Solve, pushes: Array, rates: Array) -> Solve:
 
 
 def modes(of: VibratingStructure, count: int) -> Modes:
-    """The lowest `count` modes, by rising frequency.
-
-    Raises ComputationFailed when ARPACK does not converge, or its eigenvalues are not those of the modes' energies.
-    """
+    """The lowest `count` modes, by rising frequency. Raises ComputationFailed when they are not found."""
     squares, motion = _ritz(of.space, of, count)
-    return _arranged(squares, motion[None], of.structure, [], of.mass, count, of.size)
+    return _arranged(squares, motion[None], of.structure, [], of.mass, count, of.structure.size)
 
 
 def stage_modes(
@@ -154,14 +141,13 @@ def stage_modes(
 
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
-    stage, none = by_sectors(sectors, plate, layers, degree), np.zeros(0)
-    of = stage.of
+    stage = by_sectors(sectors, plate, layers, degree)
+    share = carried / 3 if stage.alike else carried
+    of = vibrating_structure(stage.of, density, share, space=stage.spaces[0])
     if not stage.alike:
-        mass = mass_of(of, density, carried)
-        return modes(VibratingStructure(mass, stage.spaces[0], np.zeros((of.size, 0)), none), count)
-    sector = VibratingStructure(mass_of(of, density, carried / 3), stage.spaces[0], np.zeros((of.size, 0)), none)
-    constant, motion = _ritz(stage.spaces[0], sector, count)
-    turning, pair = _ritz(stage.spaces[1], sector, -(-count // 2))
+        return modes(of, count)
+    constant, motion = _ritz(stage.spaces[0], of, count)
+    turning, pair = _ritz(stage.spaces[1], of, -(-count // 2))
     real, imaginary = np.split(pair * np.sqrt(2 / 3), 2, axis=1)
     shapes = [
         np.concatenate([motion / np.sqrt(3), c * real - s * imaginary, s * real + c * imaginary], axis=1)
@@ -169,7 +155,7 @@ def stage_modes(
     ]
     squares, (mesh, places) = np.concatenate([constant, turning, turning]), joined(sectors)
     whole = mass_of(structure(mesh, plate, layers), density, carried)
-    return _arranged(squares, np.array(shapes), of, places, whole, count, stage.unknowns)
+    return _arranged(squares, np.array(shapes), stage.of, places, whole, count, stage.unknowns)
 
 
 def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Array]:
@@ -199,10 +185,7 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
 def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift: float = 0.0) -> tuple[Array, Any]:
     """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK in shift-invert mode.
 
-    Parameters
-    ----------
-    mass : (m, m), symmetric, or complex Hermitian.
-    solve : by `K - shift M`, positive definite: the shift is below the lowest eigenvalue.
+    mass : (m, m), symmetric, or complex Hermitian.   solve : by `K - shift M`, which is positive definite.
     """
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
@@ -220,19 +203,11 @@ def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift:
 
 
 def _arranged(
-    squares: Array,
-    shapes: Array,
-    of: Structure,
-    places: list[Index],
-    mass: Mass,
-    count: int,
-    unknowns: int,
+    squares: Array, shapes: Array, of: Structure, places: list[Index], mass: Mass, count: int, unknowns: int
 ) -> Modes:
     """The first so many, by rising frequency, pairs of one frequency turned into x and y, signs chosen.
 
-    Notes
-    -----
-    All are turned: of a pair of one frequency the one that is left out is needed to turn the other into x.
+    All are turned: of a pair the one that is left out is needed to turn the other into x.
     """
     order = np.argsort(squares)
     squares, shapes = squares[order], shapes[..., order]
@@ -257,10 +232,8 @@ def _aligned(squares: Array, participation: Array) -> Array:
 
     squares : (k,), rising.   participation : (k, 3).
     """
-    Q, first = np.eye(len(squares)), 0
-    for last in range(1, len(squares) + 1):
-        if last == len(squares) or squares[last] > squares[last - 1] * (1 + ALIKE):
-            if last - first > 1:
-                Q[first:last, first:last] = np.linalg.qr(participation[first:last], mode="complete").Q
-            first = last
+    Q, ends = np.eye(len(squares)), np.flatnonzero(squares[1:] > squares[:-1] * (1 + ALIKE)) + 1
+    for pair in np.split(np.arange(len(squares)), ends):
+        if len(pair) > 1:
+            Q[np.ix_(pair, pair)] = np.linalg.qr(participation[pair], mode="complete").Q
     return Q

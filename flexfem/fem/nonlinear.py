@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import QUADRATURE, ElementBatch, Plate, assembled, stress_tensor
+from flexfem.fem.elements import ElementBatch, Plate, assembled, stress_tensor
 from flexfem.fem.factor import Factoriser, Factorization
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.structure import Structure, structure
@@ -25,20 +25,12 @@ ROUNDING = 1e-6  # the same of a step that is no longer smaller than the one bef
 
 
 def green_lagrange(slopes: Array) -> Array:
-    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a` (..., 2, 2, q).
+    """Green-Lagrange strain (..., 2, 2, q) of displacement gradients `H_aA = d_A u_a`: `E = (H + H' + H'H) / 2`.
 
-    Notes
-    -----
-    `E = (H + H' + H'H) / 2` and not `(F'F - 1) / 2`: small strains are not differences of numbers near one.
+    Not `(F'F - 1) / 2`: small strains are not differences of numbers near one.
     """
     product = np.einsum("...caq,...cbq->...abq", slopes, slopes)
     return np.asarray((slopes + np.swapaxes(slopes, -3, -2) + product) / 2)
-
-
-def strain_rate(slopes: Array, changes: Array) -> Array:
-    """First change (..., 2, 2, q) of the Green-Lagrange strain: the symmetric part of `F' dH`."""
-    half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)
-    return np.asarray((half + np.swapaxes(half, -3, -2)) / 2)
 
 
 def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Array) -> Array:
@@ -51,7 +43,7 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
         K[ia, jb] = lambda* M[ia, jb] + mu M[ib, ja] + mu int (F F')_ab d_A phi_i d_A phi_j dA
                     + delta_ab int d_A phi_i S_AB d_B phi_j dA
 
-    whose first line is the material and whose second the geometric stiffness. At rest it is `element_blocks`.
+    whose first line is the material and whose second the geometric stiffness. At rest it is `ElementBatch.stiffness`.
     """
     (lame, mu), count, weight = plate.lame(2), len(batch.triangles), batch.weights[:, None, None]
     root = batch.gradients * np.sqrt(weight)  # (e, i, A, q)
@@ -66,10 +58,8 @@ def tangent_blocks(batch: ElementBatch, plate: Plate, slopes: Array, stress: Arr
 
 
 class State(NamedTuple):
-    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa.
-
-    The stress is that of the tangent, and on the way to equilibrium not quite the one of the displacements.
-    """
+    """Pose (3,), displacements (n, 2), mm, and per batch the second Piola-Kirchhoff stress (e, 2, 2, q), MPa, of the
+    tangent: on the way to equilibrium not quite the one of the displacements."""
 
     pose: Array
     field: Array
@@ -104,23 +94,22 @@ class LargeStructure:
         """The state of displacements (n, 2), mm, the hub's replaced by those of the pose."""
         field = field.copy()
         field[self.of.hub] = self.turned(pose)[0]
-        return State(pose, field, [stress_tensor(self.of.plate, strain) for strain in self._strains(field)])
+        return State(pose, field, [stress_tensor(self.of.plate, green_lagrange(H)) for H in self._slopes(field)])
 
-    def _strains(self, field: Array) -> list[Array]:
-        return [green_lagrange(self.of.slopes(batch, field[None])[0]) for batch in self.of.batches]
+    def _slopes(self, field: Array) -> list[Array]:
+        return [batch.slopes(self.of.line, field[None])[0] for batch in self.of.batches]
 
     def nodal(self, state: State) -> Array:
         """Nodal forces (n, 2), N, that balance the stress of a state."""
         forces = np.zeros((1, *state.field.shape))
-        for batch, stress in zip(self.of.batches, state.stress, strict=True):
-            slopes = self.of.slopes(batch, state.field[None])[0]
+        for batch, slopes, stress in zip(self.of.batches, self._slopes(state.field), state.stress, strict=True):
             first = stress + np.einsum("eacq,ecbq->eabq", slopes, stress)  # P = F S
-            self.of.add_forces(forces, batch, first[None])
+            batch.add_forces(forces, self.of.line, first[None])
         return np.asarray(forces[0])
 
     def held(self, state: State) -> Held:
         """Forces, energy and strain of the state's displacements, whatever its stress."""
-        of, strains = self.of, self._strains(state.field)
+        of, strains = self.of, [green_lagrange(slopes) for slopes in self._slopes(state.field)]
         own = state._replace(stress=[stress_tensor(of.plate, strain) for strain in strains])
         forces = self.nodal(own)
         on_hub = forces[of.hub].ravel() @ self.rates(state.pose)
@@ -131,11 +120,8 @@ class LargeStructure:
 
     def tangent(self, state: State) -> sp.csr_array:
         """Lower triangle (2f + 3, 2f + 3) of the change of the forces on the unknowns, with the state's own stress."""
-        of = self.of
-        blocks = (
-            tangent_blocks(batch, of.plate, of.slopes(batch, state.field[None])[0], stress)
-            for batch, stress in zip(of.batches, state.stress, strict=True)
-        )
+        of, parts = self.of, zip(self.of.batches, self._slopes(state.field), state.stress, strict=True)
+        blocks = (tangent_blocks(batch, of.plate, slopes, stress) for batch, slopes, stress in parts)
         K = of.tied(assembled(self.pairs, blocks, of.line), self.rates(state.pose))
         K.data[-1] -= np.sum(self.nodal(state)[of.hub] * self.turned(state.pose)[1])  # levers of the hub's forces
         return K
@@ -165,34 +151,27 @@ class Equilibria(NamedTuple):
     iterations: NDArray[np.int64]
 
 
-def equilibrium(mesh: StageMesh, plate: Plate, loads: Array, degree: int = QUADRATURE) -> Equilibria:
+def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
     """Equilibria under dead loads (k, 3) or (3,) on the hub, each reached from the one before, the first from rest.
 
     A force at the platform centre that moves with it and keeps its direction, N, and a moment conjugate to theta, N mm.
 
-    Raises
-    ------
-    ComputationFailed: Newton does not converge even in the smallest load steps.
+    Raises ComputationFailed when Newton does not converge even in the smallest load steps.
 
     Notes
     -----
     St. Venant-Kirchhoff material, `S = lambda* tr(E) + 2 mu E` with the Lame constants of plane stress, on the
-    undeformed plate: right for small strains and rotations of any size, which is what flexures do; for large strains
-    it is no material's law (it softens under compression). The thickness stays what it was.
-
-    Newton carries displacements and stress: each tangent takes the stress that the step before predicts to first
+    undeformed plate of constant thickness: right for small strains and rotations of any size, which is what flexures
+    do. Newton carries displacements and stress: each tangent takes the stress that the step before predicts to first
     order, not the one of the displacements found, whose quadratic part is spurious tension of slender bodies that
-    turn. Both are the same in equilibrium, so the answer and the quadratic rate stay; about half the iterations go.
+    turn. Both are the same in equilibrium; about half the iterations go.
     """
-    return _follow(mesh, plate, np.atleast_2d(np.asarray(loads, dtype=float)), False, degree)
+    return _follow(mesh, plate, loads, False)
 
 
-def imposed(mesh: StageMesh, plate: Plate, poses: Array, degree: int = QUADRATURE) -> Equilibria:
-    """Equilibria with the hub held at poses (k, 3) or (3,), mm and rad: `load` is what holds it there.
-
-    Raises ComputationFailed and continues from pose to pose as `equilibrium`. `stable` still answers for a dead load.
-    """
-    return _follow(mesh, plate, np.atleast_2d(np.asarray(poses, dtype=float)), True, degree)
+def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
+    """As `equilibrium`, the hub held at poses (k, 3) or (3,), mm and rad, by `load`; `stable` is of dead loads."""
+    return _follow(mesh, plate, poses, True)
 
 
 class _Step(NamedTuple):
@@ -207,10 +186,10 @@ class _Step(NamedTuple):
     factor: Factorization
 
 
-def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool, degree: int) -> Equilibria:
-    model, start, scale, rows = LargeStructure(structure(mesh, plate, degree=degree)), np.zeros(3), 0.0, []
+def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool) -> Equilibria:
+    model, start, scale, rows = LargeStructure(structure(mesh, plate)), np.zeros(3), 0.0, []
     state = model.at(start, np.zeros_like(mesh.nodes))
-    for target in targets:
+    for target in np.atleast_2d(np.asarray(targets, dtype=float)):
         step, iterations, scale = _reach(model, state, start, target, hold, scale)
         state, start = step.state, target
         rows.append(_row(model, step, iterations, scale, None if hold else target))
@@ -270,19 +249,15 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
     linear[of.hub] = (model.rates(state.pose) @ change[-3:]).reshape(-1, 2)
     pose = goal if hold else state.pose + change[-3:]
     moved[of.hub] = model.turned(pose)[0]
-    stress, turn = _predicted(of, state.field, linear)
-    size = float(np.sqrt(abs(change @ missing)))
-    return _Step(State(pose, moved, stress), size, held.energy, turn, unit, factor)
-
-
-def _predicted(of: Structure, field: Array, change: Array) -> tuple[list[Array], float]:
-    """Second Piola-Kirchhoff stress after a change of the displacements, to first order in it; and the largest turn."""
-    stress, turn = [], 0.0
+    stress, turn = [], 0.0  # the stress after the change, to first order in it
     for batch in of.batches:
-        slopes, changes = of.slopes(batch, np.stack([field, change]))
+        slopes, changes = batch.slopes(of.line, np.stack([state.field, linear]))
         turn = np.maximum(turn, np.max(np.abs(changes)))  # nan stays nan
-        stress.append(stress_tensor(of.plate, green_lagrange(slopes) + strain_rate(slopes, changes)))
-    return stress, float(turn)
+        half = changes + np.einsum("...caq,...cbq->...abq", slopes, changes)  # F' dH
+        rate = (half + np.swapaxes(half, -3, -2)) / 2
+        stress.append(stress_tensor(of.plate, green_lagrange(slopes) + rate))
+    size = float(np.sqrt(abs(change @ missing)))
+    return _Step(State(pose, moved, stress), size, held.energy, float(turn), unit, factor)
 
 
 def _row(model: LargeStructure, step: _Step, iterations: int, scale: float, load: Array | None) -> tuple[Any, ...]:

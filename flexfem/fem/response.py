@@ -1,10 +1,8 @@
 """Static answers of a structure to loads on its rigid hub, to its stacks, and to a ground that is displaced.
 
 One factorisation, any number of cases, iterative refinement with residuals from differences of displacements within the
-elements, and checked balances: reactions against loads, strain energy against work. Of three alike chains one sector is
-solved by cyclic symmetry. A push of a stack on a link is a body force over its station, and the opening of a stack is
-read with the same weights, so that the compliance is symmetric and conjugate to the forces; on the platform both act
-on the hub.
+elements, and checked balances. A push of a stack on a link is a body force over its station, and the opening of a stack
+is read with the same weights, so that the compliance is symmetric; on the platform both act on the hub.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Layers, Plate, integration, shape_values
+from flexfem.fem.elements import Layers, Plate, integration
 from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import Sector, StageMesh, welded
 from flexfem.fem.structure import NONE, Mass, Structure, structure
@@ -76,55 +74,48 @@ def settle(
     alike : the structure is one of three alike sectors, which turn cases (3) as the vector x, y, theta.
     """
     turns = [chain_rotation(chain) for chain in range(3)] if alike else [np.eye(loads.shape[1])]
-    lever = float(np.max(np.abs(of.mesh.nodes)))
     scale = np.ones(3)
-    scale[of.turning[2:] if of.turning[0] == 0 else of.turning[:2]] = 1 / lever  # rotations
+    scale[of.turning[2:] if of.turning[0] == 0 else of.turning[:2]] = 1 / np.max(np.abs(of.mesh.nodes))  # rotations
     pads = [np.unique(of.mesh.edges["ground"])] if alike else clamped_nodes(of.mesh)
     ground, motion = [of.rigid_fields(nodes).reshape(3, -1).T for nodes in pads], np.zeros_like(loads)
-    applied = loads.T @ np.concatenate([of.rigid_unknowns(of.free), np.eye(of.poses, 3)])
+    imposed = np.zeros((loads.shape[1], len(of.mesh.nodes), *of.shape)) if given is None else given
 
     def around(values: Array) -> list[Array]:
         """Resultants (k, 3) of every chain from those of one."""
         back = np.argsort(of.turning)
         return [(turn @ values[:, of.turning] @ turn.T)[:, back] for turn in turns] if alike else [values]
 
+    def whole(values: Array) -> Array:
+        """Products (k, k) of cases of the whole from those of one chain."""
+        return np.asarray(np.sum([turn @ values @ turn.T for turn in turns], axis=0))
+
+    applied = loads.T @ np.concatenate([of.rigid_unknowns(of.free), np.eye(of.poses, 3)])
+    loaded = np.sum(around(applied), axis=0) * scale
     residual = loads if given is None else loads - of.loads(of.forces(given))
     for _ in range(MOST_SOLVES):
         motion = motion + solve(residual)
-        fields = of.fields(motion) if given is None else given + of.fields(motion)
+        fields = imposed + of.fields(motion)
         forces = of.forces(fields)
-        residual = loads - of.loads(forces)
-        flat = forces.reshape(len(forces), -1).T
-        energy, work = fields.reshape(len(fields), -1) @ flat, motion.T @ loads
-        if given is not None:
-            work = work + given.reshape(len(given), -1) @ flat
+        residual, flat = loads - of.loads(forces), forces.reshape(len(forces), -1)
         held = [forces[:, nodes].reshape(len(forces), -1) @ rigid for nodes, rigid in zip(pads, ground, strict=True)]
-        found = StaticSolution(
-            motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), _whole(turns, energy)
-        )
-        loaded = np.sum(around(applied), axis=0)
-        unbalanced = _imbalance(found, _whole(turns, work), loaded * scale, scale)
+        energy = whole(fields.reshape(len(fields), -1) @ flat.T)
+        found = StaticSolution(motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), energy)
+        work = whole(motion.T @ loads + imposed.reshape(len(imposed), -1) @ flat.T)
+        unbalanced = _imbalance(found, work, loaded, scale)
         if max(unbalanced.values()) <= SETTLED:
             break
     if given is not None:  # pads that carry nothing but stress of their own
-        unbalanced = _imbalance(found, _whole(turns, work), loaded * scale, scale, np.max(np.abs(flat), axis=0))
+        unbalanced = _imbalance(found, work, loaded, scale, np.max(np.abs(flat), axis=1))
     for name, worst in unbalanced.items():
         if not worst <= BALANCE:
             raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
     return found
 
 
-def _whole(turns: list[Array], values: Array) -> Array:
-    return np.asarray(np.sum([turn @ values @ turn.T for turn in turns], axis=0))
-
-
 def _imbalance(
     found: StaticSolution, work: Array, loaded: Array, scale: Array, nodal: Array | float = 0.0
 ) -> dict[str, float]:
-    """What reactions and loads differ by over the largest of them, and strain energy and work over the energies.
-
-    nodal : (k,), N, a force that counts as one of them.
-    """
+    """What reactions and loads differ by over the largest of them and of `nodal` (k,), N; energy and work likewise."""
     tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(found.energy)))
     pads = found.pads * scale
     largest = np.maximum(np.maximum(np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1)), nodal)
@@ -135,10 +126,9 @@ def _imbalance(
 
 def clamped_nodes(mesh: StageMesh) -> list[Index]:
     """Nodes of the clamped edge of each chain's pad."""
-    chain_of = np.full(len(mesh.nodes), -1)
-    for body in range(0, 12, 4):  # pads
-        chain_of[mesh.triangles[mesh.bodies == body]] = body // 4
-    ground = np.unique(mesh.edges["ground"])
+    chain_of, ground = np.full(len(mesh.nodes), -1), np.unique(mesh.edges["ground"])
+    for chain in range(3):
+        chain_of[mesh.triangles[mesh.bodies == 4 * chain]] = chain  # its pad
     return [ground[chain_of[ground] == chain] for chain in range(3)]
 
 
@@ -215,22 +205,13 @@ def unit_response(
 def platform_response(
     mesh: StageMesh, plate: Plate, degree: int | None = None, layers: Layers | None = None
 ) -> StaticSolution:
-    """As `unit_response`, of a whole mesh.
-
-    Notes
-    -----
-    The hub's nodes follow the platform, so `u = T q` with the pose as the last three of `q`; the compliance is the pose
-    block of `(T' K T)^-1`, which makes it symmetric and conjugate to the load.
-    """
+    """As `unit_response`, of a whole mesh: the compliance is the pose block of `(T' K T)^-1`, hence symmetric."""
     of = structure(mesh, plate, layers, degree)
     return settle(of, factorise(of.lower()), _unit_loads(of))
 
 
 def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
-    """What a structure does under the weight of its mass; `acceleration` (3,) along the components of its pose, mm/s^2.
-
-    Raises ComputationFailed as `settle` and `Structure.lower`.
-    """
+    """What a structure does under its weight; `acceleration` (3,) along the components of its pose, mm/s^2."""
     of = mass.of
     loads = of.loads(mass.forces(np.tensordot(acceleration, of.rigid_fields(), axes=1)[None]))
     loads[-3:, 0] += mass.carried @ acceleration
@@ -239,12 +220,6 @@ def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
 
 def _unit_loads(of: Structure) -> Array:
     return np.eye(of.size, 3, 3 - of.size)
-
-
-def _part(mesh: StageMesh, body: int) -> StageMesh:
-    """Triangles of a body, 4 * chain + body, of a mesh, with the nodes of all."""
-    mine = mesh.bodies == body
-    return mesh._replace(triangles=mesh.triangles[mine], bodies=mesh.bodies[mine])
 
 
 class DrivenResponse(NamedTuple):
@@ -259,10 +234,7 @@ class DrivenResponse(NamedTuple):
 
 
 def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> DrivenResponse:
-    """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped.
-
-    Raises ComputationFailed as `settle`.
-    """
+    """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped."""
     of = structure(mesh, plate)
     loads = stack_loads(of, stacks)
     found = settle(of, factorise(of.lower()), loads)
@@ -288,24 +260,22 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
     """Nodal forces (n, 2), N, of one newton of a push on a link of a chain (from 0), its wrench met exactly."""
     assert push.station is not None
     part = _part(mesh, 4 * chain + push.body)  # the numbers of the links are the same
-    N, found = shape_values(PUSH_QUADRATURE), np.zeros((3, *mesh.nodes.shape))
-    for triangles, _, weights in integration(part, PUSH_QUADRATURE):
-        points = np.einsum("eid,iq->eqd", turned(mesh.nodes[triangles], -chain * CHAIN_TURN), N)
+    found = np.zeros((3, *mesh.nodes.shape))
+    for batch in integration(part, PUSH_QUADRATURE):
+        at = turned(mesh.nodes[batch.triangles], -chain * CHAIN_TURN)
+        points = np.einsum("eid,iq->eqd", at, batch.phi)
         density = spread(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
-        nodal = np.einsum("keqd,eq,iq->keid", density, weights, N)
+        nodal = np.einsum("keqd,eq,iq->keid", density, batch.weights, batch.phi)
         for force, each in zip(found, nodal, strict=True):
-            np.add.at(force, triangles, each)
+            np.add.at(force, batch.triangles, each)
     resultants = _resultants(turned(mesh.nodes, -chain * CHAIN_TURN), found)
     return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), found, axes=1), chain * CHAIN_TURN)
 
 
 def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
-    """Wrench (3 chains, 3 hinges, 3, k) that each neck carries, at the platform centre, N and N mm, of fields
-    (k, n, 2), mm: that of the bodies beyond it on those before.
+    """Wrench (3 chains, 3 hinges, 3, k) of the bodies beyond each neck on those before, about the platform centre.
 
-    Notes
-    -----
-    The nodal forces of the triangles of one body on the nodes of its neck: those of its pushes are in the body.
+    Of fields (k, n, 2), mm; N and N mm, by nodal forces of one body's triangles: those of its pushes are inside it.
     """
     found = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):
@@ -314,6 +284,12 @@ def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
             nodes = np.unique(mesh.edges[f"neck {chain + 1} {name}"])
             found[chain, hinge] = _resultants(mesh.nodes[nodes], part.forces(fields)[:, nodes])
     return found
+
+
+def _part(mesh: StageMesh, body: int) -> StageMesh:
+    """Triangles of a body, 4 * chain + body, of a mesh, with the nodes of all."""
+    mine = mesh.bodies == body
+    return mesh._replace(triangles=mesh.triangles[mine], bodies=mesh.bodies[mine])
 
 
 def _resultants(nodes: Array, forces: Array) -> Array:

@@ -8,15 +8,15 @@ on the mid-plane, w is free, and the hub has the pose Z, a, b with a and b its r
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import (
     CACHED,
     CHUNK,
@@ -27,17 +27,15 @@ from flexfem.fem.elements import (
     Layers,
     Pairs,
     Plate,
-    add_balancing,
     assembled,
-    element_blocks,
     integration,
     mirrored,
     pairs_of,
-    shape_values,
+    segment_functions,
     sheet,
-    slopes_of,
     stress_tensor,
 )
+from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.designs import out_of_plane
 from flexfem.mechanism.stage import Stage
@@ -45,6 +43,11 @@ from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput, ComputationFailed
 
 MOST_UNKNOWNS = 600_000  # of one factorisation in three dimensions: about 6 GB
+EDGE_POINTS = 3  # of Gauss, on a curved edge
+NONE = np.empty(0, dtype=np.int64)
+
+Traction: TypeAlias = Callable[[Array, Array], Array]
+"""Points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
 
 
 def plate_of(stage: Stage) -> Plate:
@@ -75,15 +78,11 @@ def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
     return found.antisymmetric if antisymmetric else found
 
 
-NONE = np.empty(0, dtype=np.int64)
-
-
 @dataclass(frozen=True)
 class Structure:
     """What equations are made of. Unknowns are those of the free nodes, node by node, then the pose (3) of the hub.
 
     layers : None of a plane structure; fields are (k, n, 2), of an extruded one (k, n, m, 3) at m heights.
-    batches : of the triangles, at the points of quadrature whose shape functions are phi (6, q).
     free, hub : nodes of the plane (f,), and (h,) those that follow the pose; others are clamped.
     """
 
@@ -91,7 +90,6 @@ class Structure:
     plate: Plate
     layers: Layers | None
     batches: list[ElementBatch]
-    phi: Array
     free: Index
     hub: Index
 
@@ -127,8 +125,9 @@ class Structure:
 
     def rigid_unknowns(self, nodes: Index) -> Array:
         """Unknowns (k each, 3) that free nodes of the plane (k,) would have by each pose."""
-        rigid = self.line.rigid(self.mesh.nodes[nodes])
-        return rigid.reshape(len(nodes), math.prod(rigid.shape[1:3]), 3)[:, self.line.kept].reshape(-1, 3)
+        components = len(self.line.heights) * self.line.axes
+        rigid = self.line.rigid(self.mesh.nodes[nodes]).reshape(len(nodes), components, 3)
+        return rigid[:, self.line.kept].reshape(-1, 3)
 
     @cached_property
     def T(self) -> sp.csr_array:
@@ -151,22 +150,11 @@ class Structure:
         """Loads (size, k) on the unknowns from nodal forces (k, n, *shape), N."""
         return np.asarray(self.T.T @ forces.reshape(len(forces), -1).T)
 
-    def slopes(self, batch: ElementBatch, fields: Array) -> Array:
-        """Displacement gradients (k, e, d, d, q) at the points of quadrature of some triangles, of (k, n, *shape)."""
-        return slopes_of(batch, self.phi, self.line, self._on_line(fields))
-
-    def add_forces(self, forces: Array, batch: ElementBatch, stress: Array) -> None:
-        """Add to nodal forces (k, n, *shape), N, what balances stresses (k, e, d, d, q), MPa, of some triangles."""
-        add_balancing(self._on_line(forces), batch, self.phi, self.line, stress)
-
-    def _on_line(self, fields: Array) -> Array:
-        return fields.reshape(*fields.shape[:2], -1, self.line.axes)
-
     def forces(self, fields: Array) -> Array:
         """Nodal forces (k, n, *shape), N, that hold displacements (k, n, *shape), mm: far less rounded than K u."""
         total, most = np.zeros_like(fields, order="C"), CHUNK if self.layers is None else CACHED
         for piece in (piece for batch in self.batches for piece in batch.pieces(most)):
-            self.add_forces(total, piece, stress_tensor(self.plate, self.slopes(piece, fields)))
+            piece.add_forces(total, self.line, stress_tensor(self.plate, piece.slopes(self.line, fields)))
         return total
 
     @property
@@ -197,9 +185,20 @@ class Structure:
                 f"{self.size:.2g} unknowns in three dimensions, expected at most {MOST_UNKNOWNS:.2g}: "
                 "a coarser resolution or fewer layers are needed"
             )
-        line, pieces = self.line, (piece for batch in self.batches for piece in batch.pieces())
-        blocks = (element_blocks(piece, self.phi, self.plate, line.axes) for piece in pieces)
-        return self.tied(assembled(self.pairs, blocks, line), self.rigid_unknowns(self.hub))
+        pieces = (piece for batch in self.batches for piece in batch.pieces())
+        blocks = (piece.stiffness(self.plate, self.line.axes) for piece in pieces)
+        return self.tied(assembled(self.pairs, blocks, self.line), self.rigid_unknowns(self.hub))
+
+    def settled(self, lower: sp.csr_array, force: Array, held: AnyArray) -> Array:
+        """Displacements (n, *shape) under forces (n, *shape), N, of a structure without clamps, zero where `held`.
+
+        lower : of its stiffness. Raises ComputationFailed when a part is not held.
+        """
+        free = np.flatnonzero(self.loads(held[None].astype(float))[:, 0] == 0)
+        inverse, motion = factorise(lower[free][:, free]), np.zeros((self.size, 1))
+        for _ in range(2):  # the second removes what the factors rounded off
+            motion[free] += inverse(self.loads(force[None] - self.forces(self.fields(motion)))[free])
+        return np.asarray(self.fields(motion)[0])
 
 
 def structure(
@@ -218,9 +217,30 @@ def structure(
     hub = np.unique(mesh.edges["hub"]) if held is None else NONE
     inside = np.ones(len(mesh.nodes), dtype=bool)
     inside[mesh.edges["ground"].ravel() if held is None else held] = inside[hub] = inside[last] = False
-    degree = degree or (QUADRATURE if layers is None else SOLID_QUADRATURE)
-    free = np.concatenate([np.flatnonzero(inside), last])
-    return Structure(mesh, plate, layers, integration(mesh, degree), shape_values(degree), free, hub)
+    batches = integration(mesh, degree or (QUADRATURE if layers is None else SOLID_QUADRATURE))
+    return Structure(mesh, plate, layers, batches, np.concatenate([np.flatnonzero(inside), last]), hub)
+
+
+def nodes_on(mesh: StageMesh, label: str) -> Index:
+    """Nodes of the edges with this label."""
+    return np.unique(mesh.edges[label])
+
+
+def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
+    """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3): `f_i = b int N_i t ds`."""
+    t = mesh.triangles
+    sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
+    order = np.argsort(sides[:, 2], kind="stable")
+    edges = sides[order[np.searchsorted(sides[order, 2], edges[:, 2])]]  # with their triangle to the left
+    s, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
+    N, slope = (each[[0, 2, 1]] for each in segment_functions(s))
+    at = mesh.nodes[edges]
+    points, tangents = np.einsum("kid,iq->kqd", at, N), np.einsum("kid,iq->kqd", at, slope)
+    length = np.hypot(tangents[..., 0], tangents[..., 1])
+    normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1) / length[..., None]
+    force = np.zeros_like(mesh.nodes)
+    np.add.at(force, edges, np.einsum("kqd,kq,iq->kid", traction(points, normals), plate.thickness * length * w, N))
+    return force
 
 
 class Mass(NamedTuple):
@@ -258,10 +278,10 @@ class Mass(NamedTuple):
 
 def mass_of(of: Structure, density: float, carried: Array | None = None, degree: int = MASS_QUADRATURE) -> Mass:
     """Consistent mass of a structure, by default exact on curved triangles; density in tonne/mm^3."""
-    N, number = shape_values(degree), len(of.mesh.nodes)
+    number = len(of.mesh.nodes)
     areal = sp.csr_array((number, number))
     for batch in integration(of.mesh, degree):
-        values = density * np.einsum("iq,jq,eq->eij", N, N, batch.weights, optimize=True)
+        values = density * np.einsum("iq,jq,eq->eij", batch.phi, batch.phi, batch.weights, optimize=True)
         places = (np.repeat(batch.triangles, 6, axis=1).ravel(), np.tile(batch.triangles, (1, 6)).ravel())
         areal = areal + sp.coo_array((values.ravel(), places), shape=(number, number)).tocsr()
     line = (of.line.values * of.line.weights) @ of.line.values.T

@@ -6,8 +6,7 @@ the displacements of the cuts and the pose, `i` all others of a sector, and `b =
 
     S = K_bb - K_bi K_ii^-1 K_ib,    A_h = T_h* S T_h.
 
-Sectors that differ are welded and solved at once: condensing each takes longer, because its factor must be made a
-second time once the part that belongs to the boundary has been taken out of it.
+Sectors that differ are welded and solved at once, which is faster than condensing each.
 """
 
 from __future__ import annotations
@@ -57,7 +56,6 @@ class Chains(NamedTuple):
     unknowns : number of equations of the whole.
     """
 
-    sectors: tuple[Sector, ...]
     of: Structure
     places: list[Index]
     spaces: tuple[Space, ...]
@@ -66,7 +64,7 @@ class Chains(NamedTuple):
     @property
     def alike(self) -> bool:
         """Whether one sector stands for three."""
-        return len(self.sectors) == 1
+        return not self.places
 
     def solve(self, loads: Array) -> Array:
         """Unknowns (m, k) under loads (m, k); three of a sector, turned by sectors as the vector x, y, theta."""
@@ -91,13 +89,13 @@ def by_sectors(
     if len(sectors) == 3:
         mesh, places = joined(sectors)
         of = structure(mesh, plate, layers, degree)
-        return Chains(sectors, of, places, (every_motion(of),), of.size)
+        return Chains(of, places, (every_motion(of),), of.size)
     (sector,) = sectors
     of = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
     cut = len(sector.ahead) * len(of.line.kept)
     condensed = condense(of.lower(), 2 * cut + 3)
     spaces = (_harmonic(of, condensed, len(sector.ahead), 0), _harmonic(of, condensed, len(sector.ahead), 1))
-    return Chains(sectors, of, [], spaces, 3 * (of.size - cut) - 6)
+    return Chains(of, [], spaces, 3 * (of.size - cut) - 6)
 
 
 def _harmonic(of: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
@@ -136,8 +134,6 @@ def _harmonic(of: Structure, condensed: Condensed, nodes: int, harmonic: int) ->
 def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
     """T_h (2 c + 3, c + 1) of a cut of so many nodes of the plane, from a cut and the harmonic's pose.
 
-    Notes
-    -----
     The cut ahead is the cut behind of the next sector. Of three freedoms of the hub the turn leaves one as it is,
     theta or z, and turns the others as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
     """
@@ -157,8 +153,6 @@ def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
 def under_loads(values: Sequence[Array]) -> list[Array]:
     """Values (3 cases, ...) of three chains, each in the frame of chain 1, from those of one or three sectors.
 
-    Notes
-    -----
     Chain c of three alike answers a case as chain 1 does the case turned back by c turns.
     """
     if len(values) == 3:

@@ -1,20 +1,17 @@
-"""What the values of keys may be: plausible ranges by quantity, and rules between keys, both also in the JSON schema.
+"""Plausible ranges of the values of keys, by quantity; the JSON schemas have them, too.
 
 Less than the least or more than the most is a mistake of the unit or of the keyboard, and would overflow or vanish in
-what is computed. What is merely unusual is inside, and some of it is warned of: see `questions.warnings`. A rule is a
-JSON schema, draft 7, of a table; what it refuses the model refuses, too, and the model refuses more.
+what is computed. What is merely unusual is inside, and some of it is warned of: see `questions.warnings`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 from pydantic import AfterValidator, Field
 
 from flexfem.files.refusals import refusal
-
-Rule: TypeAlias = dict[str, Any]
 
 UNIT = "x-unit"  # keyword of every number: its unit
 COUNT: dict[str, Any] = {UNIT: "1"}  # of a number without a unit
@@ -24,67 +21,15 @@ OF_THE_KEY: dict[str, Any] = {UNIT: "of the key"}  # of a number in the unit of 
 class Keywords(NamedTuple):
     """Annotation of a type: keywords that its JSON schema has besides, found when the schema is made."""
 
-    found: Callable[[], Rule]
+    found: Callable[[], dict[str, Any]]
 
-    def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], Rule]) -> Rule:
+    def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], Any]) -> dict[str, Any]:
         return {**handler(core), **self.found()}
 
 
 def keywords(**given: Any) -> Keywords:
     """Keywords that are known beforehand."""
     return Keywords(lambda: given)
-
-
-def ruled(*rules: Rule, also: Callable[[Rule], None] | None = None) -> Callable[[Rule], None]:
-    """For `json_schema_extra` of a model: all rules hold of its tables; `also` changes the schema itself."""
-
-    def added(schema: Rule) -> None:
-        if rules:
-            schema["allOf"] = list(rules)
-        if also is not None:
-            also(schema)
-
-    return added
-
-
-def has(*keys: str) -> Rule:
-    """All these keys are there."""
-    return {"required": list(keys)}
-
-
-def without(*keys: str) -> Rule:
-    """None of these keys is there."""
-    return {"propertyNames": {"not": {"enum": list(keys)}}}
-
-
-def only(*keys: str) -> Rule:
-    """No other key is there."""
-    return {"propertyNames": {"enum": list(keys)}}
-
-
-def says(key: str, *values: Any) -> Rule:
-    """The key is there and has one of these values."""
-    return {"properties": {key: {"enum": list(values)}}, "required": [key]}
-
-
-def both(*rules: Rule) -> Rule:
-    """All of these rules hold."""
-    return {"allOf": list(rules)}
-
-
-def either(*rules: Rule) -> Rule:
-    """One of these rules holds, or more."""
-    return {"anyOf": list(rules)}
-
-
-def when(condition: Rule, then: Rule, otherwise: Rule | None = None) -> Rule:
-    """Where a rule holds, another does."""
-    return {"if": condition, "then": then} | ({} if otherwise is None else {"else": otherwise})
-
-
-def beside(needed: Mapping[str, list[str]]) -> Rule:
-    """Each key has these keys beside it."""
-    return {"dependencies": dict(needed)}
 
 
 class Ends(NamedTuple):
@@ -102,7 +47,6 @@ DENSITY = Ends(0.1, 1e5)  # kg/m^3: aerogels, and four times osmium
 WALKER = Ends(0.01, 1)
 CYCLES = Ends(0.1, 1e12)  # less than the quarter of a cycle that breaks a specimen; a thousand years at 30 Hz
 STROKE = Ends(1e-3, 1e4)  # um
-VOLTAGE = Ends(1, 2000)  # V
 FORCE = Ends(1e-6, 1e6)  # N
 STACK_STIFFNESS = Ends(1e-6, 1e6)  # N/um
 SPRING = Ends(1e-6, 1e9)  # N/mm

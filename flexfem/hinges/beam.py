@@ -1,6 +1,6 @@
-"""Dimensionless compliances of the circular notch as functions of t/R, after each author and by quadrature.
+"""Dimensionless compliances of the circular notch as functions of t/R, in closed form and by quadrature.
 
-With tau = t/R every author's compliance is a pure number of tau over a dimensional factor:
+With tau = t/R every compliance is a pure number of tau over a dimensional factor:
 
     rotation  theta/M  = rotation(tau) / (E b R^2)
     axial     dx/F_x   = axial(tau)    / (E b)
@@ -70,76 +70,3 @@ def bending_closed(tau: Array) -> Array:
     J1 = 4.0 / np.sqrt(q) * np.arctan(np.sqrt((2.0 + beta) / beta))
     J2 = (2.0 / c + c * J1) / q
     return 0.75 * ((2.0 * c**2 - 1.0) * J2 - 4.0 * c * J1 + 2.0 * np.pi)
-
-
-def rotation_paros_weisbord_short(tau: Array) -> Array:
-    """Limit of (2) for t << R: theta/M = 9 pi sqrt(R) / (2 E b t^(5/2))."""
-    return 4.5 * np.pi * tau**-2.5
-
-
-def axial_paros_weisbord_short(tau: Array) -> Array:
-    """Limit of (3) for t << R as printed, dx/F_x = (pi sqrt(R/t) - 2.57)/(E b); 2.57 stands for 1 + pi/2."""
-    return np.pi / np.sqrt(tau) - 2.57
-
-
-def rotation_wu_zhou(tau: Array) -> Array:
-    """E b R^2 theta/M in s = R/t."""
-    s = 1.0 / tau
-    root = np.sqrt(4.0 * s + 1.0)
-    rational = 2.0 * s**3 * (6.0 * s**2 + 4.0 * s + 1.0) / ((2.0 * s + 1.0) * root**4)
-    transcendental = 12.0 * s**4 * (2.0 * s + 1.0) / root**5 * np.arctan(root)
-    value: Array = 12.0 * (rational + transcendental)
-    return value
-
-
-def axial_wu_zhou(tau: Array) -> Array:
-    """E b dx/F_x in s = R/t."""
-    s = 1.0 / tau
-    root = np.sqrt(4.0 * s + 1.0)
-    return 2.0 * (2.0 * s + 1.0) / root * np.arctan(root) - 0.5 * np.pi
-
-
-def rotation_lobontiu(tau: Array) -> Array:
-    """E b R^2 theta/M of the symmetric circular hinge, with r = 1 and t = tau."""
-    m = tau * (4.0 + tau)
-    rational = m * (6.0 + 4.0 * tau + tau**2)
-    angle = np.arctan(np.sqrt(1.0 + 4.0 / tau))
-    return 24.0 / (m**3 * (2.0 + tau)) * (rational + 6.0 * (2.0 + tau) ** 2 * np.sqrt(m) * angle)
-
-
-def axial_lobontiu(tau: Array) -> Array:
-    """E b dx/F_x of the symmetric circular hinge."""
-    m = tau * (4.0 + tau)
-    return 2.0 * (2.0 + tau) / np.sqrt(m) * np.arctan(np.sqrt(1.0 + 4.0 / tau)) - 0.5 * np.pi
-
-
-def bending_lobontiu(tau: Array) -> Array:
-    """E b dy/F_y about the centre: the form printed for a force at the hinge's end, minus R^2 theta/M.
-
-    Notes
-    -----
-    The difference of two numbers 1/tau times larger: 2e-11 of rounding at t/R = 1e-4, 1e-13 from 0.005 upwards.
-    """
-    m = tau * (4.0 + tau)
-    quartic = -80.0 + 24.0 * tau + 8.0 * (3.0 + 2.0 * np.pi) * tau**2 + 4.0 * (1.0 + 2.0 * np.pi) * tau**3
-    rational = 2.0 * (2.0 + np.pi) + np.pi * tau + 8.0 * (44.0 + 28.0 * tau + 5.0 * tau**2) / m**2
-    rational = rational + (2.0 + tau) * (quartic + np.pi * tau**4) / m**2
-    angle = np.arctan(np.sqrt(1.0 + 4.0 / tau))
-    transcendental = 8.0 * (2.0 + tau) ** 4 * (-6.0 + 4.0 * tau + tau**2) / m**2.5 * angle
-    at_end = 0.75 / (2.0 + tau) * (rational - transcendental)
-    return at_end - rotation_lobontiu(tau)
-
-
-def rotation_smith_chetwynd(tau: Array) -> Array:
-    """theta/M = 24 K R/(E b t^3) with K = 0.565 t/R + 0.166."""
-    return 24.0 * (0.565 * tau + 0.166) * tau**-3.0
-
-
-def rotation_koster(tau: Array) -> Array:
-    """M/theta = 0.093 sqrt(t/(2R)) E b t^2."""
-    return 1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2)
-
-
-def rotation_schotborgh(tau: Array) -> Array:
-    """M/theta = (E b t^2/12) (-0.0089 + 1.3556 sqrt(t/(2R)) - 0.5227 t/(2R)); not positive below t/R of 1e-4."""
-    return 12.0 / (tau**2 * (-0.0089 + 1.3556 * np.sqrt(0.5 * tau) - 0.5227 * 0.5 * tau))

@@ -70,53 +70,45 @@ class Series(NamedTuple):
             samples = np.moveaxis(np.tensordot(inverse, samples, axes=(1, axis)), 0, axis)
         return cls(ends, scales, samples)
 
+    def covers(self, *point: ArrayLike) -> NDArray[np.bool_]:
+        """Whether coordinates (broadcast against each other) are in the box."""
+        inside = [_within(*pair) for pair in zip(point, self.ends, strict=True)]
+        return np.asarray(np.logical_and.reduce(np.broadcast_arrays(*inside)))
+
     def at(self, *point: ArrayLike) -> Array:
-        """The numbers (numbers, ...) at coordinates (...), broadcast."""
+        """The numbers (numbers, ...) at coordinates (...), broadcast; nan outside the box."""
+        nearest = [np.clip(np.asarray(at, dtype=float), *ends) for at, ends in zip(point, self.ends, strict=True)]
+        return np.where(self.covers(*point), self.continued(*nearest), np.nan)
+
+    def continued(self, *point: Array) -> Array:
+        """The numbers (numbers, ...) at coordinates (...), broadcast, outside the box too."""
         parts = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
-        along = [_vander(np.asarray(at, dtype=float), ends, scale, terms) for at, ends, scale, terms in parts]
+        along = [_vander(at, ends, scale, terms) for at, ends, scale, terms in parts]
         axes = "ijk"[: len(along)]
         terms = ",".join(f"...{axis}" for axis in axes)
         return np.asarray(np.einsum(f"f{axes},{terms}->f...", self.coefficients, *along, optimize=True))
 
-    def clipped(self, *point: ArrayLike) -> list[Array]:
-        """The nearest coordinates in the box."""
-        return [np.clip(np.asarray(values, dtype=float), *ends) for values, ends in zip(point, self.ends, strict=True)]
-
-    def covers(self, *point: ArrayLike) -> NDArray[np.bool_]:
-        """Whether coordinates (broadcast against each other) are in the box."""
-        inside = [_within(*pair) for pair in zip(point, self.ends, strict=True)]
-        found: NDArray[np.bool_] = np.logical_and.reduce(np.broadcast_arrays(*inside))
-        return found
-
 
 class HingeChart(NamedTuple):
-    """The factors in t/R and H/h for every height: `low` up to its largest H/h, `high` beyond, less its growth.
-
-    bands : (3,), largest relative uncertainty of a sample, for rotation, axial, shear.
-    """
+    """The factors in t/R and H/h for every height: `low` up to its largest H/h, `high` beyond, less its growth."""
 
     low: Series
     high: Series
-    bands: Array
-
-    @property
-    def ratios(self) -> tuple[float, float]:
-        """Smallest and largest t/R; beyond them the chart says nothing."""
-        return self.low.ends[0]
 
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
         """Whether t/R and H/h (broadcast against each other) are on the chart; there is no largest H/h."""
-        return _within(ratio, self.ratios) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
+        return _within(ratio, self.low.ends[0]) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Factors:
         """Factors (...) at t/R and H/h, broadcast against each other."""
         tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
-        inside, found = self.covers(tau, eta), self.low.at(*self.low.clipped(tau, eta))
-        beyond = inside & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
+        found = self.low.at(tau, eta)
+        beyond = self.covers(tau, eta) & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
         if np.any(beyond):
-            within, high = np.clip(tau[beyond], *self.ratios), eta[beyond]
-            found[:, beyond] = self.high.at(within, high) + GROWTH[:, None] * np.log(high) / beam_integrals(within)
-        return Factors(*np.where(inside, found, np.nan))
+            within, high = np.clip(tau[beyond], *self.low.ends[0]), eta[beyond]
+            grown = GROWTH[:, None] * np.log(high) / beam_integrals(within)
+            found[:, beyond] = self.high.continued(within, high) + grown
+        return Factors(*found)
 
 
 def beam_integrals(tau: Array) -> Array:
@@ -129,7 +121,7 @@ def beam_integrals(tau: Array) -> Array:
 @cache
 def hinge_chart() -> HingeChart:
     """The chart in the package, read once."""
-    parts, bands = [], []
+    parts = []
     for name, measure, growth in (("hinge_chart", np.log, 0.0), ("hinge_chart_high", np.reciprocal, GROWTH)):
         found = json.loads(read_data(f"{name}.json"))
         tau, eta = np.array(found["t/R"]), np.array(found["H/h"])
@@ -137,43 +129,27 @@ def hinge_chart() -> HingeChart:
         ends = tuple(found["range"]["t/R"]), tuple(found["range"]["H/h"])
         factors = samples / beam_integrals(tau)[:, :, None]
         parts.append(Series.through(ends, (np.sqrt, measure), [tau, eta], factors))
-        bands.append([found["largest_band"][freedom] for freedom in FREEDOMS])
-    return HingeChart(parts[0], parts[1], np.max(bands, axis=0))
-
-
-class ThicknessChart(NamedTuple):
-    """Over t/R, b/t and nu: positions in rotation and axially, 0 in plane stress and 1 in plane strain, and the highest
-    von Mises stress by a moment and by a pull over that in plane stress.
-
-    bands : (2,), largest uncertainty of a sample in terms of the compliance, relative, for rotation and axial.
-    """
-
-    series: Series
-    bands: Array
-
-    def at(self, ratio: ArrayLike, width: ArrayLike, poissons_ratio: ArrayLike) -> Array:
-        """Both positions and both stress factors (4, ...), the arguments broadcast; nan outside the chart."""
-        point = ratio, width, poissons_ratio
-        return np.where(self.series.covers(*point), self.series.at(*self.series.clipped(*point)), np.nan)
+    return HingeChart(*parts)
 
 
 @cache
-def thickness_chart() -> ThicknessChart:
-    """The chart in the package, read once."""
+def thickness_chart() -> Series:
+    """The chart in the package, read once, over t/R, b/t and nu.
+
+    Positions in rotation and axially, 0 in plane stress and 1 in plane strain, and the highest von Mises stress by a
+    moment and by a pull over that in plane stress.
+    """
     found, axes = json.loads(read_data("thickness_chart.json")), ("t/R", "b/t", "nu")
     points, ends = [np.array(found[axis]) for axis in axes], tuple(tuple(found["range"][axis]) for axis in axes)
     stress = found["stress"]
     samples = np.array([found["rotation"], found["axial"], stress["bending"], stress["tension"]])
-    series = Series.through(ends, (np.sqrt, np.log, np.positive), points, samples)
-    return ThicknessChart(series, np.array([found["largest_band"][name] for name in FREEDOMS[:2]]))
+    return Series.through(ends, (np.sqrt, np.log, np.positive), points, samples)
 
 
 def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike) -> Factors:
-    """Factors (...) of the plane-stress compliances of hinges; lengths in mm, the arguments broadcast.
+    """Factors (...), at most 1, of the plane-stress compliances of hinges; lengths in mm, the arguments broadcast.
 
-    Returns
-    -------
-    Factors, at most 1; nan where t/R, b/t or nu is not on the chart.
+    nan where t/R, b/t or nu is not on the chart.
 
     Notes
     -----
@@ -195,7 +171,7 @@ def on_thickness_chart(
 ) -> NDArray[np.bool_]:
     """Whether hinges are on the chart; arguments as for `thickness_factors`."""
     t = np.asarray(neck, dtype=float)
-    return thickness_chart().series.covers(t / np.asarray(radius), np.asarray(thickness) / t, poissons_ratio)
+    return thickness_chart().covers(t / np.asarray(radius), np.asarray(thickness) / t, poissons_ratio)
 
 
 def _vander(values: Array, ends: tuple[float, float], measure: np.ufunc, terms: int) -> Array:

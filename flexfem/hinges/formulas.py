@@ -15,7 +15,7 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, shown
 from flexfem.hinges import beam
 from flexfem.hinges.beam import SHEAR_CORRECTION
-from flexfem.hinges.chart import hinge_chart
+from flexfem.hinges.chart import Factors, hinge_chart
 from flexfem.refused import BadInput
 
 
@@ -34,13 +34,13 @@ class Compliance(NamedTuple):
 
 @dataclass(frozen=True)
 class Formula:
-    """A published hinge formula in dimensionless form, with what is known of its origin.
+    """A hinge formula in dimensionless form, with what is known of its origin.
 
-    name : the key in `FORMULAS`.
-    source : citation.
+    name : the key in `FORMULAS`.   source : citation.
     status : how sure the printed form is, and what it was compared with.
     valid : smallest and largest t/R for which the formula is meant (`status` says who says so).
     rotation, axial, bending : pure numbers of t/R (see `beam`), None where the source states none.
+    charted : whether they are multiplied by the factors of the hinge chart, which is not extrapolated.
     """
 
     name: str
@@ -50,6 +50,7 @@ class Formula:
     rotation: Callable[[Array], Array]
     axial: Callable[[Array], Array] | None = None
     bending: Callable[[Array], Array] | None = None
+    charted: bool = False
 
     @property
     def freedoms(self) -> tuple[str, ...]:
@@ -58,10 +59,11 @@ class Formula:
         return tuple(freedom for freedom, function in stated if function is not None)
 
     def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
-        """Whether t/R is where the formula is meant to be used, broadcast; `block_height` as for `compliance`."""
-        tau = np.asarray(neck, dtype=float) / np.asarray(radius, dtype=float)
-        inside: NDArray[np.bool_] = (tau >= self.valid[0]) & (tau <= self.valid[1])
-        return inside
+        """Whether t/R (and H/h) is where the formula is meant to be used, broadcast; arguments as of `compliance`."""
+        tau, eta = _shape_of_notch(radius, neck, block_height)
+        if self.charted:
+            return hinge_chart().covers(tau, eta)
+        return np.asarray((tau >= self.valid[0]) & (tau <= self.valid[1]))
 
     def compliance(
         self,
@@ -81,53 +83,25 @@ class Formula:
 
         Notes
         -----
-        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A).
-        Outside `in_range` the value is returned all the same: the caller reports it.
+        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). On a charted
+        hinge Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height:
+        `flexfem/fem/hinge.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
+        the same: the caller reports it.
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
         tau = t / R
         axial = (self.axial or beam.axial_paros_weisbord)(tau)
         bending = (self.bending or beam.bending_closed)(tau)
         stretch = axial if self.bending is not None else beam.axial_paros_weisbord(tau)
+        factors, sideways = Factors(*np.ones(3)), stretch
+        if self.charted:
+            tau, eta = _shape_of_notch(R, t, block_height)
+            factors, sideways = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
+        shear = factors.shear * (bending + SHEAR_CORRECTION * 2.0 * stretch) + SHEAR_CORRECTION * 2.0 * nu * sideways
         return Compliance(
-            rotation=self.rotation(tau) / (E * b * R**2),  # (2)
-            axial=axial / (E * b) + 0.0 * nu,  # (3)
-            shear=(bending + SHEAR_CORRECTION * 2.0 * (1.0 + nu) * stretch) / (E * b),
-        )
-
-
-@dataclass(frozen=True)
-class ChartedFormula(Formula):
-    """Beam integrals times the factors of the hinge chart: plane-stress finite elements, interpolated."""
-
-    def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
-        """Whether t/R and H/h are on the chart; the arguments broadcast."""
-        return hinge_chart().covers(*_shape_of_notch(radius, neck, block_height))
-
-    def compliance(
-        self,
-        radius: ArrayLike,
-        neck: ArrayLike,
-        thickness: ArrayLike,
-        youngs_modulus: ArrayLike,
-        poissons_ratio: ArrayLike,
-        block_height: ArrayLike | None = None,
-    ) -> Compliance:
-        """As `Formula.compliance`, but nan outside `in_range`: a chart is not extrapolated.
-
-        Notes
-        -----
-        Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height: `flexfem/fem/hinge.py`.
-        """
-        b, E, nu = (np.asarray(v, dtype=float) for v in (thickness, youngs_modulus, poissons_ratio))
-        tau, eta = _shape_of_notch(radius, neck, block_height)
-        factors = hinge_chart().factors(tau, eta)
-        slender = super().compliance(radius, neck, b, E, 0.0)
-        stretch = 2.0 / (eta * (2.0 + tau))  # 2R/H
-        return Compliance(
-            rotation=factors.rotation * slender.rotation,
-            axial=factors.axial * slender.axial + 0.0 * nu,
-            shear=factors.shear * slender.shear + SHEAR_CORRECTION * 2.0 * nu * stretch / (E * b),
+            rotation=factors.rotation * self.rotation(tau) / (E * b * R**2),  # (2)
+            axial=factors.axial * axial / (E * b) + 0.0 * nu,  # (3)
+            shear=shear / (E * b),
         )
 
 
@@ -160,34 +134,35 @@ _ENTRIES = (
         "found in several public sources; axial with 2.57 as printed, the limit of (3) being 1 + pi/2 = 2.5708."
         " Range ours: rotation within 1.3 % and axial within 5 % of the full form",
         (1e-4, 0.1),
-        beam.rotation_paros_weisbord_short,
-        beam.axial_paros_weisbord_short,
+        lambda tau: 4.5 * np.pi * tau**-2.5,
+        lambda tau: np.pi / np.sqrt(tau) - 2.57,
     ),
     Formula(
         "wu-zhou",
         "Y. Wu, Z. Zhou, Design calculations for flexure hinges, Rev. Sci. Instrum. 73, 3101 (2002)",
-        "recalled; the same beam integrals as Paros-Weisbord in other algebra, equal to quadrature. No published range",
+        "recalled; the same beam integrals as Paros-Weisbord in other algebra, whose numbers are those given here."
+        " No published range",
         BEAM_RANGE,
-        beam.rotation_wu_zhou,
-        beam.axial_wu_zhou,
+        beam.rotation_paros_weisbord,
+        beam.axial_paros_weisbord,
     ),
     Formula(
         "lobontiu",
         "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), symmetric circular hinge",
         "rotation and transverse form found in public code under his name, the book itself not seen; axial recalled."
-        " The same beam integrals in other algebra, equal to quadrature; the transverse form holds for a force at the"
-        " hinge's end and is moved to the centre here. No published range",
+        " The same beam integrals in other algebra, whose numbers are those given here; the transverse form holds for"
+        " a force at the hinge's end and is moved to the centre. No published range",
         BEAM_RANGE,
-        beam.rotation_lobontiu,
-        beam.axial_lobontiu,
-        beam.bending_lobontiu,
+        beam.rotation_paros_weisbord,
+        beam.axial_paros_weisbord,
+        beam.bending_closed,
     ),
     Formula(
         "smith-chetwynd",
         "S. T. Smith, D. G. Chetwynd, Foundations of Ultraprecision Mechanism Design, Gordon and Breach (1992)",
         "coefficients found in public code, attribution recalled; range t < R < 5 t recalled",
         (0.2, 1.0),
-        beam.rotation_smith_chetwynd,
+        lambda tau: 24.0 * (0.565 * tau + 0.166) * tau**-3.0,  # theta/M = 24 K R/(E b t^3)
     ),
     Formula(
         "koster",
@@ -195,7 +170,7 @@ _ENTRIES = (
         "recalled; 2 to 7 % from plane-stress finite elements. Published range not known, the range is the one of"
         " that comparison",
         (0.02, 1.0),
-        beam.rotation_koster,
+        lambda tau: 1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2),  # M/theta = 0.093 sqrt(t/(2R)) E b t^2
     ),
     Formula(
         "schotborgh",
@@ -203,7 +178,7 @@ _ENTRIES = (
         "recalled; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % off at 1. Published range not"
         " known, the range is where it is within 3 %",
         (0.02, 0.3),
-        beam.rotation_schotborgh,
+        lambda tau: 12.0 / (tau**2 * (-0.0089 + 1.3556 * np.sqrt(0.5 * tau) - 0.5227 * 0.5 * tau)),
     ),
     Formula(
         "quadrature",
@@ -214,16 +189,17 @@ _ENTRIES = (
         lambda tau: beam.quadrature(tau, 0, 1),
         lambda tau: 12.0 * beam.quadrature(tau, 2, 3),
     ),
-    ChartedFormula(
+    Formula(
         "calibrated",
         "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
         "the full beam integrals times charted factors, for the links' height beside the notch, any H/h from 1 on;"
         " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value. H/h above 3:"
         " hinge_chart_high.json",
-        hinge_chart().ratios,
+        hinge_chart().low.ends[0],
         beam.rotation_paros_weisbord,
         beam.axial_paros_weisbord,
         beam.bending_closed,
+        charted=True,
     ),
 )
 

@@ -86,8 +86,6 @@ def stress_raised(designs: Designs) -> Concentration:
 def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentration) -> Array:
     """Largest von Mises stress at each neck (..., 3 chains, 3 hinges, 3 directions), MPa per mm, rad of the platform.
 
-    Parameters
-    ----------
     neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `stress_raised`.
 
     Notes
@@ -118,8 +116,6 @@ def von_mises_along(out_of_plane: Array) -> Array:
 def range_at_yield(stress: Array, yield_strength: Array) -> Array:
     """Displacement (..., 3) of the platform in each direction, the others held, at which the first neck yields.
 
-    Parameters
-    ----------
     stress : (..., 3 chains, 3 hinges, 3 directions) of `neck_stress`.   yield_strength : (...), MPa.
     """
     return np.asarray(yield_strength[..., None] / np.max(stress, axis=(-3, -2)))
@@ -293,10 +289,16 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
         said = f"an exponent of {1.0 / slope:.3g}" if slope else "a life that does not change with stress"
         raise BadInput(f"S-N points give {said}, expected {STEEPEST:g} to {FLATTEST:g}: life falls with stress")
-    quantile = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2))
+    half = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2)) * error
     at = [float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)]
-    ends = _fieller(x, y, slope, quantile)
-    low, high = slope - quantile * error, slope + quantile * error
+    low, high, spread = slope - half, slope + half, float(np.sum((x - x.mean()) ** 2))
+    # Fieller: the x at one reversal where the line of all slopes and heights within theirs may meet it
+    centre = float(np.log10(ONE_REVERSAL) - y.mean())
+    a, b, c = slope**2 - half**2, -slope * centre, centre**2 - half**2 * spread / n
+    ends = None
+    if a > 0 and b * b >= a * c:
+        first, last = (float(10.0 ** (x.mean() + (-b - sign * np.sqrt(b * b - a * c)) / a)) for sign in (1, -1))
+        ends = first, last
     return BasquinFit(
         coefficient=at[0],
         exponent=1.0 / slope,
@@ -305,7 +307,7 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
         coefficient_interval=ends,
         exponent_interval=(1.0 / high, 1.0 / low) if high < 0 else None,
         confidence=float(confidence),
-        scatter=_scatter(x, y),
+        scatter=error * float(np.sqrt(spread)),
         points=n,
         range=(float(np.min(cycles)), float(np.max(cycles))),
     )
@@ -319,21 +321,3 @@ def _positive(name: str, values: ArrayLike) -> Array:
     if found.ndim != 1 or not np.all(np.isfinite(found) & (found > 0)):
         raise BadInput(f"{name}: expected a list of numbers above 0")
     return found
-
-
-def _scatter(x: Array, y: Array) -> float:
-    """Standard deviation of y about the line, n - 2 degrees of freedom."""
-    away = y - np.polyval(np.polyfit(x, y, 1), x)
-    return float(np.sqrt(np.sum(away**2) / (x.size - 2)))
-
-
-def _fieller(x: Array, y: Array, slope: float, quantile: float) -> tuple[float, float] | None:
-    """Interval of the stress at one reversal: where the line of all slopes and heights within theirs may meet it."""
-    spread, centre = float(np.sum((x - x.mean()) ** 2)), float(np.log10(ONE_REVERSAL) - y.mean())
-    t2 = (quantile * _scatter(x, y)) ** 2
-    a, b, c = slope**2 - t2 / spread, -slope * centre, centre**2 - t2 / x.size
-    if not a > 0 or b * b < a * c:
-        return None
-    root = float(np.sqrt(b * b - a * c))
-    low, high = sorted(10.0 ** (x.mean() + (-b + sign * root) / a) for sign in (1, -1))
-    return float(low), float(high)

@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import tomllib
 from functools import cache
-from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
-from flexfem.files.quantities import COUNT, Keywords, Rule, both, either, has, keywords, ruled, says, when, without
+from flexfem.files.quantities import COUNT, Keywords, keywords
 from flexfem.files.refusals import refusal, suggestion
-from flexfem.files.toml import Label, Table, validate
+from flexfem.files.toml import Label
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 from flexfem.mechanism.materials import Material
+from flexfem.sources import read_data
+from flexfem.units import UNITS
 
-CATALOGUE = Path(__file__).parents[1] / "data" / "stacks.toml"
 STEEL = (206e3, 0.3)  # bearing steel, MPa and Poisson's ratio: of balls and of ends of stacks if no file states it
 
 Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STROKE), *in_unit("um")]
 Rate: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STACK_STIFFNESS), *in_unit("n_per_um")]
 Force: TypeAlias = Annotated[float, *quantities.above_zero(quantities.FORCE)]
-Voltage: TypeAlias = Annotated[float, *quantities.above_zero(quantities.VOLTAGE)]
 StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue())})]
 
 
@@ -84,36 +84,35 @@ def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tupl
     return np.asarray((6 * np.asarray(radius) * modulus**2 * np.asarray(force)) ** (1 / 3))
 
 
-class CataloguedStack(Dimensioned):
-    """A stack of the shipped catalogue: stroke in mm, force in N, at its highest voltage, with their source."""
+class CataloguedStack(NamedTuple):
+    """A stack of the shipped catalogue: stroke and its tolerance, mm, and force, N, at the highest voltage, V."""
 
-    name: Label = Field(description="By which stage files name it", examples=["AE0505D16"])
-    maker: Label = Field(description="Who makes it", examples=["NEC/Tokin"])
-    voltage: Voltage = Field(alias="voltage_v", description="The highest", examples=[150.0])
-    stroke: Stroke = Field(alias="stroke_um", description="Free stroke at that voltage", examples=[17.4])
-    tolerance: Stroke = Field(alias="tolerance_um", description="Of the stroke, less than it", examples=[2.0])
-    blocking_force: Force = Field(alias="blocking_force_n", description="At that voltage", examples=[935.0])
-    source: Label = Field(description="Where the numbers come from", examples=["data sheet of the maker"])
-
-    @model_validator(mode="after")
-    def _plausible(self) -> CataloguedStack:
-        if not self.tolerance < self.stroke:
-            raise refusal("less than the stroke", "tolerance_um")
-        if not 1 <= self.blocking_force / self.stroke / 1e3 <= 5000:
-            raise refusal("1 to 5000 N/um with the stroke, as stacks have", "blocking_force_n")
-        return self
-
-
-class Catalogue(Table):
-    """The file of all stacks that are known by name."""
-
-    stack: tuple[CataloguedStack, ...] = Field(description="A stack, as many as wanted")
+    name: str
+    maker: str
+    voltage: float
+    stroke: float
+    tolerance: float
+    blocking_force: float
+    source: str
 
 
 @cache
 def catalogue() -> dict[str, CataloguedStack]:
-    """The shipped stacks by name. Raises BadInput for a number out of range."""
-    return {stack.name: stack for stack in validate(Catalogue, CATALOGUE).stack}
+    """The shipped stacks by name."""
+    um, tables = 1 / UNITS["um"].factor, tomllib.loads(read_data("stacks.toml"))["stack"]
+    found = [
+        CataloguedStack(
+            name=table["name"],
+            maker=table["maker"],
+            voltage=table["voltage_v"],
+            stroke=um * table["stroke_um"],
+            tolerance=um * table["tolerance_um"],
+            blocking_force=table["blocking_force_n"],
+            source=table["source"],
+        )
+        for table in tables
+    ]
+    return {stack.name: stack for stack in found}
 
 
 Body: TypeAlias = Literal["frame", "link 1", "link 2", "platform"]
@@ -121,6 +120,9 @@ HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
 BODY_NAMES: tuple[Body, ...] = get_args(Body)
 ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "link 2": ("elbow", "platform")}
+ON_LINK, ANYWHERE = ("hinge", "arm_mm", "side"), ("point_mm", "direction_deg")  # keys of the place of a contact
+RATING = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
+OF_BALL = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
 BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke and stiffness
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
@@ -129,36 +131,8 @@ Preload: TypeAlias = Annotated[float, *quantities.from_zero(quantities.FORCE)]
 Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 
 
-_OWN = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
-_BALL = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
-
-
-def _pushes(body: str) -> Rule:
-    return {"properties": {"between": {"items": [{}, {"const": body}]}}, "required": ["between"]}
-
-
-_RULES = (
-    when(
-        has("point_mm"),
-        both(has("direction_deg"), without("hinge", "arm_mm", "side", "tilt_deg")),
-        both(has("hinge", "arm_mm", "side"), without("direction_deg")),
-    ),
-    *(when(both(_pushes(link), has("hinge")), says("hinge", *ends)) for link, ends in ENDS.items()),
-    when(_pushes("platform"), without("hinge")),
-    {"not": _pushes("frame")},
-    when(
-        has("stack"),
-        without(*_OWN),
-        both(has(_OWN[0]), either(*(both(has(one), without(other)) for one, other in (_OWN[1:], _OWN[:0:-1])))),
-    ),
-    when(has("ball_radius_mm"), both(has("preload_n"), without("contact_stiffness_n_per_um")), without(*_BALL)),
-)
-
-
 class Actuator(Dimensioned):
     """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
 
     name: Label = Field(
         description="By which it is named: `actuator.base.preload_n`; no other has it", examples=["base"]
@@ -286,48 +260,33 @@ class Actuator(Dimensioned):
         return between
 
     @model_validator(mode="after")
-    def _one_place(self) -> Actuator:
-        on_link = {"hinge": self.hinge, "arm_mm": self.arm, "side": self.side}
-        anywhere = {"point_mm": self.point, "direction_deg": self.direction}
-        tilted = {"tilt_deg": self.tilt}
-        wanted, others = (anywhere, on_link | tilted) if self.point is not None else (on_link, anywhere)
-        for key, value in others.items():
-            if value is not None:
+    def _keys_go_together(self) -> Actuator:
+        keys = {field.alias or name: getattr(self, name) for name, field in Actuator.model_fields.items()}
+        said = [key for key, value in keys.items() if value is not None]
+        place, others = (ANYWHERE, (*ON_LINK, "tilt_deg")) if self.point is not None else (ON_LINK, ANYWHERE)
+        rating = [key for key in RATING if key in said]
+        for key in others:
+            if key in said:
                 raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
-        if None in wanted.values():
+        if not set(place) <= set(said):
             raise refusal("where the contact is: hinge, arm_mm and side, or point_mm and direction_deg")
         ends = ENDS.get(self.between[1], ())
         if self.hinge is not None and self.hinge not in ends:
             where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
             raise refusal(where, "hinge")
-        return self
-
-    @model_validator(mode="after")
-    def _one_rating(self) -> Actuator:
-        own = {"stroke_um": self.stroke, "stiffness_n_per_um": self.stiffness, "blocking_force_n": self.blocking_force}
-        given = [key for key, value in own.items() if value is not None]
-        if self.stack is not None and given:
-            raise refusal(f"the numbers of the catalogue alone: leave out {given[0]} or stack", given[0])
-        if self.stack is None and (self.stroke is None or len(given) != 2):
+        if self.stack is not None and rating:
+            raise refusal(f"the numbers of the catalogue alone: leave out {rating[0]} or stack", rating[0])
+        if self.stack is None and (self.stroke is None or len(rating) != 2):
             raise refusal(
-                "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *given[:1]
+                "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *rating[:1]
             )
-        return self
-
-    @model_validator(mode="after")
-    def _one_contact(self) -> Actuator:
-        ball = dict(zip(_BALL, (self.ball_loose, self.ball_youngs_modulus, self.ball_poissons_ratio), strict=True))
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
-        for key, value in ball.items():
-            if value is not None and self.ball_radius is None:
+        for key in OF_BALL:
+            if key in said and self.ball_radius is None:
                 raise refusal("ball_radius_mm with it", key)
         if self.ball_radius is not None and self.preload == 0:
             raise refusal("a preload_n with it: a ball without preload has no stiffness", "ball_radius_mm")
-        return self
-
-    @model_validator(mode="after")
-    def _preload_is_borne(self) -> Actuator:
         most = self.rating.blocking_force
         if self.preload > most * (1 + BLOCKING_ROUND_OFF):
             raise refusal(f"at most the blocking force of the stack, {most:g}", "preload_n")
@@ -345,25 +304,20 @@ class Actuator(Dimensioned):
     @property
     def rating(self) -> StackRating:
         """Stroke, stiffness and blocking force of each of its stacks."""
-        if self.stack is not None:
-            known = catalogue()[self.stack]
-            return StackRating(known.stroke, known.blocking_force / known.stroke, known.blocking_force)
-        assert self.stroke is not None
+        known = self if self.stack is None else catalogue()[self.stack]
+        stroke, force = known.stroke or np.nan, known.blocking_force or np.nan
         if self.stiffness is not None:
-            return StackRating(self.stroke, self.stiffness, self.stroke * self.stiffness)
-        assert self.blocking_force is not None
-        return StackRating(self.stroke, self.blocking_force / self.stroke, self.blocking_force)
-
-    @property
-    def steel_assumed(self) -> bool:
-        """Whether its ball is of a metal that the file does not state."""
-        return self.ball_radius is not None and None in (self.ball_youngs_modulus, self.ball_poissons_ratio)
+            return StackRating(stroke, self.stiffness, stroke * self.stiffness)
+        return StackRating(stroke, force / stroke, force)
 
     @property
     def assumed_of_ball(self) -> list[str]:
         """What of its ball, if it has one, is assumed because the file does not state it."""
+        if self.ball_radius is None:
+            return []
+        stated = self.ball_youngs_modulus is not None and self.ball_poissons_ratio is not None
         held = {None: ["fixed to the stack"], True: ["steel end of the stack"], False: list[str]()}[self.ball_loose]
-        return ["steel"] * self.steel_assumed + (held if self.ball_radius is not None else [])
+        return held if stated else ["steel", *held]
 
     @property
     def contact(self) -> str:

@@ -20,11 +20,12 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
@@ -34,6 +35,12 @@ from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
 SHORTEST = 1e-9  # mm; a wall of a notch as deep as its link has no length and is left out
+TIGHTEST_TURN = np.deg2rad(170.0)
+FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
+LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
+NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two sectors
+BODIES = ("pad", "link 1", "link 2", "platform")
+GAUSS = np.polynomial.legendre.leggauss(16)  # on each line or arc of less than half a turn: exact to round-off
 
 
 class Segment(NamedTuple):
@@ -57,6 +64,26 @@ class Segment(NamedTuple):
             return abs(self.end - self.start)
         return abs(self.start - self.centre) * abs(self.turn)
 
+    def at(self, share: ArrayLike) -> AnyArray:
+        """Points (...), complex, at shares (...) of the length."""
+        if self.centre is None:
+            return np.asarray(self.start + np.multiply(share, self.end - self.start))
+        return np.asarray(self.centre + (self.start - self.centre) * np.exp(1j * np.multiply(self.turn, share)))
+
+    def tangent(self, share: ArrayLike) -> AnyArray:
+        """Unit tangents (...), complex, at shares (...) of the length."""
+        if self.centre is None:
+            return np.full(np.shape(share), (self.end - self.start) / self.length)
+        spoke = self.at(share) - self.centre
+        return np.asarray(1j * np.sign(self.turn) * spoke / np.abs(spoke))
+
+    def shares(self, points: AnyArray) -> Array:
+        """How far along (0 at the start, 1 at the end) points (...) beside it are."""
+        if self.centre is None:
+            return np.asarray(((points - self.start) / (self.end - self.start)).real)
+        swept = np.angle((points - self.centre) / (self.start - self.centre) * np.exp(-0.5j * self.turn))
+        return np.asarray(0.5 + swept / self.turn)
+
     def reversed(self) -> Segment:
         """The same curve walked the other way."""
         return Segment(self.end, self.start, self.centre)
@@ -66,13 +93,15 @@ class Segment(NamedTuple):
         r = cmath.exp(1j * angle)
         return Segment(self.start * r, self.end * r, None if self.centre is None else self.centre * r)
 
+    def offset(self, distance: float) -> Segment:
+        """The curve moved to its left by `distance`, mm: a line, or an arc about the same centre."""
+        start, end = (point + 1j * distance * complex(self.tangent(k)) for k, point in enumerate(self[:2]))
+        return Segment(start, end, self.centre)
+
     def points(self, step: float) -> AnyArray:
         """Points (n,), complex, from start (included) to end (excluded), one per `step` rad of arc."""
-        if self.centre is None:
-            return np.array([self.start])
-        n = max(2, int(np.ceil(abs(self.turn) / step)))
-        turned: AnyArray = np.exp(1j * self.turn * np.arange(n) / n)
-        return self.centre + (self.start - self.centre) * turned
+        n = 1 if self.centre is None else max(2, int(np.ceil(abs(self.turn) / step)))
+        return self.at(np.arange(n) / n)
 
 
 class Face(NamedTuple):
@@ -92,6 +121,16 @@ def reverse(path: Sequence[Segment]) -> list[Segment]:
     return [segment.reversed() for segment in reversed(path)]
 
 
+def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
+    """A path of one chain (1 to 3) in its place on the stage."""
+    return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
+
+
+def offset(path: Sequence[Segment], distance: float) -> list[Segment]:
+    """The path moved to its left by `distance`, mm (to its right when negative)."""
+    return [segment.offset(distance) for segment in path]
+
+
 def polyline(*points: complex) -> list[Segment]:
     """Lines through the points, without those of no length."""
     return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
@@ -106,9 +145,6 @@ def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArra
     """Vertices (n, 2) of a polygon that follows the loop with one vertex per `step` rad of arc."""
     z = np.concatenate([segment.points(step) for segment in loop])
     return np.column_stack([z.real, z.imag])
-
-
-TIGHTEST_TURN = np.deg2rad(170.0)
 
 
 class Pose(NamedTuple):
@@ -127,55 +163,31 @@ def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None
 
     Notes
     -----
-    L. E. Dubins, Am. J. Math. 79 (1957) 497: of its candidates the four with a straight middle piece.
+    L. E. Dubins, Am. J. Math. 79 (1957) 497: of its candidates the four with a straight middle piece, which turn first
+    and last to the left (1) or to the right (-1).
     """
-    found = [(length, path) for a in (1, -1) for b in (1, -1) for length, path in _candidate(start, end, radius, a, b)]
+    found = list[tuple[float, list[Segment]]]()
+    for first, last in product((1, -1), repeat=2):
+        c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
+        c1 = end.point + 1j * last * radius * cmath.exp(1j * end.heading)
+        aside = radius * (first - last)
+        straight_squared = abs(c1 - c0) ** 2 - aside**2
+        if straight_squared < SHORTEST**2:
+            continue
+        straight = math.sqrt(straight_squared)
+        heading = cmath.phase((c1 - c0) / complex(straight, -aside))
+        turns = [_wrap(first * (heading - start.heading)), _wrap(last * (end.heading - heading))]
+        if max(turns) <= TIGHTEST_TURN:
+            leave, arrive = (c - 1j * side * radius * cmath.exp(1j * heading) for c, side in ((c0, first), (c1, last)))
+            pieces = [Segment(start.point, leave, c0), Segment(leave, arrive), Segment(arrive, end.point, c1)]
+            found.append((radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST]))
     return min(found, key=lambda item: item[0])[1] if found else None
-
-
-def _candidate(start: Pose, end: Pose, radius: float, first: int, last: int) -> list[tuple[float, list[Segment]]]:
-    """Path that turns to the side `first`, goes straight, turns to `last` (1 left, -1 right), with its length."""
-    c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
-    c1 = end.point + 1j * last * radius * cmath.exp(1j * end.heading)
-    offset = radius * (first - last)
-    straight_squared = abs(c1 - c0) ** 2 - offset**2
-    if straight_squared < SHORTEST**2:
-        return []
-    straight = float(np.sqrt(straight_squared))
-    heading = cmath.phase((c1 - c0) / complex(straight, -offset))
-    turns = [_wrap(first * (heading - start.heading)), _wrap(last * (end.heading - heading))]
-    if max(turns) > TIGHTEST_TURN:
-        return []
-    leave = c0 - 1j * first * radius * cmath.exp(1j * heading)
-    arrive = c1 - 1j * last * radius * cmath.exp(1j * heading)
-    pieces = [Segment(start.point, leave, c0), Segment(leave, arrive), Segment(arrive, end.point, c1)]
-    return [(radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST])]
 
 
 def _wrap(angle: float) -> float:
     """The angle in [0, 2 pi), a full turn less round-off counted as none."""
     wrapped = angle % (2 * np.pi)
     return 0.0 if 2 * np.pi - wrapped < 1e-9 else float(wrapped)
-
-
-def offset(path: Sequence[Segment], distance: float) -> list[Segment]:
-    """The path moved to its left by `distance`, mm (to its right when negative); lines and arcs stay lines and arcs."""
-    return [_offset_segment(segment, distance) for segment in path]
-
-
-def _offset_segment(segment: Segment, distance: float) -> Segment:
-    if segment.centre is None:
-        shift = 1j * distance * (segment.end - segment.start) / segment.length
-        return Segment(segment.start + shift, segment.end + shift)
-    scale = 1 - distance * np.sign(segment.turn) / abs(segment.start - segment.centre)
-    ends = [segment.centre + scale * (p - segment.centre) for p in (segment.start, segment.end)]
-    return Segment(ends[0], ends[1], segment.centre)
-
-
-FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
-LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
-NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two sectors
-BODIES = ("pad", "link 1", "link 2", "platform")
 
 
 @once
@@ -210,11 +222,6 @@ def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], .
     return tuple(lines)
 
 
-def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
-    """A path of one chain (1 to 3) in its place on the stage."""
-    return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
-
-
 def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[Segment], list[Segment]]:
     """The notch on one side (1 left, -1 right), walked along the neck: wall and arc, then arc and wall."""
     along = cmath.exp(1j * neck.heading)
@@ -247,17 +254,20 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
 
     Raises BadInput when the lug cannot reach the disc.
     """
-    neck, width = necks(stage, chain)[2], stage.chain.link_width
+    neck, width, hinge = necks(stage, chain)[2], stage.chain.link_width, stage.hinge(chain, "platform")
     along = cmath.exp(1j * neck.heading)
     across = 1j * side * along
-    corner = neck.ahead(stage.hinge(chain, "platform").radius).point + width / 2 * across
+    corner = neck.ahead(hinge.radius).point + width / 2 * across
     front, aside = -(corner / along).real, side * (-(corner / along)).imag  # the disc's centre seen from the corner
     disc, fillet = stage.platform.radius, FILLET * width
     if front < width - disc:
+        angles = [f"{np.rad2deg(angle):.6g}" for angle in stage.chain.joint_angles]
+        said = f"chain.joint_angles_deg = [{', '.join(angles)}]"
+        if hinge.axis is not None:
+            said = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
         raise BadInput(
-            f"{_heading_of(stage, chain)}: the neck of chain {chain} points past the platform, "
-            f"expected the platform centre at least link_width - platform.radius = {width - disc:g} mm ahead of the "
-            f"hinge's face, is {front:g}"
+            f"{said}: the neck of chain {chain} points past the platform, expected the platform centre at least "
+            f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, is {front:g}"
         )
     if aside > 0 and front < disc:  # the hinge's own face meets the disc
         return tuple(_filleted(corner, across, -along, disc, fillet))
@@ -266,14 +276,6 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     end = corner + LUG * width * along
     touch = cmath.phase(end) - side * np.arccos(disc / abs(end))
     return tuple(polyline(corner, end, disc * cmath.exp(1j * touch)))
-
-
-def _heading_of(stage: StageContent, chain: int) -> str:
-    """The key of the file that turns the platform hinge of a chain, and its value."""
-    axis = stage.hinge(chain, "platform").axis
-    if axis is not None:
-        return f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(axis):.6g}"
-    return f"chain.joint_angles_deg = [{', '.join(f'{angle:.6g}' for angle in np.rad2deg(stage.chain.joint_angles))}]"
 
 
 def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:
@@ -295,9 +297,9 @@ def cut_angle(stage: StageContent) -> float:
 
     Raises BadInput when the lugs leave no free rim between them.
     """
-    seen = cmath.phase(sum(necks(stage, chain)[2].point for chain in (1, 2, 3)))
+    seen = cmath.phase(sum(necks(stage, chain)[2].point for chain in CHAINS))
     first, last = (
-        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * seen)) for chain in (1, 2, 3)]
+        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * seen)) for chain in CHAINS]
         for side in (1, -1)
     )
     covered = max(last) - min(first)
@@ -341,9 +343,6 @@ def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment
     ]
 
 
-POINTS = 16  # of Gauss on each line or arc of less than half a turn: exact to round-off
-
-
 class Payload(NamedTuple):
     """What the platform carries, its centre of mass at the platform's centre and in the mid-plane.
 
@@ -354,23 +353,10 @@ class Payload(NamedTuple):
     inertia: float = 0.0
     tilting: float = 0.0
 
-
-class Inertia(NamedTuple):
-    """Mass (...), tonne; first moments (..., 2), tonne mm, and polar second moment (...), tonne mm^2, of the origin."""
-
-    mass: Array
-    first: Array
-    second: Array
-
     @property
     def matrix(self) -> Array:
-        """Mass matrix (..., 3, 3) of a rigid body whose twist x, y, theta is that of its point at the origin."""
-        found = np.zeros((*np.shape(self.mass), 3, 3))
-        found[..., 0, 0] = found[..., 1, 1] = self.mass
-        found[..., 0, 2] = found[..., 2, 0] = -self.first[..., 1]
-        found[..., 1, 2] = found[..., 2, 1] = self.first[..., 0]
-        found[..., 2, 2] = self.second
-        return found
+        """Mass matrix (3, 3), tonne, tonne mm^2, at the platform centre."""
+        return np.diag([self.mass, self.mass, self.inertia])
 
 
 def area_moments(loop: Sequence[Segment]) -> Array:
@@ -381,16 +367,11 @@ def area_moments(loop: Sequence[Segment]) -> Array:
     By the divergence theorem with `z = x + i y` and `w = x dy - y dx` round the counter-clockwise loop: the integral
     over the area of 1, z and |z|^2 is that of `w / 2`, `z w / 3` and `|z|^2 w / 4`.
     """
-    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
-    share, weights = (nodes + 1) / 2, weights / 2
+    share, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
     total = np.zeros(4)
-    for s in loop:
-        if s.centre is None:
-            z, dz = s.start + share * (s.end - s.start), np.full(POINTS, s.end - s.start)
-        else:
-            spoke = (s.start - s.centre) * np.exp(1j * s.turn * share)
-            z, dz = s.centre + spoke, 1j * s.turn * spoke
-        w = weights * (np.conj(z) * dz).imag
+    for segment in loop:
+        z = segment.at(share)
+        w = weights * segment.length * (np.conj(z) * segment.tangent(share)).imag
         total += [w.sum() / 2, (z.real * w).sum() / 3, (z.imag * w).sum() / 3, (np.abs(z) ** 2 * w).sum() / 4]
     return total
 
@@ -398,17 +379,10 @@ def area_moments(loop: Sequence[Segment]) -> Array:
 @once
 def body_moments(stage: StageContent) -> Array:
     """Area moments (3 chains, 4 bodies, 4), mm^2 to mm^4, of pad, links and platform sector, in their places."""
-    found = np.empty((len(CHAINS), len(BODIES), 4))
-    for chain in CHAINS:
-        for k, face in enumerate(draw_sector(stage, chain).values()):
-            found[chain - 1, k] = _turned(area_moments(face.loop), (chain - 1) * CHAIN_TURN)
+    sectors = [draw_sector(stage, chain).values() for chain in CHAINS]
+    found = np.array([[area_moments(face.loop) for face in sector] for sector in sectors])
+    found[..., 1:3] = turned(found[..., 1:3], CHAIN_TURN * np.arange(3.0)[:, None])
     return found
-
-
-def _turned(moments: Array, angle: float) -> Array:
-    c, s = math.cos(angle), math.sin(angle)
-    area, x, y, second = moments
-    return np.array([area, c * x - s * y, s * x + c * y, second])
 
 
 def hub_moments(stage: StageContent) -> Array:
@@ -417,10 +391,15 @@ def hub_moments(stage: StageContent) -> Array:
     return np.array([math.pi * r**2, 0.0, 0.0, math.pi * r**4 / 2])
 
 
-def inertia_of(moments: Array, areal: Array | float) -> Inertia:
-    """Of area moments (..., 4), mm^2 to mm^4, and mass per area (...), tonne/mm^2."""
-    scaled = moments * np.asarray(areal)[..., None]
-    return Inertia(scaled[..., 0], scaled[..., 1:3], scaled[..., 3])
+def inertia_of(moments: Array, areal: Array | float) -> Array:
+    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies whose twist x, y, theta is at the origin.
+
+    moments : (..., 4), of areas, mm^2 to mm^4.   areal : (...), mass per area, tonne/mm^2.
+    """
+    mass, x, y, second = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
+    none = np.zeros_like(mass)
+    rows = [[mass, none, -y], [none, mass, x], [-y, x, second]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
 def mass_per_area(stage: StageContent) -> float:
@@ -430,7 +409,7 @@ def mass_per_area(stage: StageContent) -> float:
 
 def carried(stage: StageContent, payload: Payload) -> Array:
     """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, which move as the pose."""
-    return inertia_of(hub_moments(stage), mass_per_area(stage)).matrix + payload_matrix(payload)
+    return inertia_of(hub_moments(stage), mass_per_area(stage)) + payload.matrix
 
 
 def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
@@ -440,17 +419,12 @@ def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
     -----
     Of a disc of radius r and thickness b about a diameter `m (r^2 / 4 + b^2 / 12)`.
     """
-    hub = inertia_of(hub_moments(stage), mass_per_area(stage))
-    tilting = hub.second / 2 + hub.mass * stage.thickness**2 / 12 + payload.tilting
-    return np.diag([hub.mass + payload.mass, tilting, tilting])
+    mass, _, second = np.diag(inertia_of(hub_moments(stage), mass_per_area(stage)))
+    tilting = second / 2 + mass * stage.thickness**2 / 12 + payload.tilting
+    return np.diag([mass + payload.mass, tilting, tilting])
 
 
-def payload_matrix(payload: Payload) -> Array:
-    """Mass matrix (3, 3), tonne, tonne mm^2, of a payload at the platform centre."""
-    return np.diag([payload.mass, payload.mass, payload.inertia])
-
-
-def drawn_inertia(stage: StageContent) -> Inertia:
-    """Of all that is drawn, pads and hub included, about the platform centre."""
+def drawn_inertia(stage: StageContent) -> Array:
+    """Mass matrix (3, 3) of all that is drawn, pads and hub included, about the platform centre."""
     moments = body_moments(stage).sum(axis=(0, 1)) + hub_moments(stage)
     return inertia_of(moments, mass_per_area(stage))

@@ -14,6 +14,7 @@ is read at its rigid hub, has no station.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
@@ -57,15 +58,13 @@ class Station(NamedTuple):
         return self._replace(half=float(min(times * self.half, self.middle, self.starts[-1] - self.middle)))
 
 
-def station(stage: StageContent, chain: int, link: int, point: complex) -> Station:
-    """The station of link 1 or 2 of a chain (1 to 3) nearest to a point in the frame of chain 1, within its strip."""
-    path = centrelines(stage, chain)[link]
-    return _station(stage, path, SPREAD, nearest(path, point).along)
+def station(stage: StageContent, chain: int, body: int, middle: float, spread: float = SPREAD) -> Station:
+    """The station of pad or link (0 to 2) of a chain (1 to 3) about `middle`, mm along its path, within the strip.
 
-
-def _station(stage: StageContent, path: tuple[Segment, ...], spread: float, middle: float) -> Station:
-    """The station of half a length `spread`, per link width, about the middle, mm along the path, within the strip."""
-    width, length = stage.chain.link_width, sum(segment.length for segment in path)
+    spread : half its length, per link width.
+    """
+    path, width = centrelines(stage, chain)[body], stage.chain.link_width
+    length = sum(segment.length for segment in path)
     half = min(spread * width, length / 2)
     return Station(path, width, min(max(middle, half), length - half), half)
 
@@ -83,34 +82,11 @@ def nearest(path: Sequence[Segment], point: complex) -> Nearest:
     """The place of a path that is nearest to a point."""
     found, start = list[Nearest](), 0.0
     for segment in path:
-        share = np.clip(shares_of(segment, np.array(point)), 0.0, 1.0)
-        place, normal = complex(middle_at(segment, share)), 1j * complex(tangent_at(segment, share))
+        share = np.clip(segment.shares(np.array(point)), 0.0, 1.0)
+        place, normal = complex(segment.at(share)), 1j * complex(segment.tangent(share))
         found.append(Nearest(abs(point - place), start + float(share) * segment.length, place, normal))
         start += segment.length
     return min(found, key=lambda each: each[:2])
-
-
-def shares_of(segment: Segment, points: AnyArray) -> Array:
-    """How far along a line or arc (0 at its start, 1 at its end) points (...) beside it are."""
-    if segment.centre is None:
-        return np.asarray(((points - segment.start) / (segment.end - segment.start)).real)
-    swept = np.angle((points - segment.centre) / (segment.start - segment.centre) * np.exp(-0.5j * segment.turn))
-    return np.asarray(0.5 + swept / segment.turn)
-
-
-def middle_at(segment: Segment, share: Array) -> AnyArray:
-    """Points (...) of a line or arc, complex, at shares (...) of its length."""
-    if segment.centre is None:
-        return np.asarray(segment.start + share * (segment.end - segment.start))
-    return np.asarray(segment.centre + (segment.start - segment.centre) * np.exp(1j * segment.turn * share))
-
-
-def tangent_at(segment: Segment, share: Array) -> AnyArray:
-    """Unit tangents (...), complex, at shares (...) of a line or arc."""
-    if segment.centre is None:
-        return np.full(np.shape(share), (segment.end - segment.start) / segment.length)
-    spoke = (segment.start - segment.centre) * np.exp(1j * segment.turn * share)
-    return np.asarray(1j * np.sign(segment.turn) * spoke / np.abs(spoke))
 
 
 def spread(of: Station, points: Array) -> Array:
@@ -126,9 +102,9 @@ def spread(of: Station, points: Array) -> Array:
     """
     z, found, start = points[:, 0] + 1j * points[:, 1], np.zeros((3, len(points)), dtype=complex), 0.0
     for segment in of.path:
-        share = shares_of(segment, z)
-        tangent = tangent_at(segment, share)
-        across = ((z - middle_at(segment, share)) / (1j * tangent)).real
+        share = segment.shares(z)
+        tangent = segment.tangent(share)
+        across = ((z - segment.at(share)) / (1j * tangent)).real
         inside = (share >= 0) & (share < 1) & (np.abs(across) < EDGE * of.width)
         weight = of.weight(start + share[inside] * segment.length)
         found[:, inside] += weight * _section(segment, of.width, z[inside], tangent[inside], across[inside])
@@ -253,7 +229,10 @@ def placed_stack(
     carrier, pushed = (BODY_NAMES.index(body) for body in between)
 
     def push(body: int, q: Array) -> Push:
-        return Push(body, q, station(stage, chain + 1, body, point) if body in LINKS else None)
+        if body not in LINKS:
+            return Push(body, q, None)
+        middle = nearest(centrelines(stage, chain + 1)[body], point).along
+        return Push(body, q, station(stage, chain + 1, body, middle))
 
     return Stack(chain, (push(pushed, wrench), push(carrier, -wrench)), point, ball)
 
@@ -264,17 +243,15 @@ PLATFORM = len(BODY_NAMES) - 1
 
 def hinge_couples(stage: StageContent, positions: tuple[int, ...]) -> tuple[Stack, ...]:
     """Unit couples, N mm, that turn the hinges at `positions` (0 the base's) of all chains, position by position."""
-    return tuple(_couple(stage, chain, position) for position in positions for chain in CHAINS)
+    unit, found = np.array([0.0, 0.0, 1.0]), list[Stack]()
+    for position, chain in product(positions, CHAINS):
+        beyond = position + 1
+        first = None if beyond == PLATFORM else station(stage, chain, beyond, 0.0, BESIDE)
+        last = station(stage, chain, position, np.inf, BESIDE)
+        found.append(Stack(chain - 1, (Push(beyond, unit, first), Push(position, -unit, last))))
+    return tuple(found)
 
 
 def couple_names(positions: tuple[int, ...]) -> tuple[str, ...]:
     """What the hinges of `hinge_couples` are called, in its order."""
     return tuple(f"{HINGE_NAMES[position]}, chain {chain}" for position in positions for chain in CHAINS)
-
-
-def _couple(stage: StageContent, chain: int, position: int) -> Stack:
-    """A couple on the body beyond a hinge of a chain (1 to 3), and its opposite on the body before."""
-    unit, after, paths = np.array([0.0, 0.0, 1.0]), position + 1, centrelines(stage, chain)
-    first = None if after == PLATFORM else _station(stage, paths[after], BESIDE, 0.0)
-    last = _station(stage, paths[position], BESIDE, np.inf)
-    return Stack(chain - 1, (Push(after, unit, first), Push(position, -unit, last)))

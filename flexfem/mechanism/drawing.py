@@ -11,7 +11,6 @@ import shapely
 
 from flexfem.arrays import AnyArray
 from flexfem.mechanism.bodies import Segment, area, body_sides, necks, offset, polygon_points, polyline, reverse, turn
-from flexfem.mechanism.contacts import middle_at, tangent_at
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
@@ -122,7 +121,7 @@ def _beside(loop: list[Segment], distance: float) -> list[Segment]:
     moved, corners = offset(loop, -distance), dict[int, Segment]()
     for k, segment in enumerate(loop):
         after = (k + 1) % len(loop)
-        ahead, behind = complex(tangent_at(loop[after], np.array(0.0))), complex(tangent_at(segment, np.array(1.0)))
+        ahead, behind = complex(loop[after].tangent(0.0)), complex(segment.tangent(1.0))
         bend = float(np.angle(ahead / behind))
         if bend > TANGENT:
             corners[k] = Segment(moved[k].end, moved[after].start, segment.end)
@@ -212,7 +211,7 @@ def _noted(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
         for pose, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
             hinge = stage.hinge(chain, name)
             yield f"R {hinge.radius:.6g}, t {hinge.neck:.6g}", pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN)
-    rims = [complex(middle_at(segment, np.array(0.5))) for segment in part.outer if segment.centre == 0]
+    rims = [complex(segment.at(0.5)) for segment in part.outer if segment.centre == 0]
     rim = max(rims, key=lambda point: abs(point - necks(stage, 1)[2].point))
     yield f"platform R {stage.platform.radius:.6g}", rim
     yield f"hub R {part.hub.radius:.6g}", part.hub.radius * rim / abs(rim)

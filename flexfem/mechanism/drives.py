@@ -23,9 +23,9 @@ from flexfem.mechanism.actuators import (
     Numbers,
     series_stiffness,
 )
-from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector, turn
-from flexfem.mechanism.contacts import Push, Stack, middle_at, nearest, placed_stack, tangent_at
-from flexfem.mechanism.designs import CHAIN_TURN, Designs, chain_rotation, lower
+from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector
+from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack
+from flexfem.mechanism.designs import CHAIN_TURN, Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
 from flexfem.refused import BadInput
@@ -73,24 +73,19 @@ def drive_of(stage: StageContent) -> StageDrive:
     with located(stage):
         if not stage.actuator:
             raise BadInput("no [[actuator]]: the stage has no drive")
-        return _drive(stage)
+        chains, stacks, friction = actuators_of(stage), list[Stack](), list[float]()
+        for chain, row in zip(CHAINS, chains, strict=True):
+            for index, one in enumerate(row):
+                for contact in contacts(stage, chain, index):
+                    stacks.append(placed_stack(stage, chain - 1, one.between, *contact, one.ball_radius or 0.0))
+                    friction.append(np.nan if one.friction is None else one.friction)
+        return _of_stacks(lower(stage), chains, stacks).at(0)._replace(friction=np.array(friction))
 
 
 def check_drive(stage: StageContent) -> None:
     """Raise BadInput for the first contact that is not on the outline of the body it pushes, or not into it."""
     if stage.actuator:
         drive_of(stage)
-
-
-def _drive(stage: StageContent) -> StageDrive:
-    chains, stacks = actuators_of(stage), list[Stack]()
-    for chain, row in zip(CHAINS, chains, strict=True):
-        for index, of in enumerate(row):
-            for contact in contacts(stage, chain, index):
-                stacks.append(placed_stack(stage, chain - 1, of.between, *contact, of.ball_radius or 0.0))
-    friction = [one.friction for row in chains for one in row for _ in range(1 + one.pair)]
-    stated = np.array([np.nan if each is None else each for each in friction])
-    return _of_stacks(lower(stage), chains, stacks).at(0)._replace(friction=stated)
 
 
 class Contact(NamedTuple):
@@ -107,7 +102,14 @@ def contacts(stage: StageContent, chain: int, index: int) -> tuple[Contact, ...]
     """
     actuator = actuators_of(stage)[chain - 1][index]
     body = actuator.between[1]
-    outline = _outline(stage, chain, body)
+    around = CHAINS if body == "platform" else (chain,)
+    faces = [(draw_sector(stage, each)[body], (each - chain) * CHAIN_TURN) for each in around]
+    outline = [  # the free edges of the body, metal to their left
+        segment.turned(angle)
+        for face, angle in faces
+        for segment, label in zip(face.loop, face.labels, strict=True)
+        if label == "free"
+    ]
     if actuator.point is None or actuator.direction is None:
         first = _on_link(stage, chain, index)
     else:
@@ -132,65 +134,45 @@ def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
     """The contact at an arm from a hinge, on the side of a link. Raises BadInput for an arm that is off its strip."""
     actuator = actuators_of(stage)[chain - 1][index]
     assert actuator.hinge is not None and actuator.arm is not None
-    body, width = actuator.between[1], stage.chain.link_width
+    body = actuator.between[1]
     path = centrelines(stage, chain)[BODY_NAMES.index(body)]
     length, radius = sum(segment.length for segment in path), stage.hinge(chain, actuator.hinge).radius
     s = actuator.arm - radius
     if not 0 <= s <= length:
         raise BadInput(
-            f"{_place_of(stage, chain, index)}, contact off the metal: expected {radius:g} to "
-            f"{radius + length:.6g}, from notch to notch of {body} of chain {chain}"
+            f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}, contact off the metal: expected "
+            f"{radius:g} to {radius + length:.6g}, from notch to notch of {body} of chain {chain}"
         )
     s = s if actuator.hinge == ENDS[body][0] else length - s
     for segment in path:
         if s <= segment.length or segment is path[-1]:
             break
         s -= segment.length
-    share = np.array(min(s / segment.length, 1.0))
-    outward = 1j * (1 if actuator.side == "left" else -1) * complex(tangent_at(segment, share))
-    point = complex(middle_at(segment, share)) + outward * width / 2
+    share = min(s / segment.length, 1.0)
+    outward = 1j * (1 if actuator.side == "left" else -1) * complex(segment.tangent(share))
+    point = complex(segment.at(share)) + outward * stage.chain.link_width / 2
     return Contact(point, float(np.angle(-outward)) + (actuator.tilt or 0.0))
 
 
 def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
+    """Refuse a contact that is off the outline, or pushed not into the metal, with the key that places it."""
     actuator, (point, direction) = actuators_of(stage)[chain - 1][index], contact
     body = f"{actuator.between[1]} of chain {chain}"
     distance, _, place, inward = nearest(outline, point)
     if distance > ON_OUTLINE * stage.chain.link_width:
+        on_link = actuator.point is None
+        key, value = ("arm_mm", f"{actuator.arm:g}") if on_link else ("point_mm", str(list(actuator.point or ())))
         raise BadInput(
-            f"{_place_of(stage, chain, index)}, contact off the metal: expected a point of the outline of {body}, the "
-            f"nearest is [{place.real:.4g}, {place.imag:.4g}]"
+            f"{key_of_actuator(stage, chain, index, key)} = {value}, contact off the metal: expected a point of the "
+            f"outline of {body}, the nearest is [{place.real:.4g}, {place.imag:.4g}]"
         )
     if (np.exp(1j * direction) * np.conj(inward)).real < INTO:
         key, turned = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
-        normal = np.rad2deg(np.angle(inward)) % 360
-        said = f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(turned or 0.0):g}"
         raise BadInput(
-            f"{said}, not into the metal of {body} at "
-            f"[{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of {normal:.4g}, the inward normal there"
+            f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(turned or 0.0):g}, not into the metal of "
+            f"{body} at [{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of "
+            f"{np.rad2deg(np.angle(inward)) % 360:.4g}, the inward normal there"
         )
-
-
-def _place_of(stage: StageContent, chain: int, index: int) -> str:
-    """The key that says where a contact is, and its value."""
-    actuator = actuators_of(stage)[chain - 1][index]
-    if actuator.point is None:
-        return f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}"
-    return f"{key_of_actuator(stage, chain, index, 'point_mm')} = {list(actuator.point)}"
-
-
-def _outline(stage: StageContent, chain: int, body: str) -> list[Segment]:
-    """The free edges of a body of a chain, metal to their left, in the frame of chain 1; the platform's all around."""
-    if body != "platform":
-        return _free(stage, chain, body)
-    back = np.exp(-1j * np.angle(complex(*chain_rotation(chain - 1)[:2, 0])))
-    turned = [segment for each in CHAINS for segment in turn(_free(stage, each, body), each)]
-    return [segment.turned(float(np.angle(back))) for segment in turned]
-
-
-def _free(stage: StageContent, chain: int, body: str) -> list[Segment]:
-    face = draw_sector(stage, chain)[body]
-    return [segment for segment, label in zip(face.loop, face.labels, strict=True) if label == "free"]
 
 
 def _crossings(segment: Segment, point: complex, push: complex) -> list[float]:
@@ -214,17 +196,6 @@ SHAPE = ("link_lengths", "joint_angles", "link_width", "radius", "neck", "axis",
 Which = NDArray[np.bool_]
 
 
-class _Placed(NamedTuple):
-    """Wrenches (n, 3) of one newton at contacts of n designs, frame of chain 1, right where they are sure.
-
-    sure : (n,), bool.   off : (n,), bool, of contacts that are off the metal.
-    """
-
-    wrench: Array
-    sure: Which
-    off: Which
-
-
 def drives_of(
     stage: StageContent, designs: Designs, reason: AnyArray, stage_at: Callable[[int], StageContent]
 ) -> StageDrive:
@@ -237,28 +208,7 @@ def drives_of(
     stage_at : a design as a stage.
     """
     chains = actuators_of(stage)
-    numbers = Numbers(*np.moveaxis(designs.actuator, -1, 0))  # (n, 3, actuators) each
-    _refuse_numbers(chains, numbers, reason)
-    placed = [[_contact(designs, chain, index, one) for index, one in enumerate(chains[chain])] for chain in range(3)]
-    for chain, row in enumerate(placed):
-        for index, each in enumerate(row):
-            said = f"actuator.{chains[chain][index].name}.arm_mm: contact off the metal"
-            reason[each.off & (reason == "")] = said
-    wrenches = np.array([[each.wrench for each in row] for row in placed])  # (3, actuators, n, 3)
-    unsure = np.any([~each.sure for row in placed for each in row], axis=0) & (reason == "")
-    _draw(designs, np.flatnonzero(unsure), wrenches, reason, stage_at)
-    stacks = list[Stack]()
-    for (chain, index), q in zip(
-        np.ndindex(wrenches.shape[:2]), wrenches.reshape(-1, *wrenches.shape[2:]), strict=True
-    ):
-        one = chains[chain][index]
-        carrier, pushed = (BODY_NAMES.index(body) for body in one.between)
-        for sign in (1.0, -1.0) if one.pair else (1.0,):
-            stacks.append(Stack(chain, (Push(pushed, sign * q, None), Push(carrier, -sign * q, None))))
-    return _of_stacks(designs, chains, stacks)
-
-
-def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], of: Numbers, reason: AnyArray) -> None:
+    of = _numbers(designs)
     refused = {
         "preload_n: above the blocking force of the stack": of.preload > _blocking(of) * (1 + BLOCKING_ROUND_OFF),
         "ball_radius_mm: a ball without preload": (of.preload == 0) & ~np.isnan(of.ball_radius),
@@ -266,18 +216,41 @@ def _refuse_numbers(chains: tuple[tuple[Actuator, ...], ...], of: Numbers, reaso
     for index, actuator in enumerate(chains[0]):
         for text, where in refused.items():
             reason[np.any(where[:, :, index], axis=1) & (reason == "")] = f"actuator.{actuator.name}.{text}"
+    wrenches = np.empty((*of.arm.shape[1:], len(of.arm), 3))
+    unsure = np.zeros(len(of.arm), dtype=bool)
+    for chain, row in enumerate(chains):
+        for index, one in enumerate(row):
+            wrenches[chain, index], sure, off = _contact(designs, chain, index, one)
+            reason[off & (reason == "")] = f"actuator.{one.name}.arm_mm: contact off the metal"
+            unsure |= ~sure
+    _draw(designs, np.flatnonzero(unsure & (reason == "")), wrenches, reason, stage_at)
+    stacks = list[Stack]()
+    for chain, row in enumerate(chains):
+        for one, q in zip(row, wrenches[chain], strict=True):
+            carrier, pushed = (BODY_NAMES.index(body) for body in one.between)
+            for sign in (1.0, -1.0) if one.pair else (1.0,):
+                stacks.append(Stack(chain, (Push(pushed, sign * q, None), Push(carrier, -sign * q, None))))
+    return _of_stacks(designs, chains, stacks)
+
+
+def _numbers(designs: Designs) -> Numbers:
+    """Of the actuators of n designs, (n, 3 chains, actuators) each."""
+    return Numbers(*np.moveaxis(designs.actuator, -1, 0))
 
 
 def _blocking(of: Numbers) -> Array:
     return np.where(np.isnan(of.stiffness), of.blocking_force, of.stroke * of.stiffness)
 
 
-def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> _Placed:
-    """The first contact of an actuator of a chain (from 0), in closed form where that holds."""
-    own = Numbers(*np.moveaxis(designs.actuator[:, chain, index], -1, 0))
-    nowhere = np.zeros(len(own.arm), dtype=bool)
+def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> tuple[Array, Which, Which]:
+    """The first contact of an actuator of a chain (from 0), in closed form where that holds.
+
+    Returns the wrenches (n, 3) of one newton, frame of chain 1; where they are sure (n,), and where off the metal (n,).
+    """
+    own = Numbers(*(each[:, chain, index] for each in _numbers(designs)))
     if actuator.point is not None:
-        return _Placed(_wrench(own.x + 1j * own.y, np.exp(1j * own.direction)), nowhere, nowhere)
+        nowhere = np.zeros(len(own.arm), dtype=bool)
+        return _wrench(own.x + 1j * own.y, np.exp(1j * own.direction)), nowhere, nowhere
     first = BODY_NAMES.index(actuator.between[1]) - 1
     turn = np.exp(-1j * CHAIN_TURN * chain)
     centres = (designs.frames.centres[:, chain] @ np.array([1, 1j])) * turn
@@ -298,7 +271,7 @@ def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> _P
     outward = 1j * side * e
     middle = begin + own.arm * e if ahead else end - own.arm * e
     wrench = _wrench(middle + outward * width / 2, -outward * np.exp(1j * tilt))
-    return _Placed(wrench, straight & inside, straight & ((s < -gap) | (s > length + gap)))
+    return wrench, straight & inside, straight & ((s < -gap) | (s > length + gap))
 
 
 def _wrench(point: AnyArray, push: AnyArray) -> Array:
@@ -330,7 +303,7 @@ def _draw(
 
 def _of_stacks(designs: Designs, chains: tuple[tuple[Actuator, ...], ...], stacks: list[Stack]) -> StageDrive:
     """The drive of n designs with their stacks in place, by chain and actuator, the partners of a pair side by side."""
-    of = Numbers(*np.moveaxis(designs.actuator, -1, 0))  # (n, 3, actuators) each
+    of = _numbers(designs)
     blocking = _blocking(of)
     rate = np.where(np.isnan(of.stiffness), blocking / of.stroke, of.stiffness)
     metal = designs.youngs_modulus[:, None, None], designs.poissons_ratio[:, None, None]

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache, lru_cache
-from itertools import combinations
 from types import UnionType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
@@ -19,24 +18,21 @@ from flexfem.mechanism.actuators import Actuator, Numbers
 from flexfem.mechanism.materials import FATIGUE
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
+from flexfem.units import unit_of
 
 LASTING = FATIGUE[:3]  # those of `Designs.fatigue`
 EXPANDING = ("material", "frame")  # tables of those of `Designs.expansion`
-_PROBE = 0.25  # possible for every key, or its negative, and a power of two: the unit comes out exact
+NEEDED = {"tilt": "arm", "ball_youngs_modulus": "ball_radius", "ball_poissons_ratio": "ball_radius"}
 
 
 class Key(NamedTuple):
     """One number of a stage file.
 
-    Attributes
-    ----------
     path : as written in files, `hinges.base.neck_mm`, `chain.link_lengths_mm[0]`, `override.2.elbow.neck_mm`.
     table : the tables on the way, ("hinges", "base"); ("override", "2", "elbow") for one of the nine hinges;
         ("actuator", "base"), and ("override", "2", "actuator", "base") on one chain.
-    attribute : its name in the model.
-    element : place in an array, else None.
+    attribute : its name in the model.   element : place in an array, else None.
     check : what the file format says of the number.
-    unit : inside units per file unit.
     """
 
     path: str
@@ -44,7 +40,11 @@ class Key(NamedTuple):
     attribute: str
     element: int | None
     check: TypeAdapter[float]
-    unit: float
+
+    @property
+    def unit(self) -> float:
+        """Inside units per file unit."""
+        return 1 / unit_of(self.path).factor
 
     def expected(self, value: float) -> str | None:
         """What the file format expects instead of `value` (file units), None where it is possible."""
@@ -59,7 +59,8 @@ class Key(NamedTuple):
 
         The possible ones fill an interval, some and zero, so its ends and the least one above zero decide.
         """
-        ends = () if values.size == 0 else (np.min(values), np.max(values), _least_positive(values))
+        above_zero = values[values > 0]
+        ends = [part(each) for each in (values, above_zero) if each.size for part in (np.min, np.max)]
         if all(self.expected(end) is None for end in ends):
             return np.zeros(values.shape, dtype=bool)
         found: AnyArray = np.vectorize(lambda value: self.expected(value) is not None, otypes=[bool])(values)
@@ -97,15 +98,15 @@ class Key(NamedTuple):
         """Chain, actuator and number that it sets, where the actuator there states it or it stands for itself alone."""
         own = {o.place for o in stage.override if o.actuator and getattr(o, self.attribute) is not None}
         name, mine = self.table[-1], self.table[0] == "override"
-        chains = (int(self.table[1]),) if mine else CHAINS
         number = Numbers._fields.index({None: self.attribute, 0: "x", 1: "y"}[self.element])
+        stated = NEEDED.get(self.attribute, self.attribute)  # or need not be stated beside this
         return [
             (chain - 1, index, number)
-            for index, each in enumerate(stage.actuator)
-            for chain in chains
+            for chain in ((int(self.table[1]),) if mine else CHAINS)
+            for index, each in enumerate(actuators_of(stage)[chain - 1])
             if each.name == name
             and (mine or (chain, "actuator", name) not in own)
-            and _may_say(actuators_of(stage)[chain - 1][index], self.attribute)
+            and getattr(each, stated) is not None
         ]
 
     def value_in(self, stage: Stage) -> float | None:
@@ -123,17 +124,6 @@ class Key(NamedTuple):
             value = getattr(found, self.attribute)
         value = value if self.element is None or value is None else value[self.element]
         return None if value is None else value / self.unit
-
-
-def _least_positive(values: Array) -> float:
-    """The least value above zero, the greatest where none is."""
-    return float(np.min(values, where=values > 0, initial=np.max(values)))
-
-
-def _may_say(actuator: Actuator, attribute: str) -> bool:
-    """Whether a number may be given to an actuator as it stands: what it states, and what need not be stated."""
-    others = {"tilt": "arm", "ball_youngs_modulus": "ball_radius", "ball_poissons_ratio": "ball_radius"}
-    return getattr(actuator, others.get(attribute, attribute)) is not None
 
 
 class Keys(dict[str, Key]):
@@ -193,31 +183,9 @@ def starred(pattern: str) -> tuple[str, ...]:
     *tables, last = pattern.split(".")
     if tables[:1] not in (["hinges"], ["override"]) or "*" in last:
         return ()
-    return tuple(path for path in keys() if _matches(path_of(path), (*tables, last)))
-
-
-def starred_patterns() -> tuple[str, ...]:
-    """Every pattern with stars that names key paths, but for those of actuators."""
-    found = dict[str, None]()
-    for path in keys():
-        *tables, last = path.split(".")
-        about = {"hinges": (1,), "override": (1, 2)}.get(path.partition(".")[0], ())
-        for stars in (starring for count in range(1, len(about) + 1) for starring in combinations(about, count)):
-            found[".".join([*("*" if k in stars else part for k, part in enumerate(tables)), last])] = None
-    return tuple(each for each in found if starred(each))
-
-
-def actuator_pattern(stars: bool) -> str:
-    """Regular expression of the key paths of actuators; `stars`: one for the chain, too."""
-    chains = "".join(map(str, CHAINS)) + "*" * stars
-    plain = [re.escape(key) for key, place in _actuator_keys() if place is None]
-    placed = [rf"{re.escape(key)}\[{place}\]" for key, place in _actuator_keys() if place is not None]
-    name = r'([^.\[\]"]+|"([^"\\]|\\.)*")'
-    return rf"^(override\.[{chains}]\.)?actuator\.{name}\.({'|'.join([*plain, *placed])})$"
-
-
-def _matches(path: KeyPath, wanted: tuple[str, ...]) -> bool:
-    return len(path) == len(wanted) and all(one in ("*", other) for one, other in zip(wanted, path, strict=True))
+    parts = ("[^.]+" if part == "*" else re.escape(part) for part in (*tables, last))
+    matching = re.compile(r"\.".join(parts))
+    return tuple(path for path in keys() if matching.fullmatch(path))
 
 
 def meant(name: str, known: Iterable[str]) -> str:
@@ -266,11 +234,4 @@ def _is_float(kind: Any) -> bool:
 
 def _key(path: KeyPath, table: tuple[str, ...], attribute: str, index: int | None, kind: Any) -> Key:
     check = TypeAdapter(kind, config=ConfigDict(strict=True, allow_inf_nan=False))
-    return Key(key_path(path), table, attribute, index, check, _unit(check))
-
-
-def _unit(check: TypeAdapter[float]) -> float:
-    """Inside units per file unit, by a number that the key may have."""
-    with suppress(ValidationError):
-        return check.validate_python(_PROBE) / _PROBE
-    return check.validate_python(-_PROBE) / -_PROBE
+    return Key(key_path(path), table, attribute, index, check)

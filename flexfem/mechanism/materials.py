@@ -7,7 +7,6 @@ the material of that name in a TOML file of the user's own.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping
 from itertools import compress
 from pathlib import Path as FilePath
@@ -16,16 +15,16 @@ from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import AfterValidator, ConfigDict, Field, ValidationError, ValidationInfo, create_model, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_model, model_validator
 
 from flexfem import own
 from flexfem.files import quantities
-from flexfem.files.quantities import COUNT, Rule, either, has, keywords, only, ruled, says, when, without
-from flexfem.files.refusals import key_path, place_of, problem_of, refusal, shown
+from flexfem.files.quantities import COUNT, keywords
+from flexfem.files.refusals import key_path, place_of, refusal, shown
 from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
-from flexfem.sources import read_data
+from flexfem.sources import PACKAGE
 
 NEAREST = 5  # names listed beside one that is not known
 
@@ -62,7 +61,7 @@ class Material(Dimensioned):
     in 1/K, `fatigue_strength_coefficient` in MPa; None where a number is not stated.
     """
 
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _as_files_say(schema)))
+    model_config = ConfigDict(json_schema_extra=lambda schema: _as_files_say(schema))
 
     name: Label = Field(
         description="Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, "
@@ -120,7 +119,7 @@ class Material(Dimensioned):
     @model_validator(mode="after")
     def _fatigue_is_whole(self, info: ValidationInfo) -> Material:
         key = dict(zip(NUMBERS, _keys(info), strict=True))
-        coefficient, exponent, within = FATIGUE[0], FATIGUE[1], FATIGUE[-1]
+        coefficient, exponent, _, within = FATIGUE
         given = [name for name in FATIGUE if getattr(self, name) is not None]
         for needed in (coefficient, exponent):
             if given and needed not in given:
@@ -134,11 +133,11 @@ class Material(Dimensioned):
     @model_validator(mode="after")
     def _contradicts_no_registered_one(self, info: ValidationInfo) -> Material:
         known = _known(self.name)
-        for name, key, place in zip(NUMBERS, KEYS, _keys(info), strict=True):
-            theirs = None if known is None else getattr(known.material, name)
-            if known is not None and theirs is not None and getattr(self, name) != theirs:
-                number = known.material.model_dump(by_alias=True)[key]
-                number = f"{number:g}" if isinstance(number, float) else shown(number)
+        stated = {} if known is None else known.material.model_dump(by_alias=True, exclude_none=True)
+        own = self.model_dump(by_alias=True)
+        for key, place in zip(KEYS, _keys(info), strict=True):
+            if key in stated and own[key] != stated[key]:
+                number = f"{stated[key]:g}" if isinstance(stated[key], float) else shown(stated[key])
                 raise refusal(f"{number} as of the registered material {self.name}, or another name", place)
         return self
 
@@ -150,26 +149,17 @@ class Material(Dimensioned):
 NUMBERS = tuple(name for name in Material.model_fields if name != "name")
 FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_exponent", "fatigue_range")
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
-_FILE: Rule = {
+_FILE = {
     "type": "string",
     "description": "TOML file of your own, beside the stage file, that has the material of this name and its numbers",
     "examples": ["my-materials.toml"],
 }
 
 
-def whole_fatigue() -> Rule:
-    """Both constants of Basquin's law, where one of the fatigue keys is given."""
-    coefficient, *others = (Material.model_fields[name].alias or name for name in FATIGUE)
-    return when(without(coefficient, *others), {}, has(coefficient, others[0]))
-
-
-def _as_files_say(schema: Rule) -> None:
-    """A registered name, a name and the file that has it, or all numbers."""
-    numbers = [key for key in schema["required"] if key != "name"]
+def _as_files_say(schema: dict[str, Any]) -> None:
+    """A name alone may be enough: that of a registered material, or beside it the file that has the material."""
     schema["properties"] = {"name": schema["properties"]["name"], "file": _FILE, **schema["properties"]}
     schema["required"] = ["name"]
-    known = either(has("file"), says("name", *materials()), has(*numbers))
-    schema["allOf"] = [when(has("file"), only("name", "file")), known, whole_fatigue()]
 
 
 def _keys(info: ValidationInfo) -> tuple[str, ...]:
@@ -191,15 +181,13 @@ class Registered(NamedTuple):
 
 
 REGISTERED: dict[str, Registered] = {}
-_unread = ["materials.toml"]  # files below data/
+_unread = [PACKAGE / "data" / "materials.toml"]
 
 
 def _known(name: Any) -> Registered | None:
     """The registered material of a name, None of none; what is shipped or the user's own is read when first asked."""
     while _unread:
-        for each, content in tomllib.loads(read_data(_unread.pop())).items():
-            source, sources = content.pop("source"), content.pop("sources", {})
-            REGISTERED[each] = Registered(Material.model_validate({"name": each, **content}), source, sources)
+        REGISTERED.update(read_materials(_unread.pop()))
     own.load()
     return REGISTERED.get(name) if isinstance(name, str) else None
 
@@ -253,17 +241,9 @@ def register_material(
     True
     """
     known = _known(name)
+    numbers = {"youngs_modulus": youngs_modulus, "poissons_ratio": poissons_ratio, "yield_strength": yield_strength}
     try:
-        made = Material.from_names(
-            {
-                "name": name,
-                "youngs_modulus": youngs_modulus,
-                "poissons_ratio": poissons_ratio,
-                "yield_strength": yield_strength,
-                "density": density,
-                **others,
-            }
-        )
+        made = Material.from_names({"name": name, "density": density, **numbers, **others})
     except BadInput as refused:
         raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Material: ')}") from None
     if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
@@ -300,9 +280,9 @@ class Entry(Material):
     source : of all its numbers, but for those that `sources` names by key.
     """
 
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _without_its_name(schema)))
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
 
-    name: Label = "of a file"
+    name: Label = "of a file"  # replaced by that of its table
     source: Label = Field(
         description='Where its numbers come from; begins with "assumed" when they are', examples=["works certificate 7"]
     )
@@ -313,23 +293,11 @@ class Entry(Material):
     )
 
     @model_validator(mode="after")
-    def _goes_by_its_table(self) -> Entry:
-        if "name" in self.model_fields_set:
-            raise refusal("no name: a material goes by the name of its table", "name")
-        return self
-
-    @model_validator(mode="after")
     def _sources_are_of_keys(self) -> Entry:
         for key in self.sources:
             if key not in KEYS:
                 raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
         return self
-
-
-def _without_its_name(schema: Rule) -> None:
-    del schema["properties"]["name"]
-    schema["properties"]["sources"]["propertyNames"] = {"enum": list(KEYS)}
-    schema["allOf"] = [whole_fatigue()]
 
 
 def read_materials(path: Path) -> dict[str, Registered]:
@@ -339,18 +307,20 @@ def read_materials(path: Path) -> dict[str, Registered]:
     """
     data, lines = read_toml(path)
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
-    made = validate(create_model("MaterialsFile", __base__=Table, **fields), path)
+    made = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
     found = {}
-    for k, name in enumerate(data):
-        entry: Entry = getattr(made, f"table_{k}")
-        content = {"name": name, **_numbers(entry)}
-        try:
-            found[name] = Registered(Material.model_validate(content), entry.source, dict(entry.sources))
-        except ValidationError as error:
-            problem = problem_of(error.errors(include_url=False)[0], content)
-            key, place = key_path((name, *problem.path)), place_of(path, lines.line((name, *problem.path)))
-            raise BadInput(f"{place}: {key}: expected {problem.expected}") from None
+    for name, entry in zip(data, (getattr(made, field) for field in fields), strict=True):
+        if "name" in data[name]:
+            said = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
+            raise BadInput(f"{place_of(path, lines.line((name, 'name')))}: {said}")
+        content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
+        found[name] = Registered(Material.from_names(content), entry.source, entry.sources)
     return found
+
+
+def _named(data: dict[str, Any], _: Lines) -> dict[str, Any]:
+    """The tables of a file of materials with their names in them."""
+    return {name: {"name": name} | table if isinstance(table, dict) else table for name, table in data.items()}
 
 
 def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dict[str, Any]:
@@ -370,8 +340,5 @@ def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dic
         known = ", ".join(found) or "one material or more"
         raise BadInput(f"{place}: material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
     sources = {key: f"{text}, {file}" for key, text in found[name].provenance.items()}
-    return data | {"material": {"name": name, **_numbers(found[name].material)}, "provenance": sources | stated}
-
-
-def _numbers(of: Material) -> dict[str, Any]:
-    return of.model_dump(by_alias=True, exclude_none=True, exclude={"name", "source", "sources"})
+    numbers = found[name].material.model_dump(by_alias=True, exclude_none=True)
+    return data | {"material": numbers, "provenance": sources | stated}

@@ -11,10 +11,9 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
 
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import Rule, both, has, ruled, when, without
 from flexfem.files.refusals import KeyPath, key_path, path_of, place_of, problem_of, refusal, shown, suggestion
 from flexfem.files.toml import Label, read_toml
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
@@ -153,19 +152,15 @@ def _merge(old: Any, new: Any) -> Any:
     return old | {key: _merge(old.get(key), value) for key, value in new.items()}
 
 
-def _said(member: Any) -> Any:
-    """What a member of an array says; it replaces another whole, so that None says nothing."""
-    said = member.model_dump(exclude_unset=True) if isinstance(member, BaseModel) else member
-    return {key: each for key, each in said.items() if each is not None} if isinstance(said, Mapping) else said
+def _plain(value: Any, member: bool = False) -> Any:
+    """A table built in Python by its content, which replaces what is held as far as it says anything.
 
-
-def _plain(value: Any) -> Any:
-    """A table built in Python by its content, which replaces what is held as far as it says anything."""
-    if isinstance(value, BaseModel):
-        return value.model_dump(exclude_unset=True)
-    if isinstance(value, list | tuple):
-        return [_plain(_said(item)) for item in value]
-    return {key: _plain(item) for key, item in value.items()} if isinstance(value, Mapping) else plain(value)
+    member : whether it is one of an array, which replaces another whole, so that None says nothing.
+    """
+    value = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items() if not (member and item is None)}
+    return [_plain(item, True) for item in value] if isinstance(value, list | tuple) else plain(value)
 
 
 def of_drive(key: str) -> bool:
@@ -206,8 +201,6 @@ def scopes_of(doubted: Iterable[str]) -> str:
 class _About(Dimensioned):
     """The part of an override that says what it is about."""
 
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _about_one_thing(schema)))
-
     chain: int = Field(ge=1, le=3, description="The chain that it is about", examples=[2])
     hinge: HingeName | None = Field(default=None, description="The hinge of that chain that it is about")
     actuator: Label | None = Field(
@@ -215,30 +208,23 @@ class _About(Dimensioned):
     )
 
     @model_validator(mode="after")
-    def _of_one_thing(self) -> Self:
+    def _changes_one_thing(self) -> Self:
         if (self.hinge is None) == (self.actuator is None):
             raise refusal("the hinge or the actuator that it is about, one of the two")
-        return self
-
-    @model_validator(mode="after")
-    def _changes_something(self) -> Self:
-        fields = {name: field.alias or name for name, field in type(self).model_fields.items()}
-        known = ", ".join(fields[name] for name in self._possible)
-        for name, key in fields.items():
-            if getattr(self, name) is not None and name not in (*ABOUT_IT, *self._possible):
-                raise refusal(f"with {'a hinge' if self.actuator is None else 'an actuator'} only {known}", key)
+        about, possible = ("a hinge", OF_HINGES) if self.actuator is None else ("an actuator", OF_ACTUATORS)
+        keys = {name: field.alias or name for name, field in type(self).model_fields.items()}
+        known = ", ".join(keys[name] for name in possible)
+        for name in self.changes:
+            if name not in possible:
+                raise refusal(f"with {about} only {known}", keys[name])
         if not self.changes:
             raise refusal(f"at least one of {known}")
         return self
 
     @property
-    def _possible(self) -> tuple[str, ...]:
-        return OF_HINGES if self.actuator is None else OF_ACTUATORS
-
-    @property
     def changes(self) -> dict[str, Any]:
         """The attributes of its `Hinge` or `Actuator` that are replaced, with their new values."""
-        return {name: getattr(self, name) for name in self._possible if getattr(self, name) is not None}
+        return {name: value for name, value in self if value is not None and name not in ABOUT_IT}
 
     @property
     def place(self) -> Place:
@@ -271,15 +257,6 @@ else:
         __doc__="What differs at one of the nine hinges, or at an actuator on one chain; None keeps its table's value.",
         **_FIELDS,
     )
-
-
-def _about_one_thing(schema: Rule) -> None:
-    """A hinge or an actuator, with something that differs there and nothing of the other."""
-    hinge, actuator = ([Override.model_fields[n].alias or n for n in of] for of in (OF_HINGES, OF_ACTUATORS))
-    schema["allOf"] = [
-        when(has("actuator"), without("hinge", *hinge), both(has("hinge"), without(*actuator))),
-        {"minProperties": 3},
-    ]
 
 
 class Origin(NamedTuple):
@@ -342,7 +319,7 @@ class StageContent(Dimensioned, Sourced):
         for index, name in enumerate(names):
             if name in names[:index]:
                 raise refusal("a name that no other actuator has", "actuator", index, "name")
-        check_overrides(self)
+        _check_overrides(self)
         return self
 
     @cached_property
@@ -357,28 +334,26 @@ class StageContent(Dimensioned, Sourced):
         return hinges_of(self)[chain - 1][HINGE_NAMES.index(name)]
 
 
-def check_overrides(stage: StageContent) -> None:
+def _check_overrides(stage: StageContent) -> None:
     """Raise a refusal where two are about the same, or one makes an actuator that there is not or cannot be."""
     places = [override.place for override in stage.override]
-    names = [actuator.name for actuator in stage.actuator]
+    actuators = {actuator.name: actuator for actuator in stage.actuator}
     for index, override in enumerate(stage.override):
         if places[index] in places[:index]:
             raise refusal(f"each {'hinge' if override.hinge else 'actuator'} overridden once", "override", index)
-        if override.actuator is not None:
-            if override.actuator not in names:
-                close = suggestion(override.actuator, names) or (f", one of {', '.join(names)}" if names else "")
-                raise refusal(f"an actuator of this stage{close}", "override", index, "actuator")
-            _check(stage.actuator[names.index(override.actuator)], override, index)
-
-
-def _check(actuator: Actuator, override: Override, index: int) -> None:
-    held = _content(actuator, override)
-    try:
-        Actuator.model_validate(held)
-    except ValidationError as error:
-        problem = problem_of(error.errors(include_url=False)[0], held)
-        said = override.model_dump(by_alias=True, exclude_none=True)
-        raise refusal(problem.expected, "override", index, *(part for part in problem.path if part in said)) from None
+        if override.actuator is None:
+            continue
+        if override.actuator not in actuators:
+            close = suggestion(override.actuator, actuators) or (f", one of {', '.join(actuators)}" * bool(actuators))
+            raise refusal(f"an actuator of this stage{close}", "override", index, "actuator")
+        held = _content(actuators[override.actuator], override)
+        try:
+            Actuator.model_validate(held)
+        except ValidationError as error:
+            problem = problem_of(error.errors(include_url=False)[0], held)
+            said = override.model_dump(by_alias=True, exclude_none=True)
+            at = [part for part in problem.path if part in said]
+            raise refusal(problem.expected, "override", index, *at) from None
 
 
 def _content(actuator: Actuator, override: Override) -> dict[str, Any]:
@@ -391,22 +366,16 @@ def _content(actuator: Actuator, override: Override) -> dict[str, Any]:
 def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
     """The nine hinges, 3 chains by 3 hinges, overrides applied."""
     changes = {override.place: override.changes for override in stage.override}
-    own = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
-    return tuple(
-        tuple(hinge.model_copy(update=changes[i, name]) if (i, name) in changes else hinge for name, hinge in own)
-        for i in CHAINS
-    )
+    rows = [[(getattr(stage.hinges, name), changes.get((chain, name))) for name in HINGE_NAMES] for chain in CHAINS]
+    return tuple(tuple(hinge.model_copy(update=new) if new else hinge for hinge, new in row) for row in rows)
 
 
 @once
 def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     """The actuators of every chain, overrides applied."""
     own = {override.place: override for override in stage.override}
-    places = [[(each, (chain, "actuator", each.name)) for each in stage.actuator] for chain in CHAINS]
-    return tuple(
-        tuple(Actuator.model_validate(_content(each, own[at])) if at in own else each for each, at in row)
-        for row in places
-    )
+    rows = [[(each, own.get((chain, "actuator", each.name))) for each in stage.actuator] for chain in CHAINS]
+    return tuple(tuple(Actuator.model_validate(_content(one, new)) if new else one for one, new in row) for row in rows)
 
 
 def drive_content(stage: StageContent) -> list[Any]:

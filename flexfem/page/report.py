@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
 
 from flexfem import studies
 from flexfem.analytic.responses import require_expansion
-from flexfem.design.result import is_design, read_design
+from flexfem.design.result import Designed, is_design, read_design
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
@@ -26,10 +26,10 @@ from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.mechanism.stage_file import counted, doubts_said, located
 from flexfem.models import solve
-from flexfem.page.design import design_parts
 from flexfem.page.section import PageSection, facts, html_of, notes, shown_figure, table, tables_of
 from flexfem.page.study import study_parts
 from flexfem.plot import figures_of
+from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import stress_figure
 from flexfem.plot.stage import drawing_figure
@@ -43,12 +43,14 @@ from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
-from flexfem.questions.stiffness import stiffness
-from flexfem.questions.summary import summary
+from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
-from flexfem.results import Fields, Progress, versions
-from flexfem.studies import REPORTS
-from flexfem.units import COMMANDS, DEGREE, DIRECTIONS, LENGTH, MICROMETRE, PLANES, RATE, STRESS, UNITS, unit_for
+from flexfem.results import Fields, Progress, TextTable, record_parts, versions
+from flexfem.study import REPORTS
+from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
@@ -62,9 +64,21 @@ ASKED: dict[str, tuple[str, Callable[..., Any], str]] = {  # title, question, wh
     "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
     "life": ("Fatigue life", life, "The S-N curve of the material with the necks."),
 }
+OF_DESIGNS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # likewise, with what draws it
+    "design": (
+        "Design",
+        design_figure,
+        "Outline of the stage, margins of its requirements, history of the search.",
+    ),
+    "requirements": ("Requirements", None, ""),
+    "sensitivity": ("Sensitivity to each dimension", sensitivity_figure, "Bars of how quantities follow it."),
+    "front": ("Front", front_figure, "The front by finite elements, and its designs to one scale."),
+    "search": ("Search", None, ""),
+}
+WHERE = "Where the numbers come from"
 AT = (0.05, 0.05, 1e-3)  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
-KINDS = ("assumed", "not_stated")
-Part = tuple[str, Callable[[], PageSection | None]]  # a name, and what makes the section or nothing
+KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # of doubts, as pages say them
+Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
 
 class PageReport(NamedTuple):
@@ -134,17 +148,16 @@ def report(
     require_unread(target)  # stages, studies and materials are read by now
     said = doubts_said(subject.assumed, [], "of the numbers behind this page ")
     said += doubts_said([], subject.not_stated, "" if said else "of its numbers ")
-    made = []
+    shown = []
     for name, make in subject.parts:
         if progress is not None:
             progress(name)
-        made.append(make())
-    shown = [section for section in made if section is not None]
+        shown.append(make())
     content = html_of(
         shown,
         title=subject.title,
         subtitle=f"{subject.kind}: {', '.join(map(str, paths))}",
-        doubts=f"{'; '.join(said)}. They are listed under “Where the numbers come from”." if said else "",
+        doubts=f"{'; '.join(said)}. They are listed under “{WHERE}”." if said else "",
         command=command_line(paths, target, wanted, amplitude, kept),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions(),
@@ -250,8 +263,7 @@ def _study(path: Path, folder: Path) -> Subject:
     loaded = found.source.loaded
     texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
-    kinds = (("assumed", "assumed"), ("not_stated", "source not stated"))
-    rows = [[key, said, texts.get(key) or ""] for kind, said in kinds for key in status[kind]]
+    rows = [[key, said, texts.get(key) or ""] for kind, said in KINDS.items() for key in status[kind]]
     parts: list[Part] = [*study_parts(found.source, found.found, status)]
     parts.append(("sources", partial(_sources, rows, "source")))
     return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
@@ -262,7 +274,8 @@ def _stored(files: Sequence[Path]) -> Subject:
     results = [Verification.read(path) for path in files if not is_design(path)]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
-        parts += design_parts(design, number, len(designs) > 1)
+        named = (name for name, tables in design.sections(plain=False).items() if tables)
+        parts += [(f"{design.name}: {name}", partial(_of_design, design, name, number)) for name in named]
     parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
     every: list[Any] = [*results, *designs]
     parts.append(("sources", partial(_sources, doubt_rows([(each.name, each) for each in every]), "in")))
@@ -280,7 +293,7 @@ def _stage(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
     found = check(stage)
     assumed, not_stated = _doubts([found, *([found.drive] if found.drive else [])])
     wanted = [name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)]
-    parts: list[Part] = [("stage", partial(_drawing, stage, found, wanted))]
+    parts: list[Part] = [("stage", partial(_drawing, stage, found))]
     for name in wanted:
         options = {"amplitude": amplitude} if name == "life" else {}
         parts.append((name, partial(_stress, stage) if name == "stress" else partial(_answer, name, stage, **options)))
@@ -319,6 +332,16 @@ def _answer(name: str, stage: Stage, **options: Any) -> PageSection:
     return _section(name, title, tables_of(found), *figure)
 
 
+def _of_design(of: Designed, name: str, number: int) -> PageSection:
+    """The tables of a design that are about one thing, with their figure."""
+    title, draw, said = OF_DESIGNS[name]
+    first = [("requirements", of.file), ("base stage", of.base), ("result", f"it {of.state}"), ("seed", str(of.seed))]
+    parts = [facts(first), notes(of.warnings), notes(of.sentences(), "note")] if name == "design" else []
+    parts += [shown_figure(f"design-{number}-{name}-figure", partial(draw, of), said)] if draw else []
+    parts += map(table, of.sections(plain=False)[name])
+    return _section(f"design-{number}-{name}", f"{title}: {of.name}", *parts)
+
+
 def _curves(result: Verification, number: int) -> PageSection:
     """The curves of a case with the bands of the meshes."""
     command = unit_for(result.direction, max(map(abs, result.commanded)))
@@ -329,7 +352,7 @@ def _curves(result: Verification, number: int) -> PageSection:
             unit = unit_for(axis, max(map(abs, values)))
             columns[f"{label}: error in {symbol} ({unit})"] = (values, unit)
     shown = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
-    data = table([*columns], [*zip(*shown, strict=True)], numbers=len(columns))
+    data = table(TextTable([*columns], [*map(list, zip(*shown, strict=True))], 0))
     said = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
     figure = shown_figure(f"curves-{number}", partial(error_figure, result), said, data)
     return _section(f"case-{number}", result.name, figure, tables_of(result))
@@ -343,47 +366,16 @@ def _sources(rows: Sequence[Sequence[str]], last: str) -> PageSection:
     )
     tag = Markup('<span class="tag">{}</span>')
     marked = [[row[0], row[1] if row[1] == "stated" else tag.format(row[1]), row[2]] for row in rows]
-    listed = [table(["key of the file", "kind", last], marked)] if rows else []
-    return _section("provenance", "Where the numbers come from", opening, *listed)
+    return _section("provenance", WHERE, opening, table(TextTable(["key of the file", "kind", last], marked, 3)))
 
 
-def _drawing(stage: Stage, found: StageReport, wanted: list[str]) -> PageSection:
+def _drawing(stage: Stage, found: StageReport) -> PageSection:
     """Which stage it is, with its dimensions, hinges and actuators."""
-    material = stage.material
-    modulus = f"E {material.youngs_modulus * UNITS['gpa'].factor:g} {UNITS['gpa']}, ν {material.poissons_ratio:g}"
-    listed = facts(
-        [
-            ("file", found.file or "none, made in Python"),
-            ("hash of its content", Markup("<code>{}</code>").format(found.hash[:16])),
-            ("mobility by (1)", f"{found.mobility}; chains {'alike' if found.chains_alike else 'differ'}"),
-            ("modelled in", PLANES[found.model]),
-            ("thickness", f"{stage.thickness:g} {LENGTH}"),
-            ("material", f"{material.name}: {modulus}, yield strength {material.yield_strength:g} {STRESS}"),
-            ("sections", ", ".join(wanted)),
-        ]
-    )
-    units = {"x": LENGTH, "y": LENGTH, "axis": DEGREE, "R": LENGTH, "t": LENGTH}
-    head = ["hinge", "chain", "freedoms", *(f"{name} ({unit})" for name, unit in units.items())]
-    rows = [
-        [each.hinge, str(each.chain), "rotation, axial" if each.prismatic else "rotation"]
-        + [f"{value:z.4f}" for value in each.centre_mm]
-        + [f"{each.axis_deg:.2f}", f"{each.radius_mm:g}", f"{each.neck_mm:g}"]
-        for each in found.hinges
-    ]
-    data = table(head, rows, caption="The nine hinges", numbers=5)
+    drive = found.drive and found.drive._replace(provenance={})  # which have a section of their own
+    listed, tables = record_parts(found._replace(drive=drive, provenance={}), plain=False)
     said = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
-    figure = shown_figure("drawing", partial(drawing_figure, stage), said, data)
-    head = ["actuator", "chains", "on, pushing", "stack", "contact", f"stroke ({MICROMETRE})", "blocking force (N)"]
-    head += [f"stiffness ({RATE})", f"with contact ({RATE})", "preload (N)"]
-    rows = [
-        [one.name, ", ".join(map(str, one.chains)), ", ".join(one.between), one.stack or "its own", one.contact]
-        + [f"{one.stroke * MICROMETRE.factor:g}", f"{one.blocking_force:.4g}"]
-        + [f"{k * RATE.factor:.4g}" for k in (one.stiffness, one.stiffness_with_contact)]
-        + [f"{one.preload:g}"]
-        for one in (found.drive.actuators if found.drive else ())
-    ]
-    actuators = [table(head, rows, caption="The actuators", numbers=5)] if rows else []
-    return _section("stage", "The stage", figure, listed, *actuators, notes(found.warnings))
+    figure = shown_figure("drawing", partial(drawing_figure, stage), said, table(tables[0]))
+    return _section("stage", "The stage", figure, facts(listed), *map(table, tables[1:]), notes(found.warnings))
 
 
 def _stress(stage: Stage) -> PageSection:
@@ -401,7 +393,7 @@ def _stress(stage: Stage) -> PageSection:
         for k, hinge in enumerate(HINGE_NAMES)
     ]
     head = ["neck", *(f"{name} ({STRESS})" for name in necks)]
-    data = table(head, rows, caption="Largest von Mises stress at each neck", numbers=len(necks))
+    data = table(TextTable(head, rows, 1, "Largest von Mises stress at each neck"))
     highest = "; ".join(
         f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
         f"{percent(100 * float(stress.max()) / stage.material.yield_strength)} of the yield strength"

@@ -6,13 +6,12 @@ import base64
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from jinja2.utils import htmlsafe_json_dumps
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from flexfem.arrays import Array
@@ -23,8 +22,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from flexfem.results import Result
+    from flexfem.results import Result, TextTable
 
+TEMPLATES = Path(__file__).with_name("templates")
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 FONTS = "'DejaVu Sans', Verdana, sans-serif"  # Verdana's letters are as wide
 POINTS = 72.0  # per inch
@@ -32,64 +32,24 @@ LEAST = 5.0  # points, half the size of the smallest target of the pointer
 MOST = 300  # points of a curve that have targets
 
 
-@dataclass(frozen=True)
-class PageSection:
-    """A part of a page under a heading of its own.
-
-    id : of the heading's anchor, once on a page.   html : what is below the heading.
-    script, style : plain JavaScript and CSS that the section needs, put once on the page whichever sections share it.
-    """
+class PageSection(NamedTuple):
+    """A part of a page under a heading; `id` is that of the heading's anchor, once on a page."""
 
     id: str
     title: str
     html: Markup
-    script: str = ""
-    style: str = ""
-
-
-@dataclass(frozen=True)
-class PageFigure:
-    """An inline figure with what a reader sees below it and what a screen reader says of it.
-
-    svg : of `inline_svg`.   data : a table of its numbers, which the page folds away below it.
-    """
-
-    svg: Markup
-    caption: str
-    description: str
-    data: Markup | None = None
-
-
-class Cell(NamedTuple):
-    """A cell of a table whose place in the sorted order is not that of its text.
-
-    key : number or text to sort by.
-    """
-
-    text: str | Markup
-    key: float | str
-
-
-Content: TypeAlias = str | Markup | Cell
 
 
 @cache
 def templates() -> Environment:
     """The templates, with escaping on and an error for a name that is not given."""
-    loader, settings = PackageLoader("flexfem.page"), {"trim_blocks": True, "lstrip_blocks": True}
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **settings)  # type: ignore[arg-type]
+    loader = FileSystemLoader(TEMPLATES)
+    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
 
 
 def markup(template: str, **values: Any) -> Markup:
     """A template filled in; what is no Markup among the values is escaped."""
     return Markup(templates().get_template(template).render(**values))
-
-
-def file_text(name: str) -> str:
-    """A file beside the templates as it is."""
-    loader = templates().loader
-    assert loader is not None
-    return loader.get_source(templates(), name)[0]
 
 
 def html_of(sections: Sequence[PageSection], **page: Any) -> str:
@@ -98,36 +58,23 @@ def html_of(sections: Sequence[PageSection], **page: Any) -> str:
     `page` : its title and subtitle, doubts that it must say first, the command that makes it again, when it was made,
     and versions.
     """
-    scripts = [file_text("page.js"), *dict.fromkeys(each.script for each in sections if each.script)]
-    styles = [file_text("page.css"), *dict.fromkeys(each.style for each in sections if each.style)]
-    hashes = (base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in scripts)
-    allowed = " ".join(f"'sha256-{each}'" for each in hashes)  # these scripts alone run, and nothing is loaded
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed}; "
+    script, style = ((TEMPLATES / name).read_text() for name in ("page.js", "page.css"))
+    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()  # this script alone runs
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'; "
     policy += "base-uri 'none'; form-action 'none'"
-    code = {"policy": policy, "scripts": map(Markup, scripts), "styles": map(Markup, styles)}
+    code = {"policy": policy, "script": Markup(script), "style": Markup(style)}
     return str(markup("page.html", sections=sections, **page, **code))
 
 
-def table(
-    headers: Sequence[str],
-    rows: Iterable[Sequence[Content]],
-    sortable: bool = True,
-    caption: str = "",
-    numbers: int = 0,
-) -> Markup:
-    """A table whose first column names the rows and whose last `numbers` columns are set as numbers.
-
-    sortable : a button in every heading sorts the rows, where there is more than one.
-    """
-    made = [[cell if isinstance(cell, Cell) else Cell(cell, "") for cell in row] for row in rows]
-    first = len(headers) - numbers
-    return markup("table.html", headers=headers, rows=made, sortable=sortable, caption=caption, first=first)
+def table(of: TextTable, sortable: bool = True) -> Markup:
+    """A table, nothing without rows; where it is `sortable`, a button in every heading sorts the rows."""
+    return markup("table.html", of=of, sortable=sortable and len(of.rows) > 1) if of.rows else Markup("")
 
 
 def tables_of(found: Result) -> Markup:
-    """All tables and sentences of a result; a table that is wider than the screen scrolls."""
-    html = found.to_html().replace("<table>", '<div class="scroll" tabindex="0"><table>')
-    return Markup(html.replace("</table>", "</table></div>"))
+    """All tables, sentences and warnings of a result."""
+    tables = [table(each, sortable=False) for each in found.tables(plain=False)]
+    return Markup("").join([*tables, notes([*found.sentences(), *found.warnings], "note")])
 
 
 def facts(pairs: Iterable[tuple[str, str | Markup]]) -> Markup:
@@ -140,20 +87,10 @@ def notes(texts: Sequence[str], kind: str = "warning") -> Markup:
     return markup("notes.html", texts=texts, kind=kind) if texts else Markup("")
 
 
-def json_data(name: str, value: Any) -> Markup:
-    """Data for a section's script as an inert element with the id `name`."""
-    return Markup('<script type="application/json" id="{}">{}</script>').format(name, htmlsafe_json_dumps(value))
-
-
 def sentence(text: str) -> str:
     """The text with a capital at its beginning and a full stop at its end."""
     whole = text.strip()
     return f"{whole[:1].upper()}{whole[1:]}{'' if whole.endswith(('.', '!', '?')) or not whole else '.'}"
-
-
-def figure_html(figure: PageFigure, name: str) -> Markup:
-    """A figure as a part of a section; `name` is its id, once on a page."""
-    return markup("figure.html", figure=figure, name=name)
 
 
 def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None) -> Markup:
@@ -163,8 +100,9 @@ def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: 
     """
     with headless() as lines:
         figure = draw()
+    caption = " ".join(map(sentence, lines))
     svg = inline_svg(figure, name)
-    return figure_html(PageFigure(svg, " ".join(map(sentence, lines)), description, data), name)
+    return markup("figure.html", name=name, svg=svg, caption=caption, description=description, data=data)
 
 
 def inline_svg(figure: Figure, name: str) -> Markup:

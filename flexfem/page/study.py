@@ -10,11 +10,12 @@ from typing import Any, TypeAlias
 from markupsafe import Markup
 
 from flexfem.files.provenance import is_assumed
-from flexfem.page.section import Cell, PageSection, facts, notes, shown_figure, table
+from flexfem.page.section import PageSection, facts, notes, shown_figure, table
 from flexfem.plot.study import page_of
 from flexfem.plot.text import SPACE, significant
+from flexfem.results import TextTable
 from flexfem.study.factors import Column, Factor, columns_of
-from flexfem.study.findings import FoundTable, Record, Refused, Source, drawn_words, factor, model_words, thousands
+from flexfem.study.findings import Record, Refused, Source, drawn_words, factor, model_words, thousands
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
@@ -40,17 +41,12 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
 def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSection:
     if isinstance(shown, Refused):
         return PageSection(name, title, notes([f"It is not drawn. {shown.reason}"]))
-    title = shown.caption.title
-    html = shown_figure(f"{name}-chart", partial(page_of, shown), title, found_html(shown.table))
-    return PageSection(name, title, html)
-
-
-def found_html(found: FoundTable) -> Markup:
-    """What a figure shows as a table of a page."""
-    texts = sum(isinstance(value, str) for value in found.rows[0])
-    rows = [[x if isinstance(x, str) else Cell(written(x), x) for x in row] for row in found.rows[:ROWS]]
+    title, found = shown.caption.title, shown.table
+    rows = [[each if isinstance(each, str) else written(each) for each in row] for row in found.rows[:ROWS]]
     more = f", the first {ROWS} of {thousands(len(found.rows))}" if len(found.rows) > ROWS else ""
-    return table([*found.head.values()], rows, caption=found.caption + more, numbers=len(found.head) - texts)
+    names = sum(isinstance(value, str) for value in found.rows[0])
+    data = table(TextTable([*found.head.values()], rows, names, found.caption + more))
+    return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title, data))
 
 
 def written(value: float) -> str:
@@ -61,9 +57,10 @@ def written(value: float) -> str:
 def asked_section(source: Source, status: dict[str, Any]) -> PageSection:
     """What was asked, and how many designs have an answer; `status` as `studies.study_status` gives it."""
     loaded, study = source.loaded, source.loaded.study
-    outputs = [(source.quantity(name), name, "the model") for name in study.outputs]
-    outputs += [(source.quantity(one.name), one.name, one.expression) for one in study.output]
-    limits = [(one.said, one.value, one.expected) for one in study.constraint]
+    found_by = dict.fromkeys(study.outputs, "the model") | {one.name: one.expression for one in study.output}
+    quantities = {name: source.quantity(name) for name in found_by}
+    outputs = [[of.name, name, of.unit, found_by[name]] for name, of in quantities.items()]
+    limits = [[one.said, one.value, one.expected] for one in study.constraint]
     counts = {
         "asked for": status["designs"],
         "with an answer": status["ok"],
@@ -78,22 +75,15 @@ def asked_section(source: Source, status: dict[str, Any]) -> PageSection:
         others = reasons[REASONS:]
         reasons[REASONS:] = [(f"{len(others)} other reasons", "", sum(n for _, _, n in others))]
     tables = [
-        _headed("Factors", ("factor", "keys", "unit", "values", "source"), _factors(loaded)),
-        _headed("Outputs", ("output", "column", "unit", "found by"), [(q.name, n, q.unit, by) for q, n, by in outputs]),
-        _headed("Constraints", ("constraint", "expression", "expected"), limits),
-        _headed("Designs", ("designs", "number"), [(name, thousands(n)) for name, n in counts.items()], 1),
-        _headed("Designs without an answer", ("reason", "status", "designs"),
-                [(text, state, thousands(n)) for text, state, n in reasons], 1),
+        TextTable(["factor", "keys", "unit", "values", "source"], [*_factors(loaded)], 5, "Factors"),
+        TextTable(["output", "column", "unit", "found by"], outputs, 4, "Outputs"),
+        TextTable(["constraint", "expression", "expected"], limits, 3, "Constraints"),
+        TextTable(["designs", "number"], [[name, thousands(n)] for name, n in counts.items()], 1, "Designs"),
+        TextTable(["reason", "status", "designs"], [[text, state, thousands(n)] for text, state, n in reasons], 2,
+                  "Designs without an answer"),
     ]  # fmt: skip
-    html = Markup("\n").join([facts(_asked(loaded)), notes([*source.unseen, *status["warnings"]]), *tables])
-    return PageSection("study-asked", "What the study asks", html)
-
-
-def _headed(title: str, head: tuple[str, ...], rows: Any, numbers: int = 0) -> Markup:
-    """A table below a heading, nothing without rows."""
-    rows = list(rows)
-    html = table(head, rows, caption=title, sortable=not numbers, numbers=numbers) if rows else Markup("")
-    return Markup("<h3>{}</h3>\n").format(title) + html if rows else html
+    html = [facts(_asked(loaded)), notes([*source.unseen, *status["warnings"]]), *map(table, tables)]
+    return PageSection("study-asked", "What the study asks", Markup("\n").join(html))
 
 
 def _asked(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
@@ -112,13 +102,13 @@ def _asked(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     yield "hash of its inputs", loaded.hash
 
 
-def _factors(loaded: LoadedStudy) -> Iterator[tuple[str | Markup, ...]]:
+def _factors(loaded: LoadedStudy) -> Iterator[list[str]]:
     columns = {column.name: column for column in loaded.columns}  # with their means filled in
     for index, given in enumerate(loaded.study.factor):
         source = _sourced(loaded.study.sources, index, given)
         for column in columns_of([given]):
             known = factor(columns[column.name])
-            yield known.name, ", ".join(column.keys), known.unit, range_of(columns[column.name]), source
+            yield [known.name, ", ".join(column.keys), known.unit, range_of(columns[column.name]), source]
 
 
 def range_of(column: Column) -> str:
@@ -138,7 +128,7 @@ def range_of(column: Column) -> str:
     return ", ".join([f"normal, {asked.mean:g}{SPACE}±{SPACE}{asked.sd:g} (one standard deviation)", *bounds])
 
 
-def _sourced(sources: dict[str, str | None], index: int, given: Factor) -> str | Markup:
+def _sourced(sources: dict[str, str | None], index: int, given: Factor) -> str:
     """Where the numbers of a factor come from; heavy where it is assumed or not stated."""
     fields = [type(given).model_fields[name].alias or name for name in given.model_fields_set]
     paths = (f"factor[{index}]", *(f"factor[{index}].{key}" for key in fields))

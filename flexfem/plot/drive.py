@@ -263,8 +263,8 @@ def _ends(found: Reach, axis: int) -> str:
 def listed(found: Reach) -> list[tuple[int, PoseEdge]]:
     """The longest edges of the section, `LISTED` at most, numbered counter-clockwise."""
     section = found.fields.section
-    long = sorted(section, key=lambda edge: float(np.linalg.norm(np.subtract(edge.end, edge.start))))[-LISTED:]
-    return list(enumerate((edge for edge in section if edge in long), start=1))
+    longest = np.argsort([np.linalg.norm(edge.end - edge.start) for edge in section])[-LISTED:]
+    return list(enumerate((section[k] for k in sorted(longest)), start=1))
 
 
 def plot_section(ax: Axes, found: Reach) -> Axes:
@@ -286,7 +286,7 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         ax.add_collection(LineCollection(lines, label=" and ".join(each) or "no limit", zorder=3, **look))
     middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
     for k, edge in listed(found):
-        at = unit.factor * np.mean([edge.start, edge.end], axis=0)
+        at = unit.factor * (edge.start + edge.end) / 2
         write(ax, at + 0.05 * size * (at - middle) / np.linalg.norm(at - middle), f"{k}", size=8.5)
     if found.circle > 0:
         angle = np.linspace(0.0, 2 * np.pi, 181)

@@ -12,8 +12,8 @@ from flexfem.files.refusals import shown
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import BANDS, BRIEF, OF_STAGE, banded, minus, scientific
+from flexfem.questions.bands import MeshConvergence
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
-from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, LENGTH, Direction, Unit, unit_for

@@ -25,8 +25,7 @@ from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, draw_hub, f
 from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.plot.write import write_beside
-from flexfem.questions.dynamic_model import DynamicModel
-from flexfem.questions.modes import NaturalModes, PlaneVibration, SolidVibration
+from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, UNITS, Direction
 
@@ -44,8 +43,7 @@ Kind = Literal["load", "stroke"]
 def figures(found: NaturalModes) -> dict[str, Any]:
     """What is written beside natural modes: their shapes, the frequency response, and an animation of each mode."""
     drawn: dict[str, Any] = {"": modes_figure(found)}
-    if isinstance(found.fields, PlaneVibration):
-        model = found.fields.reduced
+    if (model := _fields(found).reduced) is not None:
         drawn["-response"] = lambda beside: write_beside(beside, response_figure(model, found))
         for number in range(1, len(found.axes["mode"]) + 1):
             drawn[f"-{number}"] = partial(write_animation, found, number)
@@ -67,16 +65,16 @@ def modes_figure(found: NaturalModes) -> Figure:
     return figure
 
 
-def _fields(found: NaturalModes) -> PlaneVibration | SolidVibration:
+def _fields(found: NaturalModes) -> Vibration:
     """The modes of finite elements. Raises BadInput when a result has none."""
-    if not isinstance(found.fields, PlaneVibration | SolidVibration):
+    if not isinstance(found.fields, Vibration):
         raise BadInput("natural modes without finite elements, expected them for their shapes")
     return found.fields
 
 
 def _said_of(found: NaturalModes) -> str:
     """What the modes are of, and what is not in them."""
-    solid, asked, mass = isinstance(found.fields, SolidVibration), found.settings, UNITS["kg"]
+    solid, asked, mass = _fields(found).heights is not None, found.settings, UNITS["kg"]
     said = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
     said += f" drives {asked['drives']};" + (f" payload {asked['payload']};" if asked["payload"] else "")
     said += (
@@ -109,8 +107,10 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
     if not 1 <= number <= count:
         raise BadInput(f"mode {number!r}, expected 1 to {count}")
     ax, mesh = ax or new_axes(), fields.mesh
-    field = fields.field(number - 1)[:, 0] if isinstance(fields, SolidVibration) else fields.shapes[number - 1]
-    if isinstance(fields, SolidVibration) and fields.chosen[number - 1][0]:
+    field = fields.shapes[number - 1]
+    if fields.heights is not None:
+        field = field[:, len(fields.heights) // 2]  # of the mid-plane
+    if fields.tilting[number - 1]:
         w = field[:, 2] / np.abs(field[:, 2]).max()
         linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero, its contour says nothing
         grid = Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], mesh.triangles[linked][:, QUARTERS].reshape(-1, 3))
@@ -139,7 +139,6 @@ def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
     Raises BadInput when the folder takes no file.
     """
     fields, path = _fields(found), path.with_suffix(".gif")
-    assert isinstance(fields, PlaneVibration)
     mesh, title = fields.mesh, f"{found.about.name}: {title_of(found, number)}"
     field, boundary = _exaggerated(mesh, fields.shapes[number - 1]), boundary_of(mesh.triangles)
     figure = Figure(figsize=SIZE)

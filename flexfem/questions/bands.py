@@ -1,4 +1,4 @@
-"""Bands of finite elements: how far a number on the finest mesh may be from the number at vanishing triangle size.
+"""Bands of finite elements: how far a number on the finest mesh may be from that at vanishing triangle size.
 
 A number that does not vanish converges steadily, and three meshes show how. What a stage moves across a command does
 not: it is what nearly equal mesh errors of nine hinges leave of each other, it changes its sign from mesh to mesh, and
@@ -8,12 +8,14 @@ two meshes may agree by chance. Its band is taken from the whole error of the co
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, NamedTuple, TypeAlias, TypeVar
+from itertools import pairwise
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
+from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, mesh_sectors
 from flexfem.fem.response import Response, unit_response
@@ -21,6 +23,11 @@ from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import warnings as warning
+from flexfem.questions.setup import about, on_meshes, question, solved
+from flexfem.refused import BadInput
+from flexfem.results import COARSER as ON_COARSER
+from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, Direction
 
 COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
@@ -31,6 +38,8 @@ SAFETY, CAUTIOUS = 1.25, 3.0  # safety factors of Roache: with the observed orde
 TRUSTED = (1.0, 6.0)  # observed orders outside are no sign that the asymptotic range is reached
 ROUND_OFF = 1e-8  # per cent, and of a value: differences below come from the arithmetic, not from the mesh
 DEPENDENT = 1e-6  # share of the largest: combinations of loads with less energy are one load twice, but for round-off
+RESOLUTIONS = (3, 4, 6, 8, 11, 15)  # of `converge`
+LARGE = 1e-3  # of a compliance: the accuracy that the default mesh is made for
 
 Verdict: TypeAlias = Literal["converging", "oscillatory", "divergent", "out of range", "round-off"]
 Found = TypeVar("Found")
@@ -39,12 +48,7 @@ Found = TypeVar("Found")
 def error_matrix(stiffness: Array, compliance: Array, lever: ArrayLike) -> Array:
     """Errors (..., 3, 3), per cent of the command, of poses by forces that a stiffness predicts; column j: command j.
 
-    Parameters
-    ----------
-    stiffness, compliance : (..., 3, 3)
-        Of the analytic model and of finite elements, order x, y, theta.
-    lever : (...)
-        l3, mm, by which rotations become comparable with translations.
+    stiffness, compliance : (..., 3, 3), of the analytic model and of finite elements.   lever : (...), l3, mm.
     """
     far = np.asarray(lever, dtype=float)
     scale = np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)
@@ -52,10 +56,10 @@ def error_matrix(stiffness: Array, compliance: Array, lever: ArrayLike) -> Array
     return np.asarray(100.0 * error * scale[..., :, None] / scale[..., None, :])
 
 
-def percentages(error: Array, commanded: float, direction: Direction, lever: float) -> Array:
-    """Error (3,), mm, mm, rad, in per cent of one command; the lever makes rotations and translations comparable."""
+def percentages(error: Array, commanded: ArrayLike, direction: Direction, lever: float) -> Array:
+    """Errors (..., 3), mm, mm, rad, in per cent of commands (...); the lever makes rotations and translations alike."""
     scale = np.array([1.0, 1.0, lever])
-    return np.asarray(100.0 * error * scale / (commanded * scale[DIRECTIONS.index(direction)]))
+    return np.asarray(100.0 * error * scale / (np.asarray(commanded)[..., None] * scale[DIRECTIONS.index(direction)]))
 
 
 class Convergence(NamedTuple):
@@ -94,13 +98,12 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     H. Coleman, P. E. Raad, J. Fluids Eng. 130 (2008) 078001; P. J. Roache, J. Fluids Eng. 116 (1994) 405.
     """
     resolutions, values = np.asarray(resolutions, dtype=float), np.asarray(values, dtype=float)
-    f3, f2, f1 = values[-3:]
-    n3, n2, n1 = resolutions[-3:]
-    r21, r32 = n1 / n2, n2 / n3
-    e21, e32 = f2 - f1, f3 - f2
+    e32, e21 = (values[-3:-1] - values[-2:]).tolist()
+    r32, r21 = (resolutions[-2:] / resolutions[-3:-1]).tolist()
+    finest, larger = float(values[-1]), max(abs(e21), abs(e32))
     noise = round_off * max(1.0, float(np.max(np.abs(values))))
-    if max(abs(e21), abs(e32)) <= noise:
-        return Convergence(resolutions, values, "round-off", ORDER, np.nan, float(f1), noise)
+    if larger <= noise:
+        return Convergence(resolutions, values, "round-off", ORDER, np.nan, finest, noise)
     observed = _observed_order(e21, e32, r21, r32)
     verdict: Verdict = "converging" if TRUSTED[0] <= observed <= TRUSTED[1] else "out of range"
     if e21 * e32 < 0:
@@ -108,10 +111,9 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     elif abs(e21) >= abs(e32):
         verdict = "divergent"
     order, safety = (observed, SAFETY) if verdict == "converging" else (ORDER, CAUTIOUS)
-    correction = e21 / (r21**order - 1)
-    distance = max(abs(e21), abs(e32)) / (r21**order - 1) if verdict == "oscillatory" else abs(correction)
-    band = max(safety * distance, noise)
-    return Convergence(resolutions, values, verdict, order, observed, float(f1 - correction), float(band))
+    left = 1 / (r21**order - 1)
+    band = max(safety * left * (larger if verdict == "oscillatory" else abs(e21)), noise)
+    return Convergence(resolutions, values, verdict, order, observed, finest - left * e21, band)
 
 
 def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
@@ -157,14 +159,8 @@ def _to_finest(steps: Array, values: Array) -> Array:
     return np.array([(values[-1] - values[-2]) / (n1 / n2 - 1), (values[-2] - values[-3]) / (n1 / n3 - n1 / n2)])
 
 
-def relative_error(steps: Array, compliances: Array, loads: Array | None = None) -> RelativeError:
-    """Error of the last of three or more compliances (levels, n, n), coarse to fine, in the energy product.
-
-    Parameters
-    ----------
-    steps : (levels,), resolutions to the power of the theoretical order.
-    loads : (n, k), whose combinations alone count; None takes all.
-    """
+def _relative_error(steps: Array, compliances: Array, loads: Array | None = None) -> RelativeError:
+    """Error of the last of three compliances (levels, n, n) in the energy product, by combinations of loads (n, k)."""
     W = _orthonormal(compliances[-1], np.eye(len(compliances[-1])) if loads is None else loads)
     errors = _to_finest(steps, np.array([W.T @ C @ W for C in compliances[-3:]]))
     ends = np.linalg.eigvalsh(errors)[:, [0, -1]]
@@ -209,21 +205,15 @@ def command_convergence(
     chance; a spread vanishes only when five independent differences do at once.
     """
     found = [grid_convergence(resolutions, values) for values in np.transpose(percents)]
-    comparable = 100.0 * np.array([1.0, 1.0, lever]) / (lever if axis == 2 else 1.0)
-    C = np.asarray(compliances)
+    C, steps = np.asarray(compliances), np.asarray(resolutions, dtype=float) ** ORDER
     read = np.eye(len(force), 3) if readings is None else readings
-    error = relative_error(np.asarray(resolutions, dtype=float) ** ORDER, C, np.column_stack([read, force]))
-    bands = CAUTIOUS * comparable * pose_bounds(error, C[-1], force, read)
-    return tuple(
-        each if (k == axis and readings is None) or each.verdict == "round-off" else _across(each, float(band))
-        for k, (each, band) in enumerate(zip(found, bands, strict=True))
-    )
-
-
-def _across(found: Convergence, band: float) -> Convergence:
-    """A number across a command: its own observed order is not to be trusted."""
-    (correction, _) = _to_finest(found.resolutions**ORDER, found.values)
-    return found._replace(order=ORDER, extrapolated=float(found.values[-1] + correction), band=band)
+    error = _relative_error(steps, C, np.column_stack([read, force]))
+    bands = CAUTIOUS * percentages(pose_bounds(error, C[-1], force, read), 1.0, DIRECTIONS[axis], lever)
+    for k, each in enumerate(found):
+        if each.verdict != "round-off" and (k != axis or readings is not None):  # its own order is not to be trusted
+            extrapolated = each.values[-1] + _to_finest(steps, each.values)[0]
+            found[k] = each._replace(order=ORDER, extrapolated=float(extrapolated), band=float(bands[k]))
+    return tuple(found)
 
 
 def pose_bounds(error: RelativeError, compliance: Array, force: Array, readings: Array) -> Array:
@@ -236,14 +226,9 @@ def pose_bounds(error: RelativeError, compliance: Array, force: Array, readings:
 def command_errors(
     resolutions: Array, compliances: Array, stiffness: Array, direction: Direction, lever: float
 ) -> tuple[Convergence, ...]:
-    """Grid convergence of the three error percentages of one command.
-
-    Parameters
-    ----------
-    compliances : (levels, 3, 3), of finite elements, coarse to fine.   stiffness : (3, 3), of the model.
-    """
+    """As `command_convergence`, of compliances (levels, 3, 3) and the stiffness (3, 3) of the analytic model."""
     axis = DIRECTIONS.index(direction)
-    percents = np.array([error_matrix(stiffness, each, lever)[:, axis] for each in compliances])
+    percents = error_matrix(stiffness, np.asarray(compliances), lever)[..., axis]
     return command_convergence(resolutions, percents, axis, compliances, stiffness[:, axis], lever)
 
 
@@ -266,15 +251,14 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     """
     C, n = np.asarray(compliances), np.asarray(resolutions, dtype=float)
     size = np.sqrt(np.outer(np.diag(C[-1]), np.diag(C[-1])))
-    found, error = np.max(np.abs(C), axis=0), relative_error(n**ORDER, C)
+    found, error = np.max(np.abs(C), axis=0), _relative_error(n**ORDER, C)
     bound = CAUTIOUS * (error.common * np.abs(C[-1]) + error.spread * size)
     bands = np.where(found <= ROUND_OFF * size, np.maximum(found, np.finfo(float).eps * size), bound)
-    for k in range(3):
-        bands[k, k] = grid_convergence(n, C[:, k, k], round_off=0.0).band
+    np.fill_diagonal(bands, [grid_convergence(n, C[:, k, k], round_off=0.0).band for k in range(3)])
     return np.asarray(bands)
 
 
-def corner_bands(resolutions: Array, values: Array) -> Array:
+def corner_bands(resolutions: Array, values: Array, order: float = CORNER_ORDER) -> Array:
     """Half-widths (...) of values (3 levels, ...) that corners of clamped edges decide: drift, ranges of a drive.
 
     Notes
@@ -283,18 +267,18 @@ def corner_bands(resolutions: Array, values: Array) -> Array:
     safety factor. It held all 68 numbers of eight random driven stages, of which `mesh_band` left out 23
     (`benchmarks/corner_bands.py`).
     """
-    return np.asarray(CAUTIOUS * np.max(np.abs(_to_finest(resolutions**CORNER_ORDER, values)), axis=0))
+    return np.asarray(CAUTIOUS * np.max(np.abs(_to_finest(resolutions**order, values)), axis=0))
 
 
 def stress_bands(resolutions: Array, values: Array) -> Array:
-    """Half-widths (...) of highest neck stresses (3 levels, ...), which change their place, and of what follows them.
+    """As `corner_bands`, of highest neck stresses, which change their place, and of what follows them, by order 3.
 
     Notes
     -----
-    As `corner_bands`, by an order of 3: it held 72 highest stresses of 24 stages, of which the grid convergence index
-    left out 3, one by nine times its band (`benchmarks/corner_bands.py`).
+    It held 72 highest stresses of 24 stages, of which the grid convergence index left out 3, one by nine times its band
+    (`benchmarks/corner_bands.py`).
     """
-    return np.asarray(CAUTIOUS * np.max(np.abs(_to_finest(resolutions**STRESS_ORDER, values)), axis=0))
+    return corner_bands(resolutions, values, STRESS_ORDER)
 
 
 def highest_band(resolutions: Array, values: Array, bands: Callable[[Array, Array], Array] = stress_bands) -> Array:
@@ -306,17 +290,26 @@ def highest_band(resolutions: Array, values: Array, bands: Callable[[Array, Arra
 def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
     """Half-widths (3, cases) of the mesh uncertainty of poses (levels, 3, cases) on three meshes, coarse to fine.
 
-    Notes
-    -----
-    The larger of `corner_bands` bounds every component, rotations with the lever. One that is round-off on every mesh
-    has the largest of its values.
+    The largest of `corner_bands` bounds every component, rotations with the lever.
     """
     scale = np.array([1.0, 1.0, lever])[:, None]
     scaled = poses * scale
     common = np.max(corner_bands(resolutions, scaled), axis=0)
-    largest = np.max(np.abs(scaled), axis=0)
-    silent = largest <= ROUND_OFF * np.max(largest, axis=0)
-    return np.asarray(np.where(silent, largest, common) / scale)
+    return np.asarray(_unless_silent(np.max(np.abs(scaled), axis=0), common) / scale)
+
+
+def layer_bands(few: Array, many: Array) -> Array:
+    """Half-widths (3, cases) by the layers of poses (3, cases), all mm, by fewer and by more.
+
+    The largest change of a case's components bounds all of them, times `SAFETY`.
+    """
+    common = SAFETY * np.max(np.abs(many - few), axis=0)
+    return _unless_silent(np.maximum(np.abs(few), np.abs(many)), common)
+
+
+def _unless_silent(largest: Array, bands: Array) -> Array:
+    """Bands (cases,) of all components (3, cases); of those that are round-off on every mesh their largest value."""
+    return np.where(largest <= ROUND_OFF * np.max(largest, axis=0), largest, bands)
 
 
 # three dimensions: the band of the mesh in the plane and that of the layers
@@ -375,8 +368,7 @@ def solid_bands(of: SolidLevels, resolution: int) -> tuple[Array, Array]:
     thickness = np.where(zero, np.finfo(float).eps, change.common + change.spread) * size
     steps = np.array(levels(resolution))
     plane = compliance_bands(steps, of.planes)
-    for k in range(3):
-        plane[k, k] = mesh_band(steps, of.planes[:, k, k], 0.0)
+    np.fill_diagonal(plane, [mesh_band(steps, of.planes[:, k, k], 0.0) for k in range(3)])
     return plane, thickness
 
 
@@ -386,14 +378,84 @@ def solid_pose_bands(solve: Callable[[int, int], Array], resolution: int, layers
     return pose_bands(np.array(levels(resolution), dtype=float), np.array(meshed), 1.0) + layer_bands(*layered)
 
 
-def layer_bands(few: Array, many: Array) -> Array:
-    """Half-widths (3, cases) by the layers of poses (3, cases), all mm, by fewer and by more.
+# the question
+
+
+class MeshConvergence(Result):
+    """Platform compliance of a stage on meshes of growing resolution, and what it tends to."""
+
+    title = "mesh convergence"
+    figure = "errors.convergence_figure"
+    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_COARSER)
+    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_COARSER)
+    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
+    triangles = Quantity("triangles", "", ("mesh",), Gate(0.05))
+    unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
+    compliance = Quantity(
+        "compliance", "compliance matrix", ("mesh", "component", "direction"), ON_COARSER, "matrix", shown=False
+    )
+
+    @property
+    def resolutions(self) -> list[int]:
+        """Triangles across every neck, coarse to fine."""
+        return [int(label.split()[0]) for label in self.axes["mesh"]]
+
+    @property
+    def verdicts(self) -> list[str]:
+        """How the three finest meshes behave, by direction."""
+        return [note.partition(": ")[2] for note in self.notes]
+
+
+@question
+def converge(
+    stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
+) -> MeshConvergence:
+    """Solve a stage on finer and finer meshes: observed order, extrapolated compliance, band.
+
+    Parameters
+    ----------
+    resolutions : list of int, optional
+        Triangles across every neck, coarse to fine, three or more, each 1.3 times the one before; by default 3 to 15.
+    {shared}
 
     Notes
     -----
-    The largest change of a case's components bounds all of them, times `SAFETY`; what is round-off by both has the
-    larger of its values.
+    I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001; the band is Roache's index, with his safety factors.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.converge(flexfem.load("geometry/mobility6.toml"), resolutions=[2, 3, 4])
+    >>> found.verdicts
+    ['converging', 'converging', 'converging']
     """
-    largest = np.maximum(np.abs(few), np.abs(many))
-    common = SAFETY * np.max(np.abs(many - few), axis=0)
-    return np.asarray(np.where(largest <= ROUND_OFF * np.max(largest, axis=0), largest, common))
+    check_feasible(stage)
+    steps = tuple(arguments.resolutions(RESOLUTIONS if resolutions is None else resolutions))
+    if len(steps) < 3 or min(steps) < 2 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
+        raise BadInput(
+            f"resolutions {', '.join(map(str, steps))}, expected three or more from 2 upwards, each at least "
+            f"{COARSER:g} times the one before"
+        )
+    meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
+    C = np.array([each.compliance for each in meshes])
+    own = np.diagonal(C, axis1=1, axis2=2)
+    found = [grid_convergence(np.array(steps), values, round_off=0.0) for values in own.T]
+    band = np.full(own.shape, np.nan)
+    band[-1] = [each.band for each in found]
+    values: dict[str, Any] = {name: [getattr(each, name) for each in meshes] for name in ("triangles", "unknowns")}
+    values |= {"along": own, "compliance": C}
+    values |= {"extrapolated": [each.extrapolated for each in found], "order": [each.observed for each in found]}
+    large = [
+        f"the mesh band of the compliance in {axis} is ±{100 * each.band / abs(each.extrapolated):.2g} % "
+        f"({each.verdict}); finer meshes narrow it"
+        for axis, each in zip(DIRECTIONS, found, strict=True)
+        if each.band > LARGE * abs(each.extrapolated)
+    ]
+    return MeshConvergence(
+        about(stage),
+        values,
+        {"along": band, "extrapolated": band[-1]},
+        {"mesh": [f"{level} across a neck" for level in steps]},
+        warnings=[*warning.of_numbers(stage), *large],
+        notes=[f"meshes in {axis}: {each.verdict}" for axis, each in zip(DIRECTIONS, found, strict=True)],
+    )

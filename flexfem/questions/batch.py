@@ -184,7 +184,7 @@ def solved_design(
     response = elements(stage, resolution, clock)
     found = _at_rest(stage, response)
     if payload is not None:
-        structure = vibrating(stage, response.mesh, payload, "disengaged")
+        structure = vibrating(stage, response.mesh, payload)
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
@@ -252,7 +252,7 @@ def _errors(
 
 def _coarser(stage: Stage, finest: int, clock: Clock) -> dict[int, Array]:
     """Compliances on the coarser meshes of a band, by resolution; one that folds is left out when there is another."""
-    from flexfem.fem.gmsh_process import MeshTimeout
+    from flexfem.fem.mesher import MeshTimeout
 
     found, failures = dict[int, Array](), list[ComputationFailed]()
     for resolution in levels(finest)[:-1]:

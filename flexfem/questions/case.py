@@ -9,14 +9,14 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import Keywords, both, either, has, ruled, says, when, without
+from flexfem.files.quantities import Keywords
 from flexfem.files.refusals import refusal
 from flexfem.files.toml import Label, Table, validate
 from flexfem.hinges.formulas import formula, formulas
@@ -45,13 +45,10 @@ FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(
 OF_MODEL = "Of the analytic model; by default the stage's own"
 FORMULA = "Hinge formula of the analytic model"
 ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model elastic, too"
-LINKS = when(says("links", True), says("mobility", 21))
 
 
 class Curve(Table):
     """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(LINKS))
 
     label: Label = Field(description="In the legend, used once", examples=["closed hinge formula"])
     stage: Label = Field(description="Stage file, relative to the case file", examples=["stage.toml"])
@@ -66,29 +63,10 @@ class Curve(Table):
         return self
 
 
-_NONLINEAR = says("analysis", "nonlinear")
-_RULES = (
-    when(
-        says("direction", "theta"),
-        both(has("amplitude_mrad"), without("amplitude_um")),
-        both(has("amplitude_um"), without("amplitude_mrad")),
-    ),
-    when(_NONLINEAR, {"not": says("drive", "joints", "strokes")}),
-    when(_NONLINEAR, {"properties": {"curve": {"items": {"not": says("links", True)}}}}),
-    when(
-        says("model", "three_dimensional"),
-        {"not": either(_NONLINEAR, says("drive", "joints", "strokes"))},
-        without("layers"),
-    ),
-)
-
-
 class Case(Sourced):
     """A comparison as in Figs. 5 to 7; numbers in the units of the file."""
 
     kind: ClassVar[str] = "case file"
-
-    model_config = ConfigDict(json_schema_extra=ruled(*_RULES))
 
     name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
     direction: Direction = Field(description="Of the commanded displacement of the platform", examples=["x"])

@@ -1,17 +1,9 @@
-"""Strokes and forces of the stacks for a pose of a driven stage, and where finite elements go with these strokes.
-
-A contact that its stack presses with N carries along its face any force up to mu N before it slips. What is left of
-sliding depends on how the stage came there; every pose it may rest in is
-
-    U + sum_i h_i f_i,   |f_i| <= mu_i N_i,   h = C_Ut - C_Ud Y C_dt
-
-h being what a newton along contact i moves the platform by, the other stacks holding their strokes. The largest of each
-coordinate is `sum |h_i| mu_i N_i`, reached only where all contacts are about to slip. N is the force without friction.
-"""
+"""Strokes and forces of the stacks for a pose of a driven stage, and where finite elements go with these strokes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -52,13 +44,12 @@ from flexfem.questions.driven import (
     shares,
     stress_along,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed
+from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, question
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
-MOTION, WRENCH, STIFFNESS = ("mm", "mm", "rad"), ("n", "n", "n_mm"), ("n_per_mm", "n_per_mm", "n_mm_per_rad")
 PUSHES = {
     "pushed": "preloaded, pushes normal to the pushed body",
     "carrier": "preloaded, pushes kept by the carrier",
@@ -79,8 +70,8 @@ class Drive(Result):
         "strokes and rotations beyond rest, forces and stress with the preloads; stiffness with the other directions "
         "held unless said otherwise",
     )
-    pose = Quantity("pose of the platform", MOTION, ("direction",), prefixed=True)
-    load = Quantity("load on the platform", WRENCH, ("direction",))
+    pose = Quantity("pose of the platform", "motion", ("direction",), prefixed=True)
+    load = Quantity("load on the platform", "wrench", ("direction",))
     stroke = Quantity("stroke", "um", ("stack", "criterion"), SOLVED, "all")
     force = Quantity("force", "n", ("stack", "criterion"), SOLVED, "all")
     command = Quantity("stroke of the actuator", "um", ("actuator", "criterion"), SOLVED, "all", shown=False)
@@ -103,17 +94,17 @@ class Drive(Result):
         largest=("chain", "hinge"),
     )
     friction = Quantity(
-        "pose that friction leaves open, at most ±", MOTION, ("strokes by", "model", "direction"), FRESH, "pose",
+        "pose that friction leaves open, at most ±", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
         prefixed=True,
     )  # fmt: skip
-    stiffness = Quantity("stiffness", STIFFNESS, ("state", "direction"), SOLVED)
+    stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
     change = Quantity(
         "change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8),
         "all",
     )  # fmt: skip
-    push_spread = Quantity("spread of the engaged stiffness (±)", STIFFNESS, ("direction",), SOLVED)
+    push_spread = Quantity("spread of the engaged stiffness (±)", "stiffness", ("direction",), SOLVED)
     error = Quantity(
-        "error of finite elements with strokes by", MOTION, ("commanding model", "direction"), COARSER, "all",
+        "error of finite elements with strokes by", "motion", ("commanding model", "direction"), COARSER, "all",
         prefixed=True,
     )  # fmt: skip
     calibration = Quantity(
@@ -143,15 +134,35 @@ class DrivenStage(NamedTuple):
 
 
 class Commanding(NamedTuple):
-    """An analytic model that computes strokes, and the driven stage as it sees it.
-
-    stage : as it is modelled, see `model.ModelChoice`.
-    """
+    """An analytic model that computes strokes, of a stage as it is modelled (`model.ModelChoice`)."""
 
     stage: Stage
     result: AnalyticResult
     model: DrivenModel
     of: Driven
+
+    @property
+    def across(self) -> Array:
+        """As of `DrivenElements`."""
+        own = drive_of(self.stage)
+        known = 3 + len(own.stacks)
+        if not own.rubbing:
+            return np.zeros((known, 0))
+        return driven_model(self.stage, self.result, _with_friction(own)).compliance[:known, known:]
+
+    def carried(self, load: Array, force: Array) -> Array:
+        """Moment, forces along and across (3, 3 chains, 3 hinges) at every notch, of a load and forces of stacks."""
+        wrenches = self.model.necks @ np.concatenate([load, force])
+        return neck_forces(stage_frames(self.stage), wrenches[..., None])[..., 0]
+
+    def stress(self, load: Array, force: Array) -> Array:
+        """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, of a load and forces of stacks (n,)."""
+        at = sections_of(lower(self.stage))[:, 0]
+        return np.asarray(np.max(stress_along(at, self.carried(load, force)), axis=-1))
+
+    def rotations(self, motion: Motion, load: Array) -> Array:
+        """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
+        return np.asarray(self.result.hinges.rotation * self.carried(load, motion.force)[0])
 
 
 class DrivenElements(NamedTuple):
@@ -160,12 +171,20 @@ class DrivenElements(NamedTuple):
     across : (3 + n, r), mm and rad per N, pose and openings by forces along the contacts of stated friction.
     """
 
+    stage: Stage
     mesh: StageMesh
     response: DrivenResponse
     of: Driven
     across: Array
 
+    def stress(self, load: Array, force: Array) -> Array:
+        """As of `Commanding`."""
+        field = np.tensordot(np.concatenate([load, force]), self.response.fields, axes=1)
+        nodal = nodal_stress(self.mesh, plate_of(self.stage), field)
+        return neck_maxima(self.stage, self.mesh, von_mises(nodal, out_of_plane_ratio_of(self.stage)))
 
+
+@question
 def drive(
     stage: Stage,
     *,
@@ -179,29 +198,15 @@ def drive(
 
     Parameters
     ----------
-    stage : Stage
-        The stage, with actuators.
     pose : tuple of float
         Pose of the platform: mm, mm, rad.
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
         Whether finite elements are given the strokes of the analytic model.
-    analytic : Analytic
-        The analytic model that computes the strokes.
     resolution : int, optional
         Triangles across every neck.
-
-    Returns
-    -------
-    Drive
-
-    Raises
-    ------
-    BadInput
-        The stage has no actuators, cannot be made, or the analytic model does not suit it.
-    ComputationFailed
-        The actuators do not move the platform in three directions, or a mesh does not pass its checks.
+    {shared}
 
     Examples
     --------
@@ -214,46 +219,46 @@ def drive(
     mesh = mesh_of(models, resolution, None, 2)
     wanted = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
-    of, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
+    own, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     chosen = analytic.chosen(stage, warnings)
     first = commanding(chosen)
-    elements = None if mesh is None else driven_elements(stage, mesh.resolution)
-    commands = _commands(first.of, of, wanted, F, lever, warnings)
-    motions = {name: moved(first.of, of, x, F) for name, x in commands.items()}
-    forces = np.array([of.preload + each.force for each in motions.values()])
-    stress = [[neck_stresses(first, np.concatenate([F, force])) for force in forces]]
-    models_found = {ANALYTIC: (first.of, across(first, of), forces)}
-    values: dict[str, Any] = {"pose": wanted, "load": F}
-    axes: dict[str, tuple[str, ...]] = {"criterion": tuple(commands), "strokes by": tuple(commands)}
-    axes |= {"actuator": of.names, "stack": stack_names(of)}
-    if elements is not None:
-        held = np.array([of.preload + moved(elements.of, of, x, F).force for x in commands.values()])
-        stress.append([element_stresses(stage, elements, np.concatenate([F, force])) for force in held])
-        models_found[ELEMENTS] = (elements.of, elements.across, held)
-        values |= _open_loop(stage, elements, first, chosen, wanted, F, axes)
-    x = np.array(list(commands.values()))
-    used = {name: shares(first.of, of, each, F) for name, each in commands.items()}
-    share = np.array([[np.max(each[limit]) for each in used.values()] for limit in LIMITS])
-    values |= {
+    commands = _commands(first.of, own, wanted, F, lever, warnings)
+    motions = [moved(first.of, own, x, F) for x in commands.values()]
+    forces, x = np.array([own.preload + each.force for each in motions]), np.array(list(commands.values()))
+    used = [shares(first.of, own, each, F) for each in x]
+    share = np.array([[np.max(each[limit]) for each in used] for limit in LIMITS])
+    values: dict[str, Any] = {
+        "pose": wanted,
+        "load": F,
         "command": x.T,
-        "stroke": (x @ of.differential.T).T,
+        "stroke": (x @ own.differential.T).T,
         "force": forces.T,
-        "shortest": of.lowest,
-        "longest": of.highest,
-        "preload": of.preload,
-        "blocking_force": of.blocking_force,
+        "shortest": own.lowest,
+        "longest": own.highest,
+        "preload": own.preload,
+        "blocking_force": own.blocking_force,
         "share": np.where(np.isfinite(share), 100 * share, np.nan),
-        "energy": [each.stage for each in motions.values()],
-        "stack_energy": [each.stacks for each in motions.values()],
-        "rotation": np.moveaxis(np.array([rotations(first, each, F) for each in motions.values()]), 0, -1),
-        "stress": np.moveaxis(np.array(stress), 1, -1),
+        "energy": [each.stage for each in motions],
+        "stack_energy": [each.stacks for each in motions],
+        "rotation": np.stack([first.rotations(each, F) for each in motions], axis=-1),
     }
-    if of.rubbing:
-        open_poses = [[left_open(*each[:2], of, force) for force in each[2]] for each in models_found.values()]
-        values["friction"] = np.swapaxes(open_poses, 0, 1)
-    values |= _stiffness(first, of, dict(zip(commands, forces, strict=True)), F, axes, warnings)
-    warnings += [text for name, each in commands.items() for text in limit_warnings(first.of, of, each, F, name)]
-    for name, highest in zip(commands, np.max(stress[-1], axis=(1, 2)), strict=True):
+    answering: dict[str, Commanding | DrivenElements] = {ANALYTIC: first}
+    axes: dict[str, tuple[str, ...]] = {"criterion": tuple(commands), "strokes by": tuple(commands)}
+    axes |= {"actuator": own.names, "stack": stack_names(own)}
+    if mesh is not None:
+        answering[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
+        values |= _open_loop(stage, elements, first, chosen, wanted, F, axes)
+    stress, friction = [], []
+    for model in answering.values():
+        pushed = [own.preload + moved(model.of, own, each, F).force for each in x]
+        stress.append(np.stack([model.stress(F, force) for force in pushed], axis=-1))
+        friction.append([left_open(model.of, model.across, own, force) for force in pushed])
+    values["stress"] = stress
+    if own.rubbing:
+        values["friction"] = np.swapaxes(friction, 0, 1)
+    values |= _stiffness(first, own, dict(zip(commands, forces, strict=True)), F, axes, warnings)
+    warnings += [text for name, each in commands.items() for text in limit_warnings(first.of, own, each, F, name)]
+    for name, highest in zip(commands, np.max(stress[-1], axis=(0, 1)), strict=True):
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
     warnings += warning.of_motion(stage, wanted, "the pose")
     notes = [
@@ -262,8 +267,7 @@ def drive(
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
     drawn = DrivenStage(stage, stack_places(stage))
-    axes["model"] = tuple(models_found)
-    warnings = list(dict.fromkeys(warnings))
+    axes["model"] = tuple(answering)
     return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, drawn)
 
 
@@ -280,7 +284,7 @@ def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
     C, fields = driven_response(mesh, plate_of(stage), _with_friction(of))
     known = 3 + len(of.stacks)
     response = DrivenResponse(C[:known, :known], fields[:known])
-    return DrivenElements(mesh, response, driven(response.compliance, of), C[:known, known:])
+    return DrivenElements(stage, mesh, response, driven(response.compliance, of), C[:known, known:])
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
@@ -310,46 +314,25 @@ def push_spread(of: Commanding) -> Array:
     return np.asarray(np.max(np.abs(found - engaged_stiffness(of.of)), axis=0))
 
 
-def neck_stresses(of: Commanding, loads: Array) -> Array:
-    """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, of a load and forces of stacks (3 + n,)."""
-    carried = neck_forces(stage_frames(of.stage), (of.model.necks @ loads)[..., None])[..., 0]
-    return np.asarray(np.max(stress_along(sections_of(lower(of.stage))[:, 0], carried), axis=-1))
-
-
-def element_stresses(stage: Stage, elements: DrivenElements, loads: Array) -> Array:
-    """As `neck_stresses`, by finite elements."""
-    field = np.tensordot(loads, elements.response.fields, axes=1)
-    stress = von_mises(nodal_stress(elements.mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
-    return neck_maxima(stage, elements.mesh, stress)
-
-
-def rotations(of: Commanding, motion: Motion, load: Array) -> Array:
-    """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
-    wrenches = of.model.necks @ np.concatenate([load, motion.force])
-    moment, _, _ = neck_forces(stage_frames(of.stage), wrenches[..., None])[..., 0]
-    return np.asarray(of.result.hinges.rotation * moment)
-
-
 def _with_friction(of: StageDrive) -> tuple[Stack, ...]:
     """The stacks of a drive, then its contacts of stated friction pushed along their faces."""
     return (*of.stacks, *(of.stacks[k].across for k in of.rubbing))
 
 
-def across(of: Commanding, own: StageDrive) -> Array:
-    """As `DrivenElements.across`, by an analytic model."""
-    known = 3 + len(own.stacks)
-    if not own.rubbing:
-        return np.zeros((known, 0))
-    return driven_model(of.stage, of.result, _with_friction(own)).compliance[:known, known:]
-
-
-def left_open(of: Driven, along: Array, own: StageDrive, force: Array) -> Array:
+def left_open(of: Driven, across: Array, own: StageDrive, force: Array) -> Array:
     """Half-widths (3,) of the poses that friction leaves open, mm, mm, rad, with forces (n,) of all stacks, N.
 
     Contacts that would have to pull are open and hold nothing.
+
+    Notes
+    -----
+    A contact that its stack presses with N carries along its face any force f up to mu N before it slips. Every pose
+    that the stage may rest in is `U + sum_i h_i f_i`, `|f_i| <= mu_i N_i`, `h = C_Ut - C_Ud Y C_dt` the motion by a
+    newton along contact i, the other stacks holding their strokes; the largest of each coordinate is
+    `sum |h_i| mu_i N_i`, reached only where all contacts are about to slip. N is the force without friction.
     """
     rubbing = list(own.rubbing)
-    per_force = along[:3] - of.C[:3, 3:] @ of.Y @ along[3:]
+    per_force = across[:3] - of.C[:3, 3:] @ of.Y @ across[3:]
     return np.asarray(np.abs(per_force) @ (own.friction[rubbing] * np.maximum(force[rubbing], 0.0)))
 
 
@@ -392,9 +375,9 @@ def _stiffness(
     }
     for name, K in pushed.items():
         warnings += [f"no stable equilibrium of the stacks {name}"] if np.isnan(K).any() else []
-    bare, C = np.diag(np.linalg.inv(of.C[:3, :3])), of.C[:3, :3]
+    C = of.C[:3, :3]
     free = zip(FREE, (1 / np.diag(C), 1 / np.diag(of.engaged)), strict=True)
-    states = {"disengaged": bare, "engaged": engaged} | pushed | dict(free)
+    states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | pushed | dict(free)
     axes["state"] = tuple(states)
     change = [100 * (K / engaged - 1) if name in pushed else np.full(3, np.nan) for name, K in states.items()]
     found = {"stiffness": np.array(list(states.values())), "change": np.array(change)}
@@ -420,25 +403,20 @@ def _open_loop(
     axes: dict[str, tuple[str, ...]],
 ) -> dict[str, Array]:
     """Errors of finite elements with strokes of least energy by several models, then by the first after calibration."""
-    models = {first.result.name: first}
-    rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
-    for choice in ((None, CALIBRATED, True), *rigid):
-        try:
-            one = commanding(ModelChoice(stage, *choice))
-        except BadInput:  # off the chart
-            continue
-        models.setdefault(one.result.name, one)
     own, lever = drive_of(stage), stage.chain.link_lengths[2]
     full = calibration(elements.of, first.of, own, lever)
-    asked = [(name, model, pose) for name, model in models.items()]
-    asked.append((f"{first.result.name}, three gains", first, 1 / np.diag(np.linalg.inv(full)) * pose))
-    asked.append((f"{first.result.name}, calibration matrix", first, full @ pose))
-    found = []
-    for _, model, wanted in asked:
-        x = commands_for(model.of, own, wanted, load, lever, "least energy")
-        found.append(moved(elements.of, own, x, load).pose - pose)
-    axes["commanding model"] = tuple(name for name, *_ in asked)
-    return {"error": np.array(found), "calibration": full}
+    commanded = {first.result.name: (first, pose)}
+    rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
+    for choice in ((None, CALIBRATED, True), *rigid):
+        with suppress(BadInput):  # off the chart
+            one = commanding(ModelChoice(stage, *choice))
+            commanded.setdefault(one.result.name, (one, pose))
+    gains = 1 / np.diag(np.linalg.inv(full))
+    commanded[f"{first.result.name}, three gains"] = first, gains * pose
+    commanded[f"{first.result.name}, calibration matrix"] = first, full @ pose
+    strokes = [commands_for(model.of, own, to, load, lever, "least energy") for model, to in commanded.values()]
+    axes["commanding model"] = tuple(commanded)
+    return {"error": np.array([moved(elements.of, own, x, load).pose - pose for x in strokes]), "calibration": full}
 
 
 def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) -> Array:
@@ -469,20 +447,22 @@ def stack_places(stage: Stage) -> list[StackPlace]:
 
 def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
     """Limits that commands (m,) break, a sentence for each kind: how many, and the one farthest beyond."""
+    force, ends = own.preload + moved(of, own, x, load).force, 1e3 * np.stack([x, own.lowest, own.highest])
     broken = {name: used > 1 + ROUND_OFF for name, used in shares(of, own, x, load).items()}
-    force, stacks, found = own.preload + moved(of, own, x, load).force, stack_names(own), list[str]()
-    ends, any_end = 1e3 * np.stack([x, own.lowest, own.highest]), np.any(broken["stroke"].reshape(2, -1), axis=0)
-
-    def say(kind: str, which: Any, beyond: Array, text: str, names: Sequence[str], *values: Array) -> None:
+    outside, above = "need {:.4g} um, outside {:.4g} to {:.4g} um", "have to push with {:.4g} N, above {:.4g} N"
+    strokes = np.any(broken["stroke"].reshape(2, -1), axis=0)
+    kinds = (
+        ("strokes", strokes, np.maximum(x - own.highest, own.lowest - x), outside, own.names, ends),
+        ("contacts", broken["contact"], -force, "have to pull with {:.4g} N", stack_names(own), (-force,)),
+        (
+            "forces", broken["blocking force"], force - own.blocking_force, above, stack_names(own),
+            (force, own.blocking_force),
+        ),
+    )  # fmt: skip
+    found = list[str]()
+    for kind, which, beyond, text, names, numbers in kinds:
         if which.any():
-            k = int(np.argmax(np.where(which, beyond, -np.inf)))
-            said = text.format(*(value[k] for value in values))
-            count = np.count_nonzero(which)
+            k, count = int(np.argmax(np.where(which, beyond, -np.inf))), np.count_nonzero(which)
+            said = text.format(*(number[k] for number in numbers))
             found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {said}")
-
-    outside = np.maximum(x - own.highest, own.lowest - x)
-    say("strokes", any_end, outside, "need {:.4g} um, outside {:.4g} to {:.4g} um", own.names, *ends)
-    say("contacts", broken["contact"], -force, "have to pull with {:.4g} N", stacks, -force)
-    above = "have to push with {:.4g} N, above {:.4g} N"
-    say("forces", broken["blocking force"], force - own.blocking_force, above, stacks, force, own.blocking_force)
     return found

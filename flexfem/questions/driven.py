@@ -1,35 +1,26 @@
-"""Driven stages: what strokes do, which strokes a pose takes, the limits, and how far the drives of many designs reach.
-
-All of it is algebra on a compliance of either model.
+"""Driven stages by algebra on a compliance of either model: what strokes do, which strokes a pose takes, the limits.
 
 With loads F on the platform and the forces f by which n stacks push their bodies apart, [U; d] = C [F; f]. A stack of
-stiffness k with the free stroke s fills its opening: d = s - f / k. Then
+stiffness k with the free stroke s fills its opening: d = s - f / k. With commands x, all beyond rest:
 
-    f = Y (s - C_dF F),   Y = (k^-1 + C_dd)^-1,   U = C_UF F + C_Ud f,   s = T x
+    s = T x,   f = Y (s - C_dF F),   Y = (k^-1 + C_dd)^-1,   U = C_UF F + C_Ud f
 
-for the commands x. Forces, openings and strokes are those beyond rest, where the preloads are balanced.
-
-At every place x along a neck, from its centre, the stress is `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|`, h the
-height of the notch there. M, N, V are linear in the commands, so that yield is four half-spaces for every place.
-
-Along an axis the commands for the pose t, the others zero, are x = t u + N y, u of least norm, N the commands that
-leave the platform where it is: the farthest t is a linear program in t and y, of strokes, contacts and blocking forces.
-Of yield only those half-spaces are looked at that a solution breaks, at the worst place of all necks.
-The preloads of single stacks stress the necks at rest; those of a pair bear on each other.
+At a place x along a neck, from its centre, the stress is `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|`, h the
+height of the notch there. M, N, V are linear in the commands: yield is four half-spaces at every place. Preloads of
+single stacks stress the necks at rest; those of a pair bear on each other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
-from typing import Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.analytic.model import at_necks
 from flexfem.arrays import Array, Index, inverse
-from flexfem.hinges.strength import concentration, stress_raised
+from flexfem.hinges.strength import stress_raised
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
 from flexfem.mechanism.designs import Designs, Frames
 from flexfem.mechanism.drives import StageDrive
@@ -54,6 +45,7 @@ TOGETHER = 256  # designs at a time: their programs stay in the cache of a proce
 FAR = 1e7  # of rows of unit norm and ends of at most one: beyond every solution of a bounded program
 FLAT, KEPT = 1e-11, 1e-12  # of such rows: pivots that are round-off; by how much of the point one may be broken
 STEPS, PATIENCE = 300, 100  # of the simplex method; the first that is broken is taken after so many: no circles
+TIGHT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
 
 
 class Unreachable(ComputationFailed):
@@ -95,13 +87,8 @@ class Driven(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """What commands and a load do.
+    """Pose (3,), forces (n,), N, beyond rest, and strain energy, N mm, of the stage and of stacks and contacts."""
 
-    command : (m,), mm.   pose : (3,).   force : (n,), N, beyond rest.
-    stage, stacks : strain energy, N mm, of the stage, and of stacks and contacts, beyond rest.
-    """
-
-    command: Array
     pose: Array
     force: Array
     stage: float
@@ -109,12 +96,7 @@ class Motion(NamedTuple):
 
 
 def driven(C: Array, drive: StageDrive) -> Driven:
-    """A driven stage from its compliance (..., 3 + n, 3 + n).
-
-    Notes
-    -----
-    `Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2`, which is zero for stacks of no stiffness.
-    """
+    """A driven stage by its compliance (..., 3 + n, 3 + n): Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2 has k = 0 too."""
     root = np.sqrt(drive.stiffness)
     inner = inverse(np.eye(root.shape[-1]) + root[..., :, None] * C[..., 3:, 3:] * root[..., None, :])
     return Driven(C, root[..., :, None] * inner * root[..., None, :], drive.differential)
@@ -132,7 +114,7 @@ def moved(of: Driven, drive: StageDrive, command: Array, load: Array) -> Motion:
     found = of.C @ both
     with np.errstate(divide="ignore", invalid="ignore"):
         stacks = np.where(force == 0, 0.0, force**2 / drive.stiffness)
-    return Motion(command, found[:3], force, float(both @ found / 2), float(np.sum(stacks) / 2))
+    return Motion(found[:3], force, float(both @ found / 2), float(np.sum(stacks) / 2))
 
 
 def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, criterion: Criterion) -> Array:
@@ -150,8 +132,7 @@ def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever:
     """
     scale = np.array([1.0, 1.0, lever])
     G, wanted = scale[:, None] * of.poses, scale * (pose - of.engaged @ load)
-    values = np.linalg.svd(G, compute_uv=False)
-    if len(values) < 3 or not values[2] > SINGULAR * values[0]:
+    if np.linalg.matrix_rank(G, rtol=SINGULAR) < 3:
         raise ComputationFailed("the drive does not move the platform in three directions: no strokes for this pose")
     if criterion == "least energy":
         found = _least_energy(of, G, wanted, load)
@@ -164,8 +145,6 @@ def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever:
 def _least_energy(of: Driven, G: Array, wanted: Array, load: Array) -> Array:
     """min f' C_dd f with f = Y (T x - C_dF F) and G x = wanted, in the null space of G.
 
-    Notes
-    -----
     Commands against each other that a rigid model gives no energy, as six pairs on mobility three, are left at the
     smallest strokes: their energy is round-off.
     """
@@ -196,26 +175,29 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, wanted: Array) -
 
 def _program(of: DriveLimits, G: Array, wanted: Array) -> Array | None:
     """min t with rows x <= offsets + t sizes and G x = wanted; None where there is no such x."""
-    from scipy.optimize import linprog
-
     rows, offsets, sizes = of
     unit = float(np.max(np.abs(np.linalg.lstsq(G, wanted, rcond=None)[0]))) or float(np.max(sizes)) or 1.0
     size = np.max(np.abs(G)) * unit
     norm = np.maximum(np.max(np.abs(rows), axis=1) * unit, np.finfo(float).tiny)
-    found = linprog(
+    found = linear_program(
         np.append(np.zeros(G.shape[1]), 1.0),
         A_ub=np.column_stack([rows * unit, -sizes]) / norm[:, None],
         b_ub=offsets / norm,
         A_eq=np.column_stack([G * unit, np.zeros(3)]) / size,
         b_eq=wanted / size,
         bounds=[(None, None)] * G.shape[1] + [(0, None)],
-        method="highs",
     )
-    if found.status == 2:
-        return None
-    if found.status != 0:
-        raise ComputationFailed(f"linear program for strokes: {found.message}")
-    return np.asarray(found.x[:-1] * unit)
+    return None if found is None else np.asarray(found.x[:-1] * unit)
+
+
+def linear_program(cost: Array, **limits: Any) -> Any:
+    """Least cost @ x by HiGHS, limits as of scipy's `linprog`; None where they allow no x. Raises ComputationFailed."""
+    from scipy.optimize import linprog
+
+    found = linprog(cost, **limits, method="highs", options=TIGHT)
+    if found.status not in (0, 2):
+        raise ComputationFailed(f"linear program of a drive: {found.message}")
+    return found if found.status == 0 else None
 
 
 def limits_of(of: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLimits]:
@@ -261,14 +243,14 @@ def per_command(of: Driven, frames: Frames, necks: Array) -> Array:
     return neck_forces(frames, necks[..., 3:] @ (of.Y @ of.T)[..., None, None, :, :])
 
 
-def sections_of(designs: Designs, count: int = SECTIONS) -> Array:
-    """An odd `count` of places along the necks of n designs, (3, n, 3, 3, count); one is the centre alone.
+def sections_of(designs: Designs) -> Array:
+    """Places along the necks of n designs, (3, n, 3, 3, SECTIONS), the middle one at the centre.
 
     Distance from the centre times K_s / K_b, mm: the lever of a force across the neck; von Mises stress of the moment
     there, MPa per N mm, and of a force along the neck, MPa per N.
     """
     radius, neck = designs.radius[..., None], designs.neck[..., None]
-    x = radius * (np.linspace(-BESIDE, BESIDE, count) if count > 1 else np.zeros(1))
+    x = radius * np.linspace(-BESIDE, BESIDE, SECTIONS)
     high = neck + 2 * radius - 2 * np.sqrt(radius**2 - x**2)
     bending, tension, shear = (part[..., None] for part in stress_raised(designs))
     area = designs.thickness[:, None, None, None] * high
@@ -284,19 +266,16 @@ def stress_along(at: Array, carried: Array) -> Array:
 def limits_of_necks(at: Array, carried: Array, at_rest: Array, strength: float) -> DriveLimits:
     """Every half-space that yield at `strength`, MPa, sets to the commands of one design: 36 s of them.
 
-    Parameters
-    ----------
     carried : (3, 3, 3, m), per command.   at_rest : (3, 3, 3), of a load without commands.
     """
-
-    def signed(forces: Array) -> Array:
-        """Stresses (3, 3, s, 4, k) with the `SIGNS` of bending and tension, of forces (3, 3, 3, k)."""
-        (x, bending, tension), (M, N, V) = at[..., None], forces[:, :, :, None]
-        bent, pulled = bending * (M + V * x), tension * N
-        return np.asarray(SIGNS[:, :1] * bent[..., None, :] + SIGNS[:, 1:] * pulled[..., None, :])
-
-    rows, offsets = signed(carried), -signed(at_rest[..., None]).ravel()
-    return DriveLimits(rows.reshape(-1, rows.shape[-1]), offsets, np.full(len(offsets), strength))
+    (x, bending, tension), (M, N, V) = (
+        at[..., None],
+        np.concatenate([carried, at_rest[..., None]], axis=-1)[..., None, :],
+    )
+    bent, pulled = bending * (M + V * x), tension * N
+    stress = SIGNS[:, :1] * bent[..., None, :] + SIGNS[:, 1:] * pulled[..., None, :]
+    rows = stress.reshape(-1, stress.shape[-1])
+    return DriveLimits(rows[:, :-1], -rows[:, -1], np.full(len(rows), strength))
 
 
 class DriveRanges(NamedTuple):
@@ -317,41 +296,29 @@ class DriveRanges(NamedTuple):
 
 
 def drive_ranges(designs: Designs, of: Driven, necks: Array, drive: StageDrive) -> DriveRanges:
-    """What the drives of n designs do.
+    """What the drives of n designs do; necks (n, 3 chains, 3 hinges, 3, 3 + stacks) as of `DrivenModel`.
 
-    Parameters
-    ----------
-    of, drive : Driven, StageDrive
-        Of n designs.
-    necks : array
-        (n, 3 chains, 3 hinges, 3, 3 + stacks), of `DrivenModel`.
+    Notes
+    -----
+    Along an axis the commands for the pose t, the others zero, are x = t u + N y, u of least norm, N the commands that
+    leave the platform where it is: the farthest t is a linear program in t and y, of strokes, contacts and blocking
+    forces. Of yield only the half-spaces are looked at that a solution breaks, at the worst place of all necks.
     """
     n = len(designs.thickness)
-    reach, values = np.full((n, 2, 3), np.nan), _singular_values(of)
-    moving = np.flatnonzero(values[:, 2] > SINGULAR * values[:, 0])  # not for nan
+    with np.errstate(divide="ignore", invalid="ignore"):  # rotations by a length that makes them as large
+        alike = np.nan_to_num(of.poses / np.linalg.norm(of.poses, axis=2, keepdims=True))
+    reach, moving = np.full((n, 2, 3), np.nan), np.flatnonzero(np.linalg.matrix_rank(alike, rtol=SINGULAR) == 3)
     carried = per_command(of, designs.frames, necks).reshape(3, n, 9, -1)
     rest = neck_forces(designs.frames, necks[..., 3:] @ drive.preload[:, None, None, :, None]).reshape(3, n, 9)
     for begin in range(0, len(moving), TOGETHER):
         here = moving[begin : begin + TOGETHER]
         Z, rows, ends = _along_axes(Driven(of.C[here], of.Y[here], of.T), drive.at(here))
-        design, far = np.repeat(here, 6), np.full(len(Z), np.nan)
-        own = designs, design, carried[:, design] @ Z, rest[:, design]
-        at_rest, *_ = _broken_yield(*own, np.arange(len(Z)), np.zeros_like(Z[:, 0]))
-        known, design = np.flatnonzero(~at_rest), design[~at_rest]
-        cut = partial(_broken_yield, designs, design, carried[:, design] @ Z[known], rest[:, design])
-        far[known] = farthest(rows[known], ends[known], cut)[:, 0]
+        design = np.repeat(np.arange(len(here)), 6)  # of each program
+        cut = _yield_of(designs.chosen(here), design, carried[:, here][:, design] @ Z, rest[:, here][:, design])
+        at_rest, *_ = cut(np.arange(len(Z)), np.zeros_like(Z[:, 0]))
+        far = np.where(at_rest, np.nan, farthest(rows, ends, cut)[:, 0])
         reach[here] = far.reshape(-1, 2, 3)
     return DriveRanges(reach, inverse(of.engaged))
-
-
-def _singular_values(of: Driven) -> Array:
-    """Of what a unit command does, (n, 3), rotations by a length that makes them as large as translations."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        alike = of.poses / np.linalg.norm(of.poses, axis=2, keepdims=True)
-    values = np.zeros((len(alike), 3))
-    sound = np.isfinite(alike).all(axis=(1, 2))
-    values[sound] = np.linalg.svd(alike[sound], compute_uv=False)
-    return values
 
 
 def _along_axes(of: Driven, drive: StageDrive) -> tuple[Array, Array, Array]:
@@ -370,40 +337,40 @@ def _along_axes(of: Driven, drive: StageDrive) -> tuple[Array, Array, Array]:
     return Z, np.repeat(rows, 6, axis=0) @ Z, np.repeat(ends, 6, axis=0)
 
 
-def _broken_yield(
-    designs: Designs, design: Index, forces: Array, rest: Array, which: Index, z: Array
-) -> tuple[NDArray[np.bool_], Array, Array]:
+Cut: TypeAlias = Callable[[Index, Array], tuple[NDArray[np.bool_], Array, Array]]
+
+
+def _yield_of(designs: Designs, design: Index, forces: Array, rest: Array) -> Cut:
     """Whether points z (q, d) of some programs break yield, and the half-space (q, d), (q,) of the worst place.
 
-    Of p programs: their designs (p,), forces (3, p, 9, d) of the necks and those at rest (3, p, 9). Places are looked
-    at where the narrowest section would break yield with the lever of the farthest.
+    Of p programs: their designs (p,), forces (3, p, 9, d) of the necks and those at rest (3, p, 9).
     """
-    at_design = design[which]
-    broken, cut, ends = np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z))
-    carried = np.einsum("ipkd,pd->ipk", forces[:, which], z) + rest[:, which]
-    allowed = designs.yield_strength[at_design] * (1 - YIELD_MARGIN[designs.plane])  # the model's stress may be low
-    _, bending, tension = (each[at_design].reshape(-1, 9) for each in sections_of(designs, 1))
-    K = concentration(designs.neck[at_design] / designs.radius[at_design])
-    lever = (BESIDE * designs.radius[at_design] * K.shear / K.bending).reshape(-1, 9)
-    M, N, V = np.abs(carried)
-    near = np.flatnonzero(np.any(bending * (M + lever * V) + tension * N > allowed[:, None], axis=1))
-    if not len(near):
-        return broken, cut, ends
-    at = sections_of(designs.chosen(at_design[near])).reshape(3, len(near), 9, -1)
-    stress = stress_along(at, carried[:, near]).reshape(len(near), -1)
-    worst, each = np.argmax(stress, axis=1), np.arange(len(near))
-    broken[near] = stress[each, worst] > allowed[near] * (1 + YIELDING)
-    neck = worst // at.shape[-1]
-    x, bending, tension = at.reshape(3, len(near), -1)[:, each, worst]
-    (M, N, V), own = carried[:, near, neck], rest[:, which[near], neck]
-    bent, pulled = np.sign(M + V * x) * bending, np.sign(N) * tension
-    moment, normal, shear = forces[:, which[near], neck]
-    cut[near] = (bent * (moment + shear * x[:, None]).T + pulled * normal.T).T
-    ends[near] = allowed[near] - bent * (own[0] + own[2] * x) - pulled * own[1]
-    return broken, cut, ends
+    at = sections_of(designs).reshape(3, len(designs.thickness), 9, -1)
+    lever, bending_most, tension_most = np.max(np.abs(at), axis=-1)  # of all places: an upper bound of the stress
+    strength = designs.yield_strength * (1 - YIELD_MARGIN[designs.plane])  # the model's stress may be low
 
+    def cut(which: Index, z: Array) -> tuple[NDArray[np.bool_], Array, Array]:
+        own, allowed = design[which], strength[design[which]]
+        broken, rows, ends = np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z))
+        carried = np.einsum("ipkd,pd->ipk", forces[:, which], z) + rest[:, which]
+        M, N, V = np.abs(carried)
+        most = bending_most[own] * (M + lever[own] * V) + tension_most[own] * N
+        near = np.flatnonzero(np.any(most > allowed[:, None], axis=1))
+        if not len(near):
+            return broken, rows, ends
+        stress = stress_along(at[:, own[near]], carried[:, near])
+        neck, place = np.divmod(np.argmax(stress.reshape(len(near), -1), axis=1), SECTIONS)
+        broken[near] = stress[np.arange(len(near)), neck, place] > allowed[near] * (1 + YIELDING)
+        x, bending, tension = at[:, own[near], neck, place]
+        M, N, V = carried[:, near, neck]
+        bent, pulled = np.sign(M + V * x) * bending, np.sign(N) * tension
+        moment, normal, shear = forces[:, which[near], neck]
+        rows[near] = (bent * (moment + shear * x[:, None]).T + pulled * normal.T).T
+        M, N, V = rest[:, which[near], neck]
+        ends[near] = allowed[near] - bent * (M + V * x) - pulled * N
+        return broken, rows, ends
 
-Cut: TypeAlias = Callable[[Index, Array], tuple[NDArray[np.bool_], Array, Array]]
+    return cut
 
 
 def farthest(A: Array, b: Array, cut: Cut | None = None) -> Array:

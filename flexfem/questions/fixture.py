@@ -29,12 +29,11 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from flexfem.arrays import Array, Index
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import Rule, beside, either, has, ruled
 from flexfem.files.refusals import checked_path, refusal
 from flexfem.files.toml import Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
@@ -64,16 +63,8 @@ def _slope(key: str, description: str, example: float) -> Any:
     return Field(default=None, alias=key, description=description, examples=[example])
 
 
-def _one_or_more(schema: Rule) -> None:
-    slopes = [key for key in schema["properties"] if "_sd_" not in key]
-    deviations = {key: [key.replace("_sd", "")] for key in schema["properties"] if "_sd_" in key}
-    schema["allOf"] = [either(*map(has, slopes)), beside(deviations)]
-
-
 class MeasuredSlopes(Dimensioned):
     """Measured slopes, N/mm and N mm/rad, one or more, each with its standard deviation if that is known."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(also=lambda schema: _one_or_more(schema)))
 
     kxx: Spring | None = _slope("kxx_n_per_mm", "Slope as pushed in x", 1480.0)
     kxx_sd: Spring | None = _slope("kxx_sd_n_per_mm", "Standard deviation of `kxx_n_per_mm`, less than it", 12.0)

@@ -100,7 +100,7 @@ def gravity(
     warnings += warning.of_yield(highest, stage.material.yield_strength, "under the weight")
     plate = "horizontal" if layers else f"upright, gravity at {angle:g} degrees"
     settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": name}
-    mass = drawn_inertia(stage).mass + load.mass
+    mass = drawn_inertia(stage)[0, 0] + load.mass
     return answer(Gravity, stage, found, mesh, settings, {"mass": mass}, warnings=warnings)
 
 

@@ -9,19 +9,17 @@ are free, and displacements out of the plane are those against the frame as it b
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, hinge_compliance
-from flexfem.analytic.paper import freedoms_of, stage_freedoms
+from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.export import write_vtu
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.heat import HeatResponse, free_displacement, heat_response, warm_half
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
@@ -33,20 +31,10 @@ from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import located
+from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import (
-    DEFAULT,
-    Analytic,
-    Answered,
-    Mesh,
-    Models,
-    about,
-    answer,
-    mesh_of,
-    on_meshes,
-    question,
-)
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import (
     ANALYTIC,
@@ -67,7 +55,6 @@ from flexfem.units import EXPANSION
 CASES = ("uniform", "gradient in x", "gradient in y")
 IN_DEPTH = "gradient in z"
 LEAST_SOLID = 6  # on 4 triangles across a neck bands left out the z of 2 of 4 stages: meshes agreed by chance
-PLACES = ((0, 2), (0, 0), (0, 1), (1, 2))  # of each case: mirror half, and its place among the three of `warm_half`
 UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
 _MORE, _LESS = 1 + UNLIKE / 100, 1 - UNLIKE / 100
 UNLIKE_CHAINS = ((_MORE, 1.0, 1.0), (_LESS, 1.0, 1.0), (_MORE, _LESS, 1.0))  # factors on the necks of each chain
@@ -130,28 +117,7 @@ class WarmFields(NamedTuple):
     hub_radius: float
 
 
-class SolidWarmFields(NamedTuple):
-    """Both mirror halves in three dimensions, per unit of the frame's expansion beyond the stage's."""
-
-    stage: Stage
-    halves: tuple[Response, Response]
-
-    def write(self, path: Path) -> list[Path]:
-        """Write displacement, mm, and von Mises stress, MPa, of half of the thickness by case as VTU."""
-        own, mesh, layers = float(self.stage.material.expansion or 0.0), self.halves[0].mesh, self.halves[0].layers
-        beyond, fields = frame_expansion_of(self.stage) - own, dict[str, Array]()
-        for case, (kind, at) in zip((*CASES, IN_DEPTH), PLACES, strict=True):
-            half = self.halves[kind]
-            field = beyond * half.fields[at]
-            stress = nodal_stress(mesh, sheet_of(self.stage), field, layers=half.layers)
-            fields[f"displacement, {case}"] = own * free_displacement(mesh.nodes, half.layers)[at] + field
-            fields[f"von Mises stress, {case}"] = von_mises(stress)
-        path = path.with_suffix(".vtu")
-        write_vtu(mesh, path, fields, layers.heights)
-        return [path]
-
-
-@question
+@setup.question
 def drift(
     stage: Stage,
     *,
@@ -179,39 +145,34 @@ def drift(
     5.5
     """
     check_feasible(stage)
-    mesh = mesh_of(models, resolution, layers, 4, LEAST_SOLID)
-    alpha, warnings = expansion_of(stage), list(warning.of_numbers(stage))
+    mesh = setup.mesh_of(models, resolution, layers, 4, LEAST_SOLID)
+    alpha, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
     if stage.frame.expansion is None:
         warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
-    warnings += warning.of_stacks(stage)
     found, values, name = dict[str, Answered](), dict[str, Array](), None
-    fields: WarmFields | SolidWarmFields | None = None
+    fields: WarmFields | setup.MeshFields | None = None
+    cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
-        found[ANALYTIC], name = by_network(chosen, alpha), chosen.name
-        if stage.chains_alike and (unlike := _unlike(chosen)) is not None:
-            rest = len(_cases(mesh)) - len(CASES)  # which the analytic model has not
-            values["unlike"] = np.pad(unlike, ((0, rest), (0, 0)), constant_values=np.nan)
+        found[ANALYTIC], name = _by_network(chosen, alpha), chosen.name
+        if stage.chains_alike and (unlike := _unlike(chosen)):
+            values["unlike"] = np.full((len(cases), 3), np.nan)  # the analytic model has no gradient in depth
+            values["unlike"][: len(CASES)] = unlike
     if mesh is not None and mesh.layers:
-        found[SHEET], found[SOLID], fields = _in_three_dimensions(stage, mesh.resolution, mesh.layers, progress)
+        found[SHEET], found[SOLID], fields = _in_three_dimensions(stage, mesh, progress)
         warnings += warning.held_faces(stage)
     elif mesh is not None:
         found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution, progress)
-    expansions = float(stage.material.expansion or 0.0), frame_expansion_of(stage)
-    stated = [f"{EXPANSION.factor * each:g} {EXPANSION.plain}" for each in expansions]
-    settings = {"expansion": stated[0], "frame": stated[1], "analytic model": name}
-    of = about(stage, heat=True)
-    return answer(Drift, of, found, mesh, settings, values, {"case": _cases(mesh)}, warnings=warnings, fields=fields)
+    own, frame = (f"{EXPANSION.factor * each:g} {EXPANSION.plain}" for each in _expansions(stage))
+    settings = {"expansion": own, "frame": frame, "analytic model": name}
+    of = setup.about(stage, heat=True)
+    return setup.answer(Drift, of, found, mesh, settings, values, {"case": cases}, warnings=warnings, fields=fields)
 
 
-def _cases(mesh: Mesh | None) -> tuple[str, ...]:
-    return (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
-
-
-def frame_expansion_of(stage: Stage) -> float:
-    """Coefficient of the frame, 1/K: the stage's where none is stated."""
-    own = stage.material.expansion if stage.frame.expansion is None else stage.frame.expansion
-    return float(own or 0.0)
+def _expansions(stage: Stage) -> tuple[float, float]:
+    """Coefficients of stage and frame, 1/K: the stage's for both where none is stated for the frame."""
+    own = float(stage.material.expansion or 0.0)
+    return own, own if stage.frame.expansion is None else stage.frame.expansion
 
 
 def expansion_of(stage: Stage) -> Expansion:
@@ -219,28 +180,27 @@ def expansion_of(stage: Stage) -> Expansion:
     with located(stage):
         require_expansion(stage)
     (plane,), (frame,) = in_plane(lower(stage))
-    free = frame - float(stage.material.expansion or 0.0)
+    free = float(frame) - _expansions(stage)[0]
     across = stage.material.youngs_modulus * free if stage.model == "plane_strain" else 0.0  # held at the frame's
     return Expansion(float(plane), float(frame), across)
 
 
-def by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
+def _by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
     """The three cases by the pseudo-rigid model."""
     stage, mobility, formula, links = chosen
     design = lower(stage)
-    own = mobility is None and not links
-    freedoms = stage_freedoms(design.prismatic) if own else freedoms_of(21 if mobility is None else mobility)
+    freedoms = freedoms_of(21 if links else mobility, design.prismatic)
     hinges = Compliance(*(np.asarray(part)[None] for part in hinge_compliance(stage, formula)))
     rates = (np.array([alpha.stage]), np.array([alpha.frame]))
     bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if links else None
-    pose, reaction, stress = (part[0] for part in analytic_drift(design, hinges, freedoms, *rates, bodies))
-    along = stress / von_mises_along(design.out_of_plane)[0]
-    centres, pull = stage_frames(stage).centres, float(design.out_of_plane[0])
-    zz = alpha.across * np.concatenate([np.ones((3, 3, 1)), centres], axis=-1)
-    stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + zz,)], axis=0)
-    return Answered(
-        {"pose": pose.T, "stress": np.moveaxis(stress, -1, 0), "reaction": np.moveaxis(reaction, -1, 0)}, {}
+    pose, reaction, stress = (
+        np.moveaxis(part[0], -1, 0) for part in analytic_drift(design, hinges, freedoms, *rates, bodies)
     )
+    along, pull = stress / von_mises_along(design.out_of_plane)[0], float(design.out_of_plane[0])
+    places = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
+    held = alpha.across * np.moveaxis(places, -1, 0)
+    stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + held,)], axis=0)
+    return Answered({"pose": pose, "stress": stress, "reaction": reaction})
 
 
 def _in_plane(
@@ -277,8 +237,8 @@ def _in_plane(
 
 
 def _in_three_dimensions(
-    stage: Stage, resolution: int, layers: int, progress: Progress | None
-) -> tuple[Answered, Answered, SolidWarmFields]:
+    stage: Stage, mesh: Mesh, progress: Progress | None
+) -> tuple[Answered, Answered, setup.MeshFields]:
     """The four cases by wedges, in plane stress on the same mesh and in three dimensions.
 
     Notes
@@ -287,33 +247,44 @@ def _in_three_dimensions(
     converge by twice its exponent (M. L. Williams, J. Appl. Mech. 19 (1952) 526), far slower than compliances. With the
     order of these, meshes of 3, 4 and 6 triangles across a neck left out 2 of 16 poses of four stages on 9.
     """
-    own, lever = float(stage.material.expansion or 0.0), stage.chain.link_lengths[2]
-    beyond, plate = frame_expansion_of(stage) - own, sheet_of(stage)
-    meshes = {level: mesh_sectors(stage, level) for level in levels(resolution)}
+    own, frame = _expansions(stage)
+    beyond, lever, plate = frame - own, stage.chain.link_lengths[2], sheet_of(stage)
+    sectors = {level: mesh_sectors(stage, level) for level in levels(mesh.resolution)}
 
     def half(antisymmetric: bool) -> tuple[Response, Array]:
-        scale = np.array([1.0, lever, lever] if antisymmetric else [1.0, 1.0, lever])[:, None]
+        scale = np.array([1.0, lever if antisymmetric else 1.0, lever])[:, None]
 
         def solve(level: int, number: int) -> Response:
-            return warm_half(meshes[level], plate, layers_of(stage, number, antisymmetric))
+            return warm_half(sectors[level], plate, layers_of(stage, number, antisymmetric))
 
-        band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, resolution, layers)
-        return solve(resolution, layers), abs(beyond) * band / scale
+        band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, *mesh)
+        return solve(*mesh), abs(beyond) * band / scale
 
-    (halves, bands) = zip(*on_meshes((False, True), half, progress), strict=True)
-    places, order = [(halves[kind], at) for kind, at in PLACES], [at for _, at in PLACES[:3]]
+    (even, pose_band), (odd, tilt_band) = on_meshes((False, True), half, progress)
+    order = [2, 0, 1]  # of the cases of the even half, of which the other has the last
+    places = [(even, at) for at in order] + [(odd, 2)]
+    warm = [(half, at, beyond * half.fields[at]) for half, at in places]
     loads = beyond * np.eye(3)
     solid = Answered(
         {
-            "pose": beyond * halves[0].compliance.T[order],
-            "stress": [neck_stresses(stage, one, loads[[at]]).highest[0] for one, at in places],
-            "edges": [_clamped(stage, one, beyond * one.fields[at]) for one, at in places],
-            "tilt": beyond * halves[1].compliance[:, 2],
+            "pose": beyond * even.compliance.T[order],
+            "stress": [neck_stresses(stage, half, loads[[at]]).highest[0] for half, at in places],
+            "edges": [_clamped(stage, half, field) for half, _, field in warm],
+            "tilt": beyond * odd.compliance[:, 2],
         },
-        {"pose": bands[0].T[order], "tilt": bands[1][:, 2]},
+        {"pose": pose_band.T[order], "tilt": tilt_band[:, 2]},
     )
-    sheet = Answered({"pose": heat_response(halves[0].mesh, plate, own, frame_expansion_of(stage)).pose.T}, {})
-    return sheet, solid, SolidWarmFields(stage, (halves[0], halves[1]))
+    sheet = Answered({"pose": heat_response(even.mesh, plate, own, frame).pose.T})
+
+    def fields() -> dict[str, Array]:
+        found = dict[str, Array]()
+        for case, (half, at, field) in zip((*CASES, IN_DEPTH), warm, strict=True):
+            stress = von_mises(nodal_stress(half.mesh, plate, field, layers=half.layers))
+            free = free_displacement(half.mesh.nodes, half.layers)[at]
+            found |= {f"displacement, {case}": own * free + field, f"von Mises stress, {case}": stress}
+        return found
+
+    return sheet, solid, setup.MeshFields(even.mesh, fields, even.layers.heights)
 
 
 def _clamped(stage: Stage, half: Response, field: Array) -> Array:
@@ -327,8 +298,8 @@ def _clamped(stage: Stage, half: Response, field: Array) -> Array:
     return largest_within(heights / heights[-1], edge_maxima(half.mesh, stress).T, 0.0, 1 - CORNER)
 
 
-def _unlike(chosen: ModelChoice) -> Array | None:
-    """Poses (3 cases, 3) of the stage with chains made unlike, of each case the one that moves furthest in X and Y."""
+def _unlike(chosen: ModelChoice) -> list[Array]:
+    """Poses (3,) by case of the stage with chains made unlike, of each the one that moves furthest in X and Y."""
     stage, found = chosen.stage, []
     for factors in UNLIKE_CHAINS:
         necks = {
@@ -338,11 +309,7 @@ def _unlike(chosen: ModelChoice) -> Array | None:
         }
         try:
             other = stage.replace(override=necks)
-            found.append(by_network(chosen._replace(stage=other), expansion_of(other)).values["pose"])
+            found.append(_by_network(chosen._replace(stage=other), expansion_of(other)).values["pose"])
         except BadInput:  # a neck as wide as its link, or off the chart
             continue
-    if not found:
-        return None
-    poses = np.array(found)
-    furthest = np.argmax(np.hypot(poses[..., 0], poses[..., 1]), axis=0)
-    return np.asarray(poses[furthest, np.arange(len(CASES))])
+    return [max(poses, key=lambda pose: float(np.hypot(*pose[:2]))) for poses in zip(*found, strict=True)]

@@ -107,7 +107,7 @@ def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
     ----------
     poissons_ratio : on the thickness chart, from 0.1 to 0.45; BadInput for another.
     """
-    poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().series.ends[2])
+    poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().ends[2])
     width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)
     found = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
     source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"

@@ -8,7 +8,6 @@ answer: what the hinge formulas err by is there with and without displacement, a
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -26,9 +25,9 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import percentages
-from flexfem.questions.setup import about, mesh_of, meshed, solved
+from flexfem.questions.setup import about, mesh_of, meshed, question, solved
 from flexfem.results import Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES
+from flexfem.units import DIRECTIONS, PLANES, Direction
 
 AMPLITUDE = 0.5  # mm: ten times the assumed workspace of examples/claims.py
 TURN = 0.02  # rad of rotation that go with a mm of translation: 10 mrad with 500 um
@@ -79,6 +78,7 @@ class Large(Result):
     strain = Quantity("largest strain of finite elements", "", ("direction", "share"), Gate(5e-3), "all", shown=False)
 
 
+@question
 def large(
     stage: Stage,
     *,
@@ -91,27 +91,13 @@ def large(
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     amplitude : float
         Largest displacement in X and Y, mm; in theta 0.02 rad for every mm.
     models : {"both", "analytic"}
         Whether there are nonlinear finite elements beside the pseudo-rigid stage.
     resolution : int, optional
         Triangles across every neck.
-    progress : callable, optional
-        Called with a line after every direction.
-
-    Returns
-    -------
-    Large
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made.
-    ComputationFailed
-        A pose is out of reach, or a mesh does not pass its checks.
+    {shared}
 
     Examples
     --------
@@ -121,7 +107,7 @@ def large(
     0.36
     """
     check_feasible(stage)
-    mesh = mesh_of(models, RESOLUTION if models == "both" and resolution is None else resolution, None, 2)
+    mesh = mesh_of(models, resolution, None, 2, usual=RESOLUTION)
     far = arguments.positive("amplitude", amplitude, LARGEST_AMPLITUDE) * np.array([1.0, 1.0, TURN])
     model, of, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)
@@ -133,7 +119,7 @@ def large(
     boxes = [missed(of, part * far, lever) for part in (STATED[2] / STEPS, 1.0)]
     ways = []
     for axis, direction in enumerate(DIRECTIONS):
-        ways.append(_way(stage, of, elements, axis, far[axis]))
+        ways.append(_way(stage, of, elements, direction, far[axis]))
         if progress is not None:
             progress(f"along {direction}")
     values: dict[str, Any] = {name: np.array([way[name] for way in ways]) for name in ways[0]}
@@ -154,55 +140,46 @@ def large(
     return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
 
 
-def _way(stage: Stage, of: PaperModel, elements: Response | None, axis: int, far: float) -> dict[str, Array]:
+def _way(stage: Stage, of: PaperModel, elements: Response | None, direction: Direction, far: float) -> dict[str, Array]:
     """The way along one direction, the others held at zero: `tangent`, `errors`, `load` and `strain` of `Large`."""
+    axis, lever = DIRECTIONS.index(direction), stage.chain.link_lengths[2]
     rest, step = stiffness(of), SLOPE_STEP * far
     commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS
-    shape = (len(commanded), len(THEORIES))
-    found = {
-        "tangent": np.full(shape, np.nan),
-        "errors": np.full((*shape, 3), np.nan),
-        "load": np.full((*shape, 3), np.nan),
-    }
-    found["strain"] = np.full(len(commanded), np.nan)
+    tangent = np.full((len(commanded), len(THEORIES)), np.nan)
+    errors, loads = np.full((*tangent.shape, 3), np.nan), np.full((*tangent.shape, 3), np.nan)
+    found = {"tangent": tangent, "errors": errors, "load": loads, "strain": np.full(len(commanded), np.nan)}
+
+    def missing(pose: Array, moved: Array) -> Array:
+        """Errors (n, 3) in per cent of the displacements (n,); at rest, where they vanish with its square, zero."""
+        moving, percent = moved != 0, np.zeros_like(pose)
+        percent[moving] = percentages(pose[moving], moved[moving], direction, lever)
+        return percent
+
     at = tangents(of, along(commanded, axis))
     ahead, behind = (at_pose(of, along(commanded + side, axis)).load for side in (step, -step))
     slopes = (at.without[..., axis], at.tangent[..., axis], (ahead - behind) / (2 * step))
     summed = summed_loads(of, commanded, axis)
-    loads = (summed["without"], summed["tangent"], at.load)
-    for theory, (slope, load) in enumerate(zip(slopes, loads, strict=True)):
-        found["tangent"][:, theory] = 100 * (slope[:, axis] / rest.K_uu[axis, axis] - 1)
-        found["errors"][:, theory] = _percent(stage, axis, load @ rest.C_uu - along(commanded, axis), commanded)
-    found["load"][:, EXACT] = at.load
+    for theory, load in enumerate((summed["without"], summed["tangent"], at.load)):
+        tangent[:, theory] = 100 * (slopes[theory][:, axis] / rest.K_uu[axis, axis] - 1)
+        errors[:, theory] = missing(load @ rest.C_uu - along(commanded, axis), commanded)
+    loads[:, EXACT] = at.load
     if elements is None:
         return found
     plate, C, places = plate_of(stage), elements.compliance, STEPS + SOLVED
-    held, loaded = np.zeros((len(SOLVED), 3)), np.zeros((len(STATED), 3))
-    compliance = np.tile(C, (len(SOLVED), 1, 1))
-    found["strain"][places] = 0.0
+    held, compliance, strain = np.zeros((len(SOLVED), 3)), np.tile(C, (len(SOLVED), 1, 1)), np.zeros(len(SOLVED))
     for side in _outwards(SOLVED):
         held_at = imposed(elements.mesh, plate, along(commanded[places[side]], axis))
-        held[side], compliance[side] = held_at.load, held_at.compliance
-        found["strain"][places[side]] = held_at.strain
-    exact = at.load[STEPS + STATED]
+        held[side], compliance[side], strain[side] = held_at.load, held_at.compliance, held_at.strain
+    exact, pose = at.load[STEPS + STATED], np.zeros((len(STATED), 3))
     for side in _outwards(STATED):
-        loaded[side] = equilibrium(elements.mesh, plate, exact[side]).pose
+        pose[side] = equilibrium(elements.mesh, plate, exact[side]).pose
     slope = np.linalg.inv(compliance)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
-    found["tangent"][places, HELD], found["load"][places, HELD] = 100 * (slope - 1), held
-    missing = held @ C - along(commanded[places], axis)
-    found["errors"][places, HELD] = _percent(stage, axis, missing, commanded[places])
-    found["errors"][STEPS + STATED, LOADED] = _percent(stage, axis, exact @ C - loaded, loaded[:, axis])
+    tangent[places, HELD], loads[places, HELD], found["strain"][places] = 100 * (slope - 1), held, strain
+    errors[places, HELD] = missing(held @ C - along(commanded[places], axis), commanded[places])
+    errors[STEPS + STATED, LOADED] = missing(exact @ C - pose, pose[:, axis])
     return found
 
 
-def _outwards(places: Index) -> Iterator[Index]:
+def _outwards(places: Index) -> tuple[Index, Index]:
     """Where ascending places are on either side of rest, from rest outwards."""
-    yield np.flatnonzero(places > 0)
-    yield np.flatnonzero(places < 0)[::-1]
-
-
-def _percent(stage: Stage, axis: int, missing: Array, moved: Array) -> Array:
-    """Errors (n, 3) in per cent of the displacements (n,); at rest, where they vanish with its square, zero."""
-    lever = stage.chain.link_lengths[2]
-    rows = zip(missing, moved.tolist(), strict=True)
-    return np.array([percentages(row, at, DIRECTIONS[axis], lever) if at else np.zeros(3) for row, at in rows])
+    return np.flatnonzero(places > 0), np.flatnonzero(places < 0)[::-1]

@@ -29,6 +29,7 @@ from flexfem.units import COMMANDS
 
 LARGEST_POSE = 1e2  # mm, rad
 LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
+UNKNOWN = (math.nan, math.nan)  # how far the true stress may be off, from and to
 NECK = ("model", "chain", "hinge")
 COLUMNS = ["stress_mpa", "cycles"]
 LEFT_OUT = (
@@ -114,7 +115,7 @@ def life(
         raise BadInput("mean and ratio, expected one of the two")
     wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
-    taken, source, notes = _law(stage, fit, law)
+    taken, notes = _law(stage, fit, law)
     asked = Repeated(scaled(moved, middle, -1.0 if ratio is None else float(ratio)), wanted, sensitivity)
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
@@ -122,10 +123,11 @@ def life(
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
         above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
-        known = chosen.formula == CALIBRATED and above is not None  # off its chart nothing was compared
-        error = (1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1) if known and above else None
+        error = UNKNOWN
+        if above is not None and chosen.formula == CALIBRATED:  # off its chart nothing was compared
+            error = 1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1
         strained, name = by_model(chosen.stage, analyse(*chosen), asked), chosen.name
-        found[ANALYTIC] = Answered(_answer(stage, strained, asked, taken, error), {})
+        found[ANALYTIC] = Answered(_answer(stage, strained, asked, taken, error))
     if mesh is not None:
         steps = levels(mesh.resolution)
         strains = on_meshes(steps, lambda step: by_elements(stage, solved(stage, step), asked), progress)
@@ -148,8 +150,7 @@ def life(
         "notch sensitivity": sensitivity,
         "analytic model": name,
     }
-    notes = [_law_said(taken, source), *notes, LEFT_OUT]
-    result = answer(Life, stage, found, mesh, settings, warnings=warnings, notes=notes)
+    result = answer(Life, stage, found, mesh, settings, warnings=warnings, notes=[*notes, LEFT_OUT])
     result.law, result.yield_strength = taken, stage.material.yield_strength
     return result
 
@@ -162,45 +163,49 @@ def checked_amplitude(amplitude: ArrayLike) -> Array:
     return moved
 
 
-def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tuple[Basquin, str, list[str]]:
-    """Basquin's law, where it comes from, and what is to be said of a fit. Raises BadInput."""
+def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tuple[Basquin, list[str]]:
+    """Basquin's law, and what is to be said of it and of a fit. Raises BadInput."""
     if fit is not None and law is not None:
         raise BadInput("fit and law, expected one of the two")
-    notes = []
+    source, notes = "given in Python", list[str]()
     if fit is not None:
         try:
-            law = fit_basquin(*read_points(fit))
+            law = fit_basquin(*_points(fit))
         except BadInput as refusal:
             raise BadInput(f"{fit}: {refusal}") from None
-        notes = _fit_said(law)
-    taken = required_law(stage.material, ", or a fit of S-N points") if law is None else checked_law(law)
+        source, notes = f"fitted to the points of {fit}", [_fit_said(law)]
+    if law is None:
+        taken, source = required_law(stage.material, ", or a fit of S-N points"), stage.sources.get(KEY) or "not stated"
+    else:
+        taken = checked_law(law)
     if unlikely(taken.coefficient, stage.material.yield_strength):
         expected = UNLIKELY.format(*STRENGTHS, f"the yield strength of {stage.material.yield_strength:g} MPa")
         raise BadInput(f"law: coefficient {taken.coefficient:.4g} MPa, expected {expected}")
-    own = stage.sources.get(KEY) or "not stated"
-    source = own if law is None else "given in Python" if fit is None else f"fitted to the points of {fit}"
-    return taken, source, notes
+    (low, high), stated = taken.range, "" if taken.range_stated else ", assumed"
+    rule = "Smith, Watson and Topper" if taken.walker == 0.5 else f"Walker, {taken.walker:g}"
+    said = (
+        f"Basquin's law with {taken.coefficient:g} MPa and {taken.exponent:g}, for {low:.4g} to {high:.4g} cycles"
+        f"{stated}; mean stress by {rule}; {source}"
+    )
+    return taken, [said, *notes]
 
 
-def _answer(
-    stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float] | None
-) -> dict[str, Any]:
+def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float]) -> dict[str, Any]:
     """The quantities of one model; the true stress may be off by `error`, from and to."""
     points, magnitudes = of.equivalent(law.walker), of.peak()
     necks = [np.flatnonzero(of.neck == neck) for neck in range(9)]
     worst = np.array([here[int(np.argmax(points[here]))] for here in necks])
-    amplitude, mean, stress = of.amplitude[worst], of.mean[worst], points[worst]
-    peak = np.array([np.max(magnitudes[here]) for here in necks])
-    highest = float(np.max(stress))
-    ends = (math.nan, math.nan) if error is None else tuple(float(law.cycles((1 + e) * highest)) for e in error)
-    proportional = asked.motion.proportional
+    stress, peak = points[worst], np.array([np.max(magnitudes[here]) for here in necks])
+    highest, proportional = float(np.max(stress)), asked.motion.proportional
     factor = factor_at(of, law, asked.wanted, proportional)
     endless = not np.isfinite(factor)
-    found = {"amplitude": amplitude, "mean": mean, "equivalent": stress, "peak": peak, "cycles": law.cycles(stress)}
+    found = {"amplitude": of.amplitude[worst], "mean": of.mean[worst], "equivalent": stress, "peak": peak}
+    found["cycles"] = law.cycles(stress)
+    most, fewest = (float(law.cycles((1 + each) * highest)) for each in error)
     return {name: part.reshape(3, 3) for name, part in found.items()} | {
         "life": float(law.cycles(highest)),
-        "fewest": ends[1],
-        "most": ends[0],
+        "fewest": fewest,
+        "most": most,
         "safety": stage.material.yield_strength / float(np.max(peak)),
         "factor": factor,
         "peak_at_largest": math.nan if endless else float(np.max(of.peak(factor, proportional))),
@@ -228,17 +233,7 @@ def _pose(values: Array) -> str:
     return ", ".join(f"{value * unit.factor:z.5g} {unit.plain}" for value, unit in zip(values, COMMANDS, strict=True))
 
 
-def _law_said(law: Basquin, source: str) -> str:
-    low, high = law.range
-    stated = "" if law.range_stated else ", assumed"
-    rule = "Smith, Watson and Topper" if law.walker == 0.5 else f"Walker, {law.walker:g}"
-    return (
-        f"Basquin's law with {law.coefficient:g} MPa and {law.exponent:g}, for {low:.4g} to {high:.4g} cycles{stated}; "
-        f"mean stress by {rule}; {source}"
-    )
-
-
-def _fit_said(of: BasquinFit) -> list[str]:
+def _fit_said(of: BasquinFit) -> str:
     """The fitted law with its intervals."""
     coefficient, exponent = (
         f"{of.confidence:g} % interval {ends[0]:.4g} to {ends[1]:.4g}"
@@ -246,34 +241,32 @@ def _fit_said(of: BasquinFit) -> list[str]:
         else f"no interval: at {of.confidence:g} % life may not fall with stress"
         for ends in (of.coefficient_interval, of.exponent_interval)
     )
-    return [
+    return (
         f"fit through {of.points} points from {of.range[0]:.4g} to {of.range[1]:.4g} cycles, sigma_a = sigma'_f (2 N)"
         f"^b = A N^b: sigma'_f = {of.coefficient:.5g} MPa, {coefficient}; b = {of.exponent:.4g}, {exponent}; "
         f"A = {of.A:.5g} MPa; standard deviation of log10 N {of.scatter:.3g}"
-    ]
+    )
 
 
-def read_points(path: Path) -> tuple[list[float], list[float]]:
+def _points(path: Path) -> tuple[list[float], list[float]]:
     """Stresses, MPa, and cycles of a CSV file of S-N points. Raises BadInput, naming file and line."""
-    path = checked_path(path)
-    rows = [(k, line) for k, line in enumerate(read_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
-    if not rows:
-        raise BadInput(f"{place_of(path)}: empty, expected columns {', '.join(COLUMNS)}")
-    cells = [(line, [cell.strip() for cell in next(csv.reader([text]))]) for line, text in rows]
-    (line, head), *points = cells
+    path, rows = checked_path(path), list[tuple[int, list[str]]]()
+    for line, text in enumerate(read_text(path).splitlines(), 1):
+        if text.strip() and text[0] != "#":
+            rows.append((line, [cell.strip() for cell in next(csv.reader([text]))]))
+    line, head = rows[0] if rows else (1, [])
     if sorted(head) != sorted(COLUMNS):
-        said = one_line(", ".join(head), 60)
+        said = one_line(", ".join(head), 60) or "none"
         raise BadInput(f"{place_of(path, line)}: columns {said}, expected {', '.join(COLUMNS)}")
-    columns: dict[str, list[float]] = {key: [] for key in COLUMNS}
-    for line, row in points:
+    for line, row in rows[1:]:
         if len(row) != len(head):
             raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(head)}, as the first line has")
         for key, cell in zip(head, row, strict=True):
             try:
-                value = float(cell)
+                possible = 0 < float(cell) < math.inf
             except ValueError:
-                value = math.nan
-            if not (math.isfinite(value) and value > 0):
+                possible = False
+            if not possible:
                 raise BadInput(f"{place_of(path, line)}: {key} = {one_line(cell, 60)}, expected a number above 0")
-            columns[key].append(value)
-    return columns[COLUMNS[0]], columns[COLUMNS[1]]
+    stress, cycles = ([float(row[head.index(key)]) for _, row in rows[1:]] for key in COLUMNS)
+    return stress, cycles

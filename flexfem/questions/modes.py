@@ -1,7 +1,6 @@
-"""Natural frequencies and modes of a stage, with bands by meshes and layers, and the analytic models beside them.
+"""Natural frequencies and modes of a stage by meshes and layers beside analytic models, and its reduced dynamics.
 
-In the plane the stage's own plane problem vibrates, its stacks engaged or not. In three dimensions both faces are free,
-whatever plane problem the stage states, and modes out of the plane are found too.
+In the plane the stage's own plane problem vibrates, stacks engaged or not; in three dimensions both faces are free.
 """
 
 from __future__ import annotations
@@ -19,10 +18,11 @@ from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
 from flexfem.fem.modes import Modes as ModesOfStructure
-from flexfem.fem.modes import VibratingStructure, stage_modes, vibrating_structure
+from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.response import stack_loads
 from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
+from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism.bodies import (
     Payload,
     carried,
@@ -30,19 +30,17 @@ from flexfem.mechanism.bodies import (
     drawn_inertia,
     hub_moments,
     mass_per_area,
-    payload_matrix,
 )
-from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import located
+from flexfem.mechanism.stage_file import counted, located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
-from flexfem.questions.dynamic_model import DynamicModel, reduced_dynamics
-from flexfem.questions.setup import Answered, Models, about, answer, mesh_of, on_meshes, question
+from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
-from flexfem.units import DENSITY, UNITS
+from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
 BASES = ("x", "y", "theta")
@@ -70,7 +68,7 @@ AT_ITS_PLACE = (
     "payload: its centre of mass at the platform's centre, in the mid-plane; mounted above it, it would couple motion "
     "in the plane and out of it, which is left out"
 )
-HERTZ, KILOGRAM, INERTIA = UNITS["hz"].factor, UNITS["kg"].factor, UNITS["kg_mm2"].factor
+KILOGRAM, INERTIA = UNITS["kg"].factor, UNITS["kg_mm2"].factor
 
 
 class NaturalModes(Result):
@@ -94,74 +92,135 @@ class NaturalModes(Result):
     labels: ClassVar = {"base": BASES, "tilt": ("x", "y")}
 
 
-class PlaneVibration(NamedTuple):
-    """Structure and modes on the finest plane mesh."""
+class Channels(NamedTuple):
+    """Names and units of inputs or outputs."""
 
-    structure: VibratingStructure
-    modes: ModesOfStructure
-    reduced: DynamicModel
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+OUTPUTS = Channels(tuple(f"pose {name}" for name in DIRECTIONS), tuple(map(str, POSES)))
+
+
+class StateSpace(NamedTuple):
+    """`s' = A s + B u`, `y = C s + D u`: modal displacements and rates; D is what the modes left out do at rest."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+
+class CraigBampton(NamedTuple):
+    """`M q'' + K q = L u` of pose x, y, theta and k modes with the platform held: (3 + k, 3 + k), (3 + k, inputs)."""
+
+    stiffness: Array
+    mass: Array
+    loads: Array
+
+
+class DynamicModel(NamedTuple):
+    """How the pose of the platform answers loads on it and commands of an engaged drive, in mm, N, tonne, s and rad.
+
+    frequencies : (k,), rad/s.   drive, read : (k, inputs) and (3, k), shapes at the inputs and of the pose.
+    residual : (3, inputs), what the modes left out add at rest.   damping : of every mode, over critical; assumed.
+    """
+
+    frequencies: Array
+    drive: Array
+    read: Array
+    residual: Array
+    damping: float
+    inputs: Channels
+    craig_bampton: CraigBampton
+    outputs: Channels = OUTPUTS
 
     @property
-    def mesh(self) -> StageMesh:
-        """The mesh of the stage."""
-        return self.structure.mesh
+    def state_space(self) -> StateSpace:
+        """As matrices of first order."""
+        k, n = len(self.frequencies), self.drive.shape[1]
+        rates = np.hstack([-np.diag(self.frequencies**2), -np.diag(2 * self.damping * self.frequencies)])
+        A = np.vstack([np.eye(k, 2 * k, k), rates])
+        C = np.hstack([self.read, np.zeros((3, k))])
+        return StateSpace(A, np.vstack([np.zeros((k, n)), self.drive]), C, self.residual)
 
     @property
-    def shapes(self) -> Array:
-        """Displacements (k, n, 2) of the mesh's nodes in every mode of unit modal mass."""
-        return np.array([self.modes.field(k) for k in range(len(self.modes.frequencies))])
+    def truncation(self) -> Array:
+        """By how many per cent (k,) the lowest frequencies of the Craig-Bampton matrices are above `frequencies`."""
+        from scipy.linalg import eigh
+
+        squares = eigh(self.craig_bampton.stiffness, self.craig_bampton.mass, eigvals_only=True)
+        return np.asarray(100 * (np.sqrt(squares[: len(self.frequencies)]) / self.frequencies - 1))
+
+    @property
+    def truncation_note(self) -> str:
+        """The same in a sentence."""
+        above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
+        return (
+            f"K_cb and M_cb are truncated, {kept} with the platform held: by them as many lowest frequencies are "
+            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of all freedoms"
+        )
+
+    def response(self, frequencies: Array) -> Any:
+        """Complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
+        w, own = np.asarray(frequencies, dtype=float)[:, None], self.frequencies
+        gain = 1 / (own**2 - w**2 + 2j * self.damping * own * w)
+        return np.einsum("ok,fk,ki->foi", self.read, gain, self.drive) + self.residual
+
+    def arrays(self) -> dict[str, Any]:
+        """All arrays by name, with names and units of inputs and outputs, for files."""
+        found = self.state_space._asdict() | dict(zip(("K_cb", "M_cb", "L_cb"), self.craig_bampton, strict=True))
+        others = {
+            "frequencies_rad_per_s": self.frequencies,
+            "damping_ratio": self.damping,
+            "K_cb_above_percent": self.truncation,
+            "K_cb_note": self.truncation_note,
+            "inputs": self.inputs.names,
+            "input_units": self.inputs.units,
+            "outputs": self.outputs.names,
+            "output_units": self.outputs.units,
+            "units": "mm, N, tonne, s, rad",
+        }
+        return found | {name: np.array(each) for name, each in others.items()}
+
+    def write(self, path: Path) -> None:
+        """Write `arrays` by the file's extension, .npz or MATLAB's .mat. Raises BadInput."""
+        if path.suffix not in (".npz", ".mat"):
+            raise BadInput(f"{path}: extension {path.suffix!r}, expected .npz or .mat")
+        arrays = self.arrays()
+        if path.suffix == ".npz":
+            write_atomically(path, lambda file: np.savez(file, **arrays))
+            return
+        from scipy.io import savemat
+
+        texts = {name for name, value in arrays.items() if value.ndim and value.dtype.kind == "U"}  # cells of MATLAB
+        with replacing(path) as temporary:
+            savemat(temporary, arrays | {name: arrays[name].astype(object) for name in texts}, oned_as="column")
+
+
+class Vibration(NamedTuple):
+    """Mode shapes of unit modal mass on the finest mesh.
+
+    shapes : (k, n, 2), or in three dimensions (k, n, m, 3) from face to face at `heights` (m,), mm.
+    tilting : (k,), whether the platform leaves the plane.   reduced : in the plane.
+    """
+
+    mesh: StageMesh
+    shapes: Array
+    tilting: list[bool]
+    heights: Array | None = None
+    reduced: DynamicModel | None = None
 
     def write(self, path: Path) -> list[Path]:
-        """Write the shapes as VTU, and state space and Craig-Bampton matrices as .npz and .mat; returns the paths."""
+        """Write the shapes as VTU, and matrices of the reduced dynamics as .npz and .mat; returns the paths."""
         paths = [path.with_suffix(ending) for ending in (".vtu", ".npz", ".mat")]
-        write_vtu(self.mesh, paths[0], {f"mode {k}": field for k, field in enumerate(self.shapes, start=1)})
+        fields = {f"mode {k}": field for k, field in enumerate(self.shapes, start=1)}
+        write_vtu(self.mesh, paths[0], fields, self.heights)
+        if self.reduced is None:
+            return paths[:1]
         for each in paths[1:]:
             self.reduced.write(each)
         return paths
-
-
-class SolidVibration(NamedTuple):
-    """Modes in the plane and out of it on the finest mesh.
-
-    chosen : of every mode of the result, its kind, 0 or 1, and its number among those of that kind, from 0.
-    """
-
-    halves: tuple[ModesOfStructure, ModesOfStructure]
-    chosen: list[tuple[int, int]]
-
-    @property
-    def mesh(self) -> StageMesh:
-        """The whole stage in the plane."""
-        return self.halves[0].mesh
-
-    @property
-    def heights(self) -> Array:
-        """Heights (2 m - 1,), mm, of the nodes of `through`, from face to face."""
-        half = self.halves[0].layers.heights
-        return np.concatenate([-half[:0:-1], half])
-
-    def field(self, number: int) -> Array:
-        """Displacements (n, m, 3) of unit modal mass, from the mid-plane to the face, of a mode of the result, from 0.
-
-        Notes
-        -----
-        Of modes in the plane u and v are even in z and w is odd; out of the plane u and v are odd and w is even.
-        """
-        kind, at = self.chosen[number]
-        return self.halves[kind].field(at)
-
-    def through(self, number: int) -> Array:
-        """As `field`, from face to face (n, 2 m - 1, 3)."""
-        half = self.field(number)
-        sign = np.array([1.0, 1.0, -1.0]) * (-1.0 if self.chosen[number][0] else 1.0)
-        return np.concatenate([sign * half[:, :0:-1], half], axis=1)
-
-    def write(self, path: Path) -> list[Path]:
-        """Write the shapes from face to face as VTU; returns the path."""
-        path = path.with_suffix(".vtu")
-        shapes = {f"mode {k + 1}": self.through(k) for k in range(len(self.chosen))}
-        write_vtu(self.mesh, path, shapes, self.heights)
-        return [path]
 
 
 @question
@@ -205,42 +264,43 @@ def modes(
     array([131., 131., 194.])
     """
     check_feasible(stage)
-    in_depth = layers is not None
-    if in_depth and models != "analytic" and resolution is None:
-        resolution = SOLID_RESOLUTION
-    mesh = mesh_of(models, resolution, layers)
+    mesh, in_depth = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
     count = arguments.integer("count", count, MOST_SOLID if in_depth else MOST)
     load = _payload(payload, tilting, in_depth)
     ratio = arguments.positive("damping", damping, MOST_DAMPING) / 100
     if drives not in ("disengaged", "engaged"):
         raise BadInput(f"drives {drives!r}, expected disengaged or engaged")
-    if drives == "engaged" and in_depth:
-        raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
-    if drives == "engaged" and not stage.actuator:
+    drive = None
+    if drives == "engaged":
+        if in_depth:
+            raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
         with located(stage):
-            raise BadInput("no [[actuator]]: the stage has no drive to engage")
-    warnings = list(warning.of_stage(stage))
-    drawn = drawn_inertia(stage).matrix + payload_matrix(load)
+            if not stage.actuator:
+                raise BadInput("no [[actuator]]: the stage has no drive to engage")
+        drive = drive_of(stage)
+    warnings, notes = list(warning.of_stage(stage)), list[str]()
+    drawn = drawn_inertia(stage) + load.matrix
     values = {"mass": drawn[0, 0], "inertia": drawn[2, 2], "hub_mass": hub_moments(stage)[0] * mass_per_area(stage)}
-    rigid = {} if models == "elements" else analytic_frequencies(stage, load, drives, warnings)
+    rigid = {} if models == "elements" else _analytic(stage, load, drive, warnings)
     warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
-    elements, places, notes = dict[str, Answered](), list(range(count)), list[str]()
+    elements, places = dict[str, Answered](), list(range(count))
     axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in places]}
-    fields: PlaneVibration | SolidVibration | None = None
+    fields: Vibration | None = None
     if mesh is not None and mesh.layers:
-        elements, others, solid = _in_three_dimensions(stage, load, count, mesh.resolution, mesh.layers, progress)
-        fields, values = solid, values | others
-        places = [k for k, (kind, _) in enumerate(solid.chosen) if kind == 0]  # analytic models are plane
-        axes = {"mode": [f"{k + 1} {KINDS[kind]}" for k, (kind, _) in enumerate(solid.chosen)], "base": ALL_BASES}
+        elements, others, fields = _in_three_dimensions(stage, load, count, mesh, progress)
+        places = [k for k, tilting in enumerate(fields.tilting) if not tilting]  # analytic models are plane
+        axes = {"mode": [f"{k} {KINDS[kind]}" for k, kind in enumerate(fields.tilting, start=1)], "base": ALL_BASES}
+        values |= others
         warnings += [*warning.held_faces(stage), *([AT_ITS_PLACE] if any(load) else [])]
     elif mesh is not None:
-        elements, others, plane = _in_plane(stage, load, drives, count, mesh.resolution, ratio, progress)
-        fields, values, notes = plane, values | others, [plane.reduced.truncation_note]
-        warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drives == "engaged")]
-    found = {name: Answered({"frequency": _placed(each, places, count)}, {}) for name, each in rigid.items()} | elements
+        elements[ELEMENTS], others, fields = _in_plane(stage, load, drive, count, mesh.resolution, ratio, progress)
+        values |= others
+        notes = [fields.reduced.truncation_note] if fields.reduced else []
+        warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
+    found = {name: Answered({"frequency": _placed(each, places, count)}) for name, each in rigid.items()} | elements
     said = f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2" if any(load) else None
     settings = {"drives": drives, "payload": said}
-    of = about(stage, drive=drives == "engaged")
+    of = about(stage, drive=drive is not None)
     return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, notes=notes, fields=fields)
 
 
@@ -270,8 +330,8 @@ def dynamic_model(
     found = modes(
         stage, count=count, payload=payload, drives=drives, damping=damping, models="elements", resolution=resolution
     )
-    assert isinstance(found.fields, PlaneVibration)
-    return found.fields.reduced
+    reduced: DynamicModel = found.fields.reduced
+    return reduced
 
 
 def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -> Payload:
@@ -299,27 +359,22 @@ def _placed(values: Array, places: Sequence[int], count: int) -> Array:
     return found
 
 
-def analytic_frequencies(stage: Stage, payload: Payload, drives: Drives, warnings: list[str]) -> dict[str, Array]:
+def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings: list[str]) -> dict[str, Array]:
     """Natural frequencies (21,), rad/s, by the stage's own rigid model, the best of the same plane, and the best.
 
     inf for freedoms that a model does not have; why a model is replaced is added to `warnings`.
     """
     best, found = best_model(stage, warnings), {}
     for one in (ModelChoice(stage, None, DEFAULT_FORMULA, False), best._replace(stage=stage), best):
-        result = analyse(*one)
-        if drives == "engaged":
-            drive = drive_of(stage)
-            found[one.name] = engaged(dynamics(one.stage, result, payload, drive.stacks), drive.stiffness).frequencies
-        else:
-            found[one.name] = dynamics(one.stage, result, payload).frequencies
+        of = dynamics(one.stage, analyse(*one), payload, *(() if drive is None else (drive.stacks,)))
+        found[one.name] = (of if drive is None else engaged(of, drive.stiffness)).frequencies
     return found
 
 
-def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -> VibratingStructure:
-    """The stage as it vibrates, on one mesh. Raises BadInput for a model that is not plane."""
+def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive | None = None) -> VibratingStructure:
+    """The stage as it vibrates, drive engaged or none, on one mesh. Raises BadInput for a model that is not plane."""
     of, pushes, rates = structure(mesh, plate_of(stage)), None, None
-    if drives == "engaged":
-        drive = drive_of(stage)
+    if drive is not None:
         pushes, rates = stack_loads(of, drive.stacks)[:, 3:], drive.stiffness
     return vibrating_structure(of, stage.material.density * DENSITY, carried(stage, payload), pushes, rates)
 
@@ -327,70 +382,76 @@ def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drives: Drives) -
 def _in_plane(
     stage: Stage,
     payload: Payload,
-    drives: Drives,
+    drive: StageDrive | None,
     count: int,
     resolution: int,
     damping: float,
     progress: Progress | None,
-) -> tuple[dict[str, Answered], dict[str, Any], PlaneVibration]:
+) -> tuple[Answered, dict[str, Any], Vibration]:
     """Modes on the finest of three plane meshes, and what has no axis of models."""
 
     def solve(level: int) -> tuple[VibratingStructure, ModesOfStructure]:
-        of = vibrating(stage, build_mesh(stage, level), payload, drives)
+        of = vibrating(stage, build_mesh(stage, level), payload, drive)
         return of, modes_of(of, count)
 
-    steps = levels(resolution)
-    meshes = on_meshes(steps, solve, progress)
+    meshes = on_meshes(levels(resolution), solve, progress)
     of, found = meshes[-1]
-    bands = frequency_bands(steps, [each.frequencies for _, each in meshes])
-    reduced = reduced_dynamics(of, found, damping, drive_of(stage) if drives == "engaged" else None)
-    values = {"share": 100 * found.participation**2 / np.diag(found.total), "meshed_mass": found.total[0, 0]}
-    elements = Answered({"frequency": found.frequencies}, {"frequency": bands})
-    return {ELEMENTS: elements}, values, PlaneVibration(of, found, reduced)
+    bands = _frequency_bands(resolution, [each.frequencies for _, each in meshes])
+    values = {"share": _shares(found), "meshed_mass": found.total[0, 0]}
+    shapes, reduced = np.array([found.field(k) for k in range(count)]), _reduced(of, found, damping, drive)
+    fields = Vibration(of.structure.mesh, shapes, [False] * count, None, reduced)
+    return Answered({"frequency": found.frequencies}, {"frequency": bands}), values, fields
+
+
+def _shares(of: ModesOfStructure) -> Array:
+    """Effective modal masses (k, 3), % of the whole mass or moment of inertia."""
+    return 100 * of.participation**2 / np.diag(of.total)
 
 
 def _in_three_dimensions(
-    stage: Stage, payload: Payload, count: int, resolution: int, layers: int, progress: Progress | None
-) -> tuple[dict[str, Answered], dict[str, Any], SolidVibration]:
+    stage: Stage, payload: Payload, count: int, mesh: Mesh, progress: Progress | None
+) -> tuple[dict[str, Answered], dict[str, Any], Vibration]:
     """The lowest modes of both kinds together; bands are shares of the frequency on the meshes that they are from."""
-    steps, plate, density = levels(resolution), sheet_of(stage), stage.material.density * DENSITY
-    meshes = {level: mesh_sectors(stage, level) for level in steps}
+    plate, density = sheet_of(stage), stage.material.density * DENSITY
+    meshes = {level: mesh_sectors(stage, level) for level in levels(mesh.resolution)}
     loads = carried(stage, payload), carried_out_of_plane(stage, payload)
 
-    def half(kind: int) -> tuple[ModesOfStructure, Array, Array]:
+    def by_kind(kind: int) -> tuple[ModesOfStructure, Array]:
+        """Modes of one kind, and their frequencies with both bands (3, k)."""
+
         def solve(level: int, number: int) -> ModesOfStructure:
             return stage_modes(meshes[level], plate, layers_of(stage, number, kind == 1), density, loads[kind], count)
 
-        by_mesh, (few, many) = coarser(lambda *sizes: solve(*sizes).frequencies, resolution, layers)
-        of = solve(resolution, layers)
-        plane = of.frequencies * frequency_bands(steps, by_mesh) / by_mesh[-1]
-        return of, plane, of.frequencies * SAFETY * np.abs(many - few) / many
+        by_mesh, (few, many) = coarser(lambda *sizes: solve(*sizes).frequencies, *mesh)
+        of = solve(*mesh)
+        plane = _frequency_bands(mesh.resolution, by_mesh) / by_mesh[-1]
+        return of, of.frequencies * np.array([np.ones(count), plane, SAFETY * np.abs(many - few) / many])
 
-    halves = on_meshes((0, 1), half, progress)
-    flat, tilting = halves[0][0], halves[1][0]
-    every = np.concatenate([flat.frequencies, tilting.frequencies])
-    chosen = [divmod(int(k), count) for k in np.argsort(every, kind="stable")][:count]
-    frequency, plane, thickness = np.transpose(
-        [(halves[kind][0].frequencies[k], halves[kind][1][k], halves[kind][2][k]) for kind, k in chosen]
-    )
-    sheet = _in_plane_stress(stage, flat, loads[0], count)
-    share = np.zeros((count, len(ALL_BASES)))
-    for number, (kind, k) in enumerate(chosen):
-        of = halves[kind][0]
-        share[number, 3 * kind : 3 * kind + 3] = 100 * of.participation[k] ** 2 / np.diag(of.total)
+    (flat, of_flat), (tilting, of_tilting) = on_meshes((0, 1), by_kind, progress)
+    every = np.hstack([of_flat, of_tilting])
+    order = np.argsort(every[0], kind="stable")[:count]
+    frequency, plane, thickness = every[:, order]
+    chosen = [divmod(int(k), count) for k in order]  # kind, and number among those of the kind
+    shares = np.zeros((2 * count, len(ALL_BASES)))
+    shares[:count, :3], shares[count:, 3:] = _shares(flat), _shares(tilting)
     values = {
-        "share": share,
+        "share": shares[order],
         "band_plane": plane,
         "band_thickness": thickness,
         "tilting_inertia": np.diag(tilting.total)[1:],
         "meshed_mass": flat.total[0, 0],
         "first_out_of_plane": tilting.frequencies[0],
     }
+    sheet = np.append(_in_plane_stress(stage, flat, loads[0], count), np.full(count, np.nan))
     models = {
-        SHEET: Answered({"frequency": np.array([np.nan if kind else sheet[k] for kind, k in chosen])}, {}),
+        SHEET: Answered({"frequency": sheet[order]}),
         SOLID: Answered({"frequency": frequency}, {"frequency": plane + thickness}),
     }
-    return models, values, SolidVibration((flat, tilting), chosen)
+    half, flips = flat.layers.heights, np.array([[1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])  # of u, v, w across the plane
+    upper = np.array([(flat, tilting)[kind].field(k) for kind, k in chosen])
+    lower = flips[[kind for kind, _ in chosen], None, None] * upper[:, :, :0:-1]
+    shapes, heights = np.concatenate([lower, upper], axis=2), np.concatenate([-half[:0:-1], half])
+    return models, values, Vibration(flat.mesh, shapes, [kind == 1 for kind, _ in chosen], heights)
 
 
 def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int) -> Array:
@@ -408,9 +469,10 @@ def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int
     return found
 
 
-def frequency_bands(resolutions: Sequence[int], frequencies: Sequence[Array]) -> Array:
+def _frequency_bands(resolution: int, frequencies: Sequence[Array]) -> Array:
     """Bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
-    return np.array([frequency_convergence(np.array(resolutions), each).band for each in np.transpose(frequencies)])
+    steps = np.array(levels(resolution))
+    return np.array([frequency_convergence(steps, each).band for each in np.transpose(frequencies)])
 
 
 def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
@@ -434,3 +496,48 @@ def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
     ratio, order = resolutions[-1] / resolutions[-2], min(found.order, ORDER)
     factor = max(CAUTIOUS / (ratio**order - 1), SAFETY / (ratio - 1))
     return found._replace(band=max(found.band, factor * float(step)))
+
+
+def _reduced(of: VibratingStructure, modes: ModesOfStructure, damping: float, drive: StageDrive | None) -> DynamicModel:
+    """The dynamics of a structure by some of its modes; the commands of an engaged drive are inputs, too."""
+    size = of.structure.size
+    loads = np.eye(size, 3, 3 - size)
+    names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
+    if drive is not None:
+        loads = np.hstack([loads, of.pushes @ (of.rates[:, None] * drive.differential)])
+        names += [f"stroke {name}" for name in drive.names]
+        units += [str(LENGTH)] * len(drive.names)
+    at_rest, shapes = of.space.solve(loads), modes.shapes[0]
+    drives, read = shapes.T @ loads, shapes[-3:]
+    residual = at_rest[-3:] - (read / modes.frequencies**2) @ drives
+    reduced = _craig_bampton(of, at_rest[:, :3], loads, len(modes.frequencies))
+    inputs = Channels(tuple(names), tuple(units))
+    return DynamicModel(modes.frequencies, drives, read, residual, damping, inputs, reduced)
+
+
+def _craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: int) -> CraigBampton:
+    """Reduce to the pose and `count` modes with the platform held; static (m, 3): what unit loads on it do.
+
+    Notes
+    -----
+    With `X = K^-1 E` the constraint modes are `X (E' X)^-1`; the inverse of the stiffness with the platform held is
+    `K^-1 - X (E' X)^-1 X'`. R. R. Craig, M. C. C. Bampton, AIAA J. 6 (1968) 1313.
+    """
+    from scipy.sparse.linalg import LinearOperator
+
+    K_pose, size = np.linalg.inv((static[-3:] + static[-3:].T) / 2), len(static) - 3
+
+    def held(b: Array) -> Array:
+        whole = np.pad(b, ((0, 3), (0, 0)))
+        return np.asarray((of.space.solve(whole) - static @ (K_pose @ (static.T @ whole)))[:-3])
+
+    def inertia(b: Array) -> Array:
+        return of.inertia(np.pad(b.reshape(size, -1), ((0, 3), (0, 0))))[:-3]
+
+    squares, shapes = lowest(held, LinearOperator((size, size), matvec=inertia, dtype=float), count)
+    shapes = shapes / np.sqrt(np.einsum("ik,ik->k", shapes, inertia(shapes)))
+    T = np.hstack([static @ K_pose, np.pad(shapes, ((0, 3), (0, 0)))])
+    T[-3:] = np.eye(3, 3 + count)
+    K = np.zeros((3 + count, 3 + count))
+    K[:3, :3], K[3:, 3:] = K_pose, np.diag(squares)
+    return CraigBampton(K, T.T @ of.inertia(T), T.T @ loads)

@@ -1,10 +1,12 @@
-"""What questions have in common: arguments and their description, models, meshes, and how answers make a result."""
+"""What questions share: arguments and their description, models, meshes, and how answers of models make a result."""
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -12,7 +14,8 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose, model_of
 from flexfem.arrays import Array
-from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, mesh_sectors
+from flexfem.fem.export import write_vtu
+from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, StageMesh, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.dimensioned import once
@@ -44,12 +47,11 @@ ComputationFailed
 def question(function: Function) -> Function:
     """Complete a docstring where it has `{shared}`: parameters that questions share, what they return and raise."""
     text = inspect.cleandoc(function.__doc__ or "")
-    missing = {
-        head: said
-        for head, said in SHARED.items()
-        if (name := head.split()[0]) in inspect.signature(function).parameters and f"\n{name} :" not in text
-    }
-    shared = [line for head, said in missing.items() for line in (head, f"    {said}")]
+    shared = list[str]()
+    for head, said in SHARED.items():
+        name = head.split()[0]
+        if name in inspect.signature(function).parameters and f"\n{name} :" not in text:
+            shared += [head, f"    {said}"]
     returns = ["", "Returns", "-------", str(function.__annotations__["return"]), "", "Raises", f"------{RAISES}"]
     function.__doc__ = text.replace("{shared}", "\n".join([*shared, *returns]))
     return function
@@ -95,9 +97,15 @@ class Mesh(NamedTuple):
 
 
 def mesh_of(
-    models: Models, resolution: int | None, layers: int | None, least: int = 4, least_solid: int = 4
+    models: Models,
+    resolution: int | None,
+    layers: int | None,
+    least: int = 4,
+    least_solid: int = 4,
+    usual: int = RESOLUTION,
+    usual_solid: int = SOLID_RESOLUTION,
 ) -> Mesh | None:
-    """The mesh that was asked for, at least so fine in the plane and in three dimensions; None without elements.
+    """The mesh that was asked for, or the usual one in the plane or in three dimensions; None without elements.
 
     Raises BadInput for a mesh without finite elements, and for one that is too coarse or too fine.
     """
@@ -106,10 +114,9 @@ def mesh_of(
             if value is not None:
                 raise BadInput(f"{name} {value} with models 'analytic', expected finite elements to mesh")
         return None
-    if layers is None:
-        return Mesh(arguments.resolution(RESOLUTION if resolution is None else resolution, least), 0)
-    finest = arguments.resolution(SOLID_RESOLUTION if resolution is None else resolution, least_solid)
-    return Mesh(finest, arguments.layers(layers, 3))
+    if layers is not None:
+        usual, least, layers = usual_solid, least_solid, arguments.layers(layers, 3)
+    return Mesh(arguments.resolution(usual if resolution is None else resolution, least), layers or 0)
 
 
 @once
@@ -126,6 +133,19 @@ def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Found], progress: P
         if progress is not None:
             progress(f"{len(found)} of {len(steps)} meshes")
     return found
+
+
+class MeshFields(NamedTuple):
+    """Fields on a mesh, in three dimensions at `heights`, mm, of half the thickness; they are made to be written."""
+
+    mesh: StageMesh
+    made: Callable[[], dict[str, Array]]
+    heights: Array | None = None
+
+    def write(self, path: Path) -> list[Path]:
+        """Write them as VTU; returns the path."""
+        write_vtu(self.mesh, path.with_suffix(".vtu"), self.made(), self.heights)
+        return [path.with_suffix(".vtu")]
 
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
@@ -145,7 +165,7 @@ class Answered(NamedTuple):
     """What one model answers: values and bands by quantity."""
 
     values: dict[str, Any]
-    bands: dict[str, Any]
+    bands: Mapping[str, Any] = MappingProxyType({})
 
 
 def beside(
@@ -160,7 +180,7 @@ def beside(
             array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan)
             for k, part in enumerate(parts):
                 if name in part:
-                    place: tuple[Any, ...] = (k, *(slice(n) for n in np.shape(part[name])))
+                    place: tuple[Any, ...] = (k, *map(slice, np.shape(part[name])))
                     array[place] = part[name]
             found[name] = np.moveaxis(array, 0, over.index(along))
     return stacked

@@ -1,10 +1,9 @@
-"""A stage at rest: stiffness, stress per displacement, range at yield, and what one load or displacement does."""
+"""A stage at rest: stiffness, stress per displacement, range at yield, what one load does; and its summary."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,8 +11,7 @@ from flexfem import arguments
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, alone
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
-from flexfem.fem.export import write_vtu
-from flexfem.fem.fields import LoadCase, load_case, neck_stresses
+from flexfem.fem.fields import load_case, neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
@@ -21,13 +19,29 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question, solved
-from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SHEET, SOLID, STRESS, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS
+from flexfem.questions.reach import reach
+from flexfem.questions.setup import (
+    DEFAULT,
+    Analytic,
+    Answered,
+    Mesh,
+    MeshFields,
+    Models,
+    answer,
+    mesh_of,
+    on_meshes,
+    question,
+    solved,
+)
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SHEET, SOLID, SOLVED, STRESS, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS, PLANES
 
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
-MATRIX, NECKS = ("model", "component", "direction"), ("model", "chain", "hinge")
+MATRIX, NECKS, EACH = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
+
+
+Loaded: TypeAlias = Callable[[Array], Array | None]  # the load that is asked for, by the stiffness
 
 
 class Stiffness(Result):
@@ -64,27 +78,28 @@ class Stiffness(Result):
     hinge_shear = Quantity("shear compliance of the hinges", "mm_per_n", ("chain", "hinge"), shown=False)
 
 
-class LoadFields(NamedTuple):
-    """Fields of finite elements under one load; `plane` is None in three dimensions, of which half has fields."""
+class Summary(Result):
+    """Stiffness, range at yield, force and stress by direction, and the ranges of the drive."""
 
-    stage: Stage
-    load: Array
-    plane: LoadCase | None
-    response: Response
-
-    def write(self, path: Path) -> list[Path]:
-        """Write displacement, mm, and von Mises stress, MPa, of all nodes as VTU; returns the paths."""
-        path = path.with_suffix(".vtu")
-        mesh, response = self.response.mesh, self.response
-        if self.plane is not None:
-            write_vtu(mesh, path, {"displacement": self.plane.field, "von_mises": self.plane.stress})
-        elif response.extrusion is not None:
-            field = np.tensordot(self.load, response.fields, axes=1)
-            stress = nodal_stress(mesh, sheet_of(self.stage), field, layers=response.layers)
-            fields = {"displacement": field, "von_mises": von_mises(stress)}
-            fields["stress"] = stress.reshape(*field.shape[:2], 9)
-            write_vtu(mesh, path, fields, response.layers.heights)
-        return [path]
+    title = "summary"
+    columns = ()
+    reading = (
+        "range at yield: the other directions held, until the first neck yields; the force is along the displacement",
+        "drive: with the other directions held at zero, or free",
+    )
+    stiffness = Quantity("stiffness, the others held", "stiffness", EACH, COARSER)
+    free = Quantity("stiffness, the others free", "stiffness", EACH, COARSER)
+    yield_range = Quantity("range at yield, ±", "motion", EACH, STRESS, prefixed=True)
+    yield_force = Quantity("force there", "wrench", EACH, STRESS)
+    stress = Quantity(
+        "neck stress per displacement", "stress per motion", (*EACH, "chain", "hinge"), STRESS, "all",
+        largest=("chain", "hinge"),
+    )  # fmt: skip
+    thickness = Quantity("change of stiffness by three-dimensional hinges", "percent", ("direction",))
+    held_low = Quantity("drive, others held, from", "motion", ("direction",), SOLVED, prefixed=True)
+    held_high = Quantity("to", "motion", ("direction",), SOLVED, prefixed=True)
+    free_low = Quantity("others free, from", "motion", ("direction",), SOLVED, prefixed=True)
+    free_high = Quantity("to ", "motion", ("direction",), SOLVED, prefixed=True)
 
 
 @question
@@ -135,12 +150,11 @@ def stiffness(
     if models != "elements":
         chosen = analytic.chosen(stage, warnings)
         result = analyse(*chosen)
-        found[ANALYTIC] = one = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
+        found[ANALYTIC] = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
         if (F := loaded(result.stiffness)) is not None:
             pose = result.compliance @ F
-            one.values.update(
-                force=F, pose=pose, neck_stress=result.neck_stress(chosen.stage, pose), energy=F @ pose / 2
-            )
+            stress = result.neck_stress(chosen.stage, pose)
+            found[ANALYTIC].values.update(force=F, pose=pose, neck_stress=stress, energy=F @ pose / 2)
         values = {f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")}
         settings["analytic model"] = chosen.name
         notes.append(f"hinge formula {result.formula}: {FORMULAS[result.formula].source}")
@@ -150,7 +164,7 @@ def stiffness(
     if thickness is not None:
         values["thickness"] = thickness
     if mesh is not None and mesh.layers:
-        more, fields = _in_three_dimensions(stage, mesh.resolution, mesh.layers, loaded)
+        more, fields = _in_three_dimensions(stage, mesh, loaded)
         found |= more
         warnings += warning.held_faces(stage)
     elif mesh is not None:
@@ -161,8 +175,7 @@ def stiffness(
         highest = float(np.max(last["neck_stress"]))
         warnings += warning.of_yield(highest, stage.material.yield_strength, "under this load")
         warnings += warning.of_motion(stage, last["pose"], "under this load")
-    for axis, direction in enumerate(DIRECTIONS):
-        end = last["yield_range"][axis] * np.eye(3)[axis]
+    for end, direction in zip(np.diag(last["yield_range"]), DIRECTIONS, strict=True):
         warnings += warning.of_motion(stage, end, f"end of the range at yield in {direction}")
     return answer(Stiffness, stage, found, mesh, settings, values, warnings=warnings, notes=notes, fields=fields)
 
@@ -173,42 +186,43 @@ def _at_rest(
     stress: Array | None = None,
     bands: Array | None = None,
     stiffness: Array | None = None,
-    **others: Array,
 ) -> Answered:
     """A stage at rest by its compliance, with bands, and stress (3 chains, 3 hinges, 3 directions) per displacement."""
     K = np.asarray(np.linalg.inv(compliance) if stiffness is None else stiffness)
-    found = Answered({"compliance": compliance, "stiffness": K, "free": alone(K), **others}, {})
-    if bands is not None:
-        found.bands["compliance"] = bands
-        found.bands["stiffness"] = np.abs(K) @ bands @ np.abs(K)  # dK = -K dC K
+    values = {"compliance": compliance, "stiffness": K, "free": alone(K)}
     if stress is not None:
         far = stage.material.yield_strength / np.max(stress, axis=(0, 1))
-        found.values.update(stress=stress, yield_range=far, yield_force=np.diag(K) * far)
-    return found
+        values |= {"stress": stress, "yield_range": far, "yield_force": np.diag(K) * far}
+    if bands is None:
+        return Answered(values)
+    return Answered(values, {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)})  # dK = -K dC K
 
 
 def _in_plane(
-    stage: Stage, resolution: int, loaded: Callable[[Array], Array | None], progress: Progress | None
-) -> tuple[Answered, LoadFields | None]:
+    stage: Stage, resolution: int, loaded: Loaded, progress: Progress | None
+) -> tuple[Answered, MeshFields | None]:
     """Plane finite elements on three meshes."""
     sizes = np.array(levels(resolution), dtype=float)
     responses = on_meshes(levels(resolution), lambda level: solved(stage, level), progress)
     finest, stresses = responses[-1], np.array([element_stress(stage, each) for each in responses])
     bands = compliance_bands(sizes, np.array([each.compliance for each in responses]))
-    found = _at_rest(stage, finest.compliance, stresses[-1], bands)
-    highest = np.max(stresses, axis=(1, 2))
+    values, more = _at_rest(stage, finest.compliance, stresses[-1], bands)
+    highest = np.max(stresses, axis=(1, 2))  # of each direction
     band = stress_bands(sizes, highest)
-    found.bands["free"] = found.values["free"] * np.diag(bands) / np.diag(finest.compliance)
-    found.bands["stress"] = np.where(stresses[-1] == highest[-1], band, np.nan)
-    found.bands["yield_range"] = found.values["yield_range"] * band / highest[-1]
-    force = loaded(found.values["stiffness"])
-    if force is None:
-        return found, None
-    case = load_case(stage, finest.mesh, finest, force)
-    found.values.update(force=force, pose=finest.compliance @ force, neck_stress=case.neck_stress)
-    found.values.update(reaction=case.reaction, energy=case.energy)
-    found.bands["pose"] = bands @ np.abs(force)
-    return found, LoadFields(stage, force, case, finest)
+    more = {
+        **more,
+        "free": values["free"] * np.diag(bands) / np.diag(finest.compliance),
+        "stress": np.where(stresses[-1] == highest[-1], band, np.nan),
+        "yield_range": values["yield_range"] * band / highest[-1],
+    }
+    force, fields = loaded(values["stiffness"]), None
+    if force is not None:
+        case = load_case(stage, finest.mesh, finest, force)
+        values.update(force=force, pose=finest.compliance @ force, neck_stress=case.neck_stress)
+        values.update(reaction=case.reaction, energy=case.energy)
+        more["pose"] = bands @ np.abs(force)
+        fields = MeshFields(finest.mesh, lambda: {"displacement": case.field, "von_mises": case.stress})
+    return Answered(values, more), fields
 
 
 def element_stress(stage: Stage, response: Response) -> Array:
@@ -218,27 +232,31 @@ def element_stress(stage: Stage, response: Response) -> Array:
     return np.stack([case.neck_stress for case in cases], axis=-1)
 
 
-def _in_three_dimensions(
-    stage: Stage, resolution: int, layers: int, loaded: Callable[[Array], Array | None]
-) -> tuple[dict[str, Answered], LoadFields | None]:
+def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict[str, Answered], MeshFields | None]:
     """Three dimensions, and plane stress and plane strain on the same mesh of the plane, which bound it."""
-    response = solve_solid(stage, resolution, layers)
-    plane, thickness = solid_bands(solid_levels(stage, resolution, layers), resolution)
-    K, total = np.asarray(np.linalg.inv(response.compliance)), plane + thickness
+    response = solve_solid(stage, *mesh)
+    plane, thickness = solid_bands(solid_levels(stage, *mesh), mesh.resolution)
+    K, C, total = np.asarray(np.linalg.inv(response.compliance)), response.compliance, plane + thickness
     stress = np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1)
-    found = _at_rest(stage, response.compliance, stress, total, band_plane=plane, band_thickness=thickness)
-    models = {label: _at_rest(stage, C) for label, C in zip((SHEET, HELD), bounding(stage, response), strict=True)}
-    models[SOLID] = found
-    force = loaded(K)
-    if force is None:
-        return models, None
-    necks = neck_stresses(stage, response, force[None])
-    found.values.update(force=force, pose=response.compliance @ force, reaction=force @ response.reactions)
-    found.values.update(
-        neck_stress=necks.highest[0], neck_height=necks.height[0], energy=force @ response.energy @ force / 2
-    )
-    found.bands["pose"] = total @ np.abs(force)
-    return models, LoadFields(stage, force, None, response)
+    values, bands = _at_rest(stage, C, stress, total)
+    values |= {"band_plane": plane, "band_thickness": thickness}
+    sheet, strain = (_at_rest(stage, each) for each in bounding(stage, response))
+    force, fields = loaded(K), None
+    if force is not None:
+        necks = neck_stresses(stage, response, force[None])
+        values.update(force=force, pose=C @ force, reaction=force @ response.reactions)
+        values.update(neck_stress=necks.highest[0], neck_height=necks.height[0])
+        values["energy"] = force @ response.energy @ force / 2
+        bands = {**bands, "pose": total @ np.abs(force)}
+        fields = MeshFields(response.mesh, lambda: _solid_fields(stage, response, force), response.layers.heights)
+    return {SHEET: sheet, HELD: strain, SOLID: Answered(values, bands)}, fields
+
+
+def _solid_fields(stage: Stage, response: Response, force: Array) -> dict[str, Array]:
+    """Displacement, mm, and stress, MPa, at all nodes in three dimensions under a load (3,)."""
+    field = np.tensordot(force, response.fields, axes=1)
+    stress = nodal_stress(response.mesh, sheet_of(stage), field, layers=response.layers)
+    return {"displacement": field, "von_mises": von_mises(stress), "stress": stress.reshape(*field.shape[:2], 9)}
 
 
 def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
@@ -248,3 +266,57 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     held = Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
     soft, hard = (unit_response(response.sectors, each).compliance for each in (plate, held))
     return soft, hard
+
+
+@question
+def summary(
+    stage: Stage,
+    *,
+    models: Models = "both",
+    analytic: Analytic = DEFAULT,
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> Summary:
+    """How far a stage may go in each direction before a neck yields, the force that takes, and what its drive reaches.
+
+    Parameters
+    ----------
+    {shared}
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> found = flexfem.summary(flexfem.load("geometry/mobility6.toml"), models="analytic")
+    >>> float(found.at("yield_range", direction="x", model="analytic").round(3))  # mm
+    0.641
+    """
+    found = stiffness(stage, models=models, analytic=analytic, resolution=resolution, layers=layers, progress=progress)
+    values, bands = dict[str, Array](), dict[str, Array]()
+    for target, source in ((values, found.values), (bands, found.bands)):
+        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
+            target[name] = np.moveaxis(source[name], -1, 0)
+        if "stiffness" in source:
+            target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
+    if "thickness" in found.values:
+        values["thickness"] = found.thickness
+    warnings, by_source = list(found.warnings), dict[str, list[str]]()
+    if stage.actuator:
+        try:
+            driven = reach(stage, models="analytic", analytic=analytic)
+        except ComputationFailed as failure:
+            warnings.append(str(failure))
+        else:
+            for name, others in (("held", "zero"), ("free", "free")):
+                for end in ("low", "high"):
+                    values[f"{name}_{end}"] = driven.at("ends", others=others, end=end, model=ANALYTIC)
+            warnings += driven.warnings
+    for key in (key for key in stage.numbers if key.startswith("material")):
+        by_source.setdefault(stage.sources[key] or "not stated", []).append(key)
+    notes = [*found.notes, *(f"{', '.join(keys)}: {source}" for source, keys in by_source.items())]
+    settings = {
+        "mobility": stage.mobility,
+        "plane problem": PLANES[stage.model],
+        "yield strength": f"{stage.material.yield_strength:g} MPa",
+    }
+    return Summary(found.about, values, bands, found.axes, settings | found.settings, warnings, notes)

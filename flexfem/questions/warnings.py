@@ -1,12 +1,6 @@
-"""Where an answer leaves what it is meant for, as plain sentences.
-
-Every function takes what was computed and returns the warnings it earns, mostly none. They go into the JSON of every
-answer under `warnings` and are printed once. A warning changes no number and no exit code.
-"""
+"""Where an answer leaves what it is meant for: every function returns the plain sentences that are earned, or none."""
 
 from __future__ import annotations
-
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,25 +67,22 @@ def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
 
 def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     """A highest neck stress beyond the yield strength, MPa; `where` says under which load or command."""
-    if not stress > yield_strength:
-        return []
-    return [
-        f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of "
-        f"{yield_strength:.4g} {STRESS}; "
-        "the answer is elastic and does not hold there"
-    ]
+    said = (
+        f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
+        f"{STRESS}; the answer is elastic and does not hold there"
+    )
+    return [said] if stress > yield_strength else []
 
 
 def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
     """A platform displacement (3,), mm, mm, rad, that the linear answer is not meant for."""
     shortest = min(stage.chain.link_lengths)
     moved, turned = float(np.max(np.abs(pose[:2]))), float(np.abs(pose[2]))
-    if moved <= FAR * shortest and turned <= FAR:
-        return []
-    return [
+    said = (
         f"{where}: the platform moves {moved:.3g} {LENGTH} and turns {turned:.3g} rad, more than {FAR:g} of the "
         f"shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the answer is linear and does not hold there"
-    ]
+    )
+    return [said] if moved > FAR * shortest or turned > FAR else []
 
 
 def of_formula(stage: Stage, formula: str) -> Warnings:
@@ -100,11 +91,10 @@ def of_formula(stage: Stage, formula: str) -> Warnings:
     outside = ~in_range(design, formula)[0]
     if not np.any(outside):
         return []
-    ratio = (design.neck / design.radius)[0, outside]
-    low, high = FORMULAS[formula].valid
+    ratio, (low, high) = (design.neck / design.radius)[0, outside], FORMULAS[formula].valid
+    used = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (ratio.min(), ratio.max())))
     return [
-        f"hinge formula {formula} is meant for t/R from {low:g} to {high:g}, and is used at "
-        f"{_range(ratio)} ({_places(outside)})"
+        f"hinge formula {formula} is meant for t/R from {low:g} to {high:g}, and is used at {used} ({_places(outside)})"
     ]
 
 
@@ -121,12 +111,15 @@ def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
         return []
     worst = int(np.argmax(gained))
     names = ("axial freedoms", "shear freedoms", "elastic links")[4 - len(ladder) :]
-    shares = [100.0 * (after - before) / ladder[0, worst] for before, after in pairwise(ladder[:, worst])]
+    shares = 100.0 * np.diff(ladder[:, worst]) / ladder[0, worst]
     parts = ", ".join(f"{name} {share:.3g} %" for name, share in zip(names, shares, strict=True) if share > 0.1)
+    bend = float(np.rad2deg(np.abs(np.arctan(np.tan(stage.chain.joint_angles[1])))))
+    straight = (
+        f", because the hinges of each chain are nearly in line (elbow {bend:.3g} deg)" if bend < STRAIGHT else ""
+    )
     return [
         f"the analytic model of mobility {model.mobility} is not meant for this stage: what it leaves out makes it "
-        f"{gained[worst]:.3g} % softer in {DIRECTIONS[worst]} ({parts}){_because_straight(stage)}; "
-        "--links with mobility 21 has it all"
+        f"{gained[worst]:.3g} % softer in {DIRECTIONS[worst]} ({parts}){straight}; --links with mobility 21 has it all"
     ]
 
 
@@ -159,8 +152,8 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
 def of_numbers(stage: Stage) -> Warnings:
     """Numbers of a stage file that are possible, but more likely in another unit."""
     metal, chain, across = stage.material, stage.chain, float(envelope(lower(stage))[0])
-    strain = metal.yield_strength / metal.youngs_modulus
-    doubts = {
+    strain, turn = metal.yield_strength / metal.youngs_modulus, max(map(abs, chain.joint_angles))
+    plausible = {
         f"material.yield_strength_mpa = {metal.yield_strength:g} is {strain:.2g} of Young's modulus": (
             YIELD_STRAIN[0] <= strain <= YIELD_STRAIN[1]
         ),
@@ -171,9 +164,9 @@ def of_numbers(stage: Stage) -> Warnings:
             chain.link_width <= SLENDER * stage.thickness
         ),
         f"the stage is {across:.3g} {LENGTH} across": ACROSS[0] <= across <= ACROSS[1],
-        "chain.joint_angles_deg are all within two pi": max(map(abs, chain.joint_angles)) > np.deg2rad(2 * np.pi),
+        "chain.joint_angles_deg are all within two pi": turn > np.deg2rad(2 * np.pi),
     }
-    return [f"{said}: is the unit right?" for said, plausible in doubts.items() if not plausible]
+    return [f"{said}: is the unit right?" for said, is_plausible in plausible.items() if not is_plausible]
 
 
 RIGID = (
@@ -235,11 +228,10 @@ def of_stacks(stage: Stage) -> Warnings:
     return ["the stacks, their preloads and their own expansion are left out"] if stage.actuator else []
 
 
-def held_faces(stage: Stage) -> list[str]:
+def held_faces(stage: Stage) -> Warnings:
     """That a stage whose model holds its faces has them free here."""
-    if stage.model != "plane_strain":
-        return []
-    return ['model = "plane_strain" holds the faces of the stage; in three dimensions they are free']
+    said = 'model = "plane_strain" holds the faces of the stage; in three dimensions they are free'
+    return [said] if stage.model == "plane_strain" else []
 
 
 @once
@@ -249,23 +241,8 @@ def _with_more(stage: Stage, formula: str, mobility: int) -> tuple[Array, ...]:
     return (*found, np.diag(analyse(stage, 21, formula, links=True).compliance))
 
 
-def _because_straight(stage: Stage) -> str:
-    """The bend of the chains at their elbows, when there is hardly one."""
-    bend = float(np.rad2deg(np.abs(np.arctan(np.tan(stage.chain.joint_angles[1])))))
-    return f", because the hinges of each chain are nearly in line (elbow {bend:.3g} deg)" if bend < STRAIGHT else ""
-
-
-def _range(values: Array) -> str:
-    low, high = float(np.min(values)), float(np.max(values))
-    return f"{low:.3g}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g}"
-
-
 def _places(where: NDArray[np.bool_]) -> str:
     """Hinges (3 chains, 3 hinges) in words: by name when it is so in all chains."""
     names = [f"{name} hinges" for name, column in zip(HINGE_NAMES, where.T, strict=True) if np.all(column)]
-    names += [
-        f"{HINGE_NAMES[position]} hinge of chain {chain + 1}"
-        for chain, position in zip(*np.nonzero(where), strict=True)
-        if not np.all(where[:, position])
-    ]
-    return ", ".join(names)
+    places = np.argwhere(where & ~np.all(where, axis=0))
+    return ", ".join([*names, *(f"{HINGE_NAMES[k]} hinge of chain {chain + 1}" for chain, k in places)])

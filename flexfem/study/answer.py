@@ -5,21 +5,20 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
-from itertools import pairwise
-from typing import Any
+from functools import cache, partial
+from itertools import compress, pairwise
+from typing import Any, TypeVar
 
 import numpy as np
 
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
-from flexfem.analytic.paper import Freedoms, freedoms_of, stage_freedoms
-from flexfem.analytic.responses import ON_BODIES, LinkParts, WarmBodies, elastic_bodies, link_parts
+from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
 from flexfem.clock import Limit
 from flexfem.files.refusals import suggestion
-from flexfem.hinges.formulas import Compliance
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
 from flexfem.mechanism.designs import Designs
@@ -39,16 +38,16 @@ from flexfem.questions.batch import (
     solved_design,
     solved_solid,
 )
-from flexfem.questions.driven import DriveRanges
 from flexfem.questions.modes import payload_of
 from flexfem.questions.strained import Repeated, of_preloads, scaled
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import COUPLINGS, CROSS, Rows, row_of, values_of
-from flexfem.study.factors import Factor, columns_of
+from flexfem.study.columns import Rows, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
-from flexfem.study.plan import Sampling, Study, names_in
+from flexfem.study.plan import Study, names_in
 
 Stages = Callable[[int], Stage]
+Found = TypeVar("Found")
+Parts = TypeVar("Parts", WarmBodies, LinkParts, Moments)  # arrays by name
 
 
 def drawn_one_by_one(study: Study) -> bool:
@@ -56,77 +55,29 @@ def drawn_one_by_one(study: Study) -> bool:
     return study.draws or study.links or study.frequencies is not None
 
 
-def elastic_parts(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> WarmBodies | None:
-    """Draw the designs not refused so far, where the study draws them; what their elastic bodies do, None without."""
-    study, n = loaded.study, len(reason)
-    bodies = WarmBodies(np.zeros((n, 9, 9)), np.zeros((n, 3, 3, 3)))
-
-    def draw(index: int, stage: Stage) -> None:
-        if study.draws:
-            check_feasible(stage)
-        if study.links:
-            bodies.compliance[index] = body_compliance(stage)
-        if study.links and study.drift is not None:
-            bodies.edges[index] = edge_motions(stage)
-
-    if study.draws or study.links:
-        _each(stages, reason, draw)
-    return bodies if study.links else None
+def _each(stages: Stages, reason: AnyArray, of: Callable[[Stage], Found]) -> dict[int, Found]:
+    """What `of` finds of every design not refused so far, by its place; why one is refused goes to `reason`."""
+    found = dict[int, Found]()
+    for index in map(int, np.flatnonzero(reason == "")):
+        try:
+            found[index] = of(stages(index))
+        except BadInput as refusal:
+            reason[index] = str(refusal)
+    return found
 
 
-def driven(
-    loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
-) -> DriveRanges:
-    """What the drives of the designs do; reasons against their contacts and forces go to `reason`."""
-    drive, elastic = drives_of(loaded.stage, designs, reason, stages), None
-    if loaded.study.links:
-        elastic = _no_parts(len(reason), len(drive.stacks))
-        _each(stages, reason, lambda index, stage: _put(elastic, index, link_parts(stage, drive_of(stage).stacks)))
-    drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
-    return batch_drives(designs, hinges, freedoms, drive, elastic)
-
-
-def vibrating(
-    loaded: LoadedStudy, stages: Stages, reason: AnyArray, designs: Designs, hinges: Compliance, freedoms: Freedoms
-) -> Array:
-    """Natural frequencies (n, 3), rad/s; every design is drawn, and reasons why it cannot be go to `reason`."""
-    n, one = len(reason), [1.0, 0.0, 0.0, 1.0]
-    moments = Moments(np.ones((n, 3, 4, 4)) * one, np.ones((n, 4)) * one)
-    elastic = _no_parts(n, ON_BODIES) if loaded.study.links else None
-
-    def draw(index: int, stage: Stage) -> None:
-        moments.bodies[index], moments.hub[index] = body_moments(stage), hub_moments(stage)
-        if elastic is not None:
-            _put(elastic, index, elastic_bodies(stage))
-
-    _each(stages, reason, draw)
-    return batch_frequencies(designs, hinges, freedoms, moments, payload(loaded) or Payload(), elastic)
+def _drawn(loaded: LoadedStudy, stages: Stages, reason: AnyArray, of: Callable[[Stage], Parts]) -> Parts:
+    """What `of` finds of every design, its arrays stacked (n, ...); of the base stage where a design is refused."""
+    found, places = _each(stages, reason, of), range(len(reason))
+    others = [index for index in places if index not in found]
+    found |= dict.fromkeys(others, of(loaded.stage)) if others else {}
+    return type(found[0])(*map(np.stack, zip(*(found[index] for index in places), strict=True)))
 
 
 def payload(loaded: LoadedStudy) -> Payload | None:
     """What the platform carries where natural frequencies are asked for, else None."""
     of = loaded.study.frequencies
     return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
-
-
-def _no_parts(n: int, loads: int) -> LinkParts:
-    """What elastic links add to the compliances of n designs, with so many loads on them: zero so far."""
-    shapes = (3, 3, 3), (3, 3, loads), (loads, loads), (9, 9)
-    return LinkParts(*(np.zeros((n, *shape)) for shape in shapes))
-
-
-def _each(stages: Stages, reason: AnyArray, draw: Callable[[int, Stage], None]) -> None:
-    """Ask every design not refused so far; why one is refused goes to `reason`."""
-    for index in map(int, np.flatnonzero(reason == "")):
-        try:
-            draw(index, stages(index))
-        except BadInput as refusal:
-            reason[index] = str(refusal)
-
-
-def _put(parts: LinkParts, index: int, own: LinkParts) -> None:
-    for all_of, one in zip(parts, own, strict=True):
-        all_of[index] = one
 
 
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
@@ -155,20 +106,29 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
         refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges), *_units(study, designs)]
-        reason = _first([*_off_limits(loaded, values), *refused])
-        reason = np.where(reason == "", refusals_of(loaded, values), reason)
-        freedoms = stage_freedoms(designs.prismatic) if study.mobility is None else freedoms_of(study.mobility)
+        refused = [*_off_limits(loaded, values), *refused]
+        first = [np.array(each.reason, object) for each in refused]
+        reason = np.select([each.where for each in refused], first, refusals_of(loaded, values))
+        freedoms = freedoms_of(study.mobility, designs.prismatic)
         stages = cache(lambda index: stage_of(loaded, values[index]))
-        bodies = elastic_parts(loaded, stages, reason)
-        found = batch_at_rest(
-            designs, hinges, freedoms, None if bodies is None else bodies.compliance, _repeated(loaded)
-        )
+        drawn = partial(_drawn, loaded, stages, reason)
+        if study.draws:
+            _each(stages, reason, check_feasible)
+        warm = drawn(partial(_warm_bodies, study)) if study.links else None
+        model = hinges, freedoms
+        found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, _repeated(loaded))
         if study.driven:
-            found = found._replace(drives=driven(loaded, stages, reason, designs, hinges, freedoms))
+            drive = drives_of(loaded.stage, designs, reason, stages)
+            pushed = drawn(lambda stage: link_parts(stage, drive_of(stage).stacks)) if study.links else None
+            drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
+            found = found._replace(drives=batch_drives(designs, *model, drive, pushed))
         if study.frequencies is not None:
-            found = found._replace(frequencies=vibrating(loaded, stages, reason, designs, hinges, freedoms))
+            moments = drawn(lambda stage: Moments(body_moments(stage), hub_moments(stage)))
+            elastic = drawn(lambda stage: link_parts(stage, on_bodies(stage))) if study.links else None
+            carried = payload(loaded) or Payload()
+            found = found._replace(frequencies=batch_frequencies(designs, *model, moments, carried, elastic))
         if study.drift is not None:
-            found = found._replace(drift=batch_drift(designs, hinges, freedoms, bodies))
+            found = found._replace(drift=batch_drift(designs, *model, warm))
         lost = np.isnan(found.stiffness[:, 0, 0])
         if found.drift is not None:
             lost |= np.isnan(found.drift.uniform).any(axis=1)
@@ -176,21 +136,17 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         if found.drives is not None:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         answers = values_of(found, study.columns, study.rotation)
-        answers = np.hstack([answers, _asked_of_each(loaded, stages, reason)])
+        asked = np.full((len(values), len(study.ask)), np.nan)
+        for index, numbers in _each(stages, reason, partial(asked_numbers, loaded)).items() if study.ask else ():
+            asked[index] = numbers
+        answers = np.hstack([answers, asked])
     answers[reason != ""] = np.nan
     return doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
 
 
-def _asked_of_each(loaded: LoadedStudy, stages: Stages, reason: AnyArray) -> Array:
-    """Numbers of questions (n, asked) of the designs not refused so far, one after the other."""
-    found = np.full((len(reason), len(loaded.study.ask)), np.nan)
-
-    def ask(index: int, stage: Stage) -> None:
-        found[index] = asked_numbers(loaded, stage)
-
-    if loaded.study.ask:
-        _each(stages, reason, ask)
-    return found
+def _warm_bodies(study: Study, stage: Stage) -> WarmBodies:
+    """What the elastic bodies of a stage do; how heat bows their edges where a study asks for drift, else zero."""
+    return WarmBodies(body_compliance(stage), np.zeros((3, 3, 3)) if study.drift is None else edge_motions(stage))
 
 
 def asked_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
@@ -250,7 +206,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
-    from flexfem.fem.gmsh_process import MeshTimeout
+    from flexfem.fem.mesher import MeshTimeout
 
     (reason,) = refusals_of(loaded, values[None])
     try:
@@ -271,42 +227,25 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
 
 def doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
     """The rows of designs (n, columns), with a reason where an answer is from a formula, or a life, out of range."""
-    doubts = list[Broken]()
-    if loaded.study.model not in ("fe", "three_dimensional"):
+    study, everywhere, doubts = loaded.study, np.ones(len(values), dtype=bool), list[Broken]()
+    if study.model not in ("fe", "three_dimensional"):
         with np.errstate(all="ignore"):
-            inside = in_range(designs_of(loaded, values), loaded.study.formula).all(axis=(1, 2))
-        doubts.append(Broken(f"hinge formula {loaded.study.formula} outside its range of t/R", np.asarray(~inside)))
-    doubts += _lives_in_doubt(loaded, rows)
-    if loaded.study.drift is not None:
-        everywhere = np.ones(len(values), dtype=bool)
+            inside = in_range(designs_of(loaded, values), study.formula).all(axis=(1, 2))
+        doubts.append(Broken(f"hinge formula {study.formula} outside its range of t/R", np.asarray(~inside)))
+    if study.life is not None:
+        cycles, safety = (rows.values[:, loaded.outputs.index(name)] for name in ("life_cycles", "safety_factor"))
+        low, high = required_law(loaded.stage.material).range
+        beyond, outside = np.asarray(safety < 1), np.asarray((cycles < low) | (cycles > high))
+        doubts.append(Broken("life by elastic stress, beyond yield", beyond))
+        doubts.append(Broken("life extrapolated, outside the cycles of Basquin's law", outside & ~beyond))
+        doubts += [Broken(text, everywhere) for text in of_preloads(loaded.stage)]
+    if study.drift is not None:
         doubts += [Broken(f"drift: {text}", everywhere) for text in warning.of_stacks(loaded.stage)]
     reason = rows.reason.astype(object)
     for text, where in doubts:
         here = where & (rows.status == "ok")
         reason[here] = [f"{said}; {text}" if said else text for said in reason[here]]
     return rows._replace(reason=reason)
-
-
-def _lives_in_doubt(loaded: LoadedStudy, rows: Rows) -> list[Broken]:
-    """Where a life is not what Basquin's law is for: beyond yield, or beyond the cycles it was fitted to."""
-    if loaded.study.life is None:
-        return []
-    cycles, safety = (rows.values[:, loaded.outputs.index(name)] for name in ("life_cycles", "safety_factor"))
-    (low, high), everywhere = required_law(loaded.stage.material).range, np.ones(len(cycles), dtype=bool)
-    beyond, outside = safety < 1, (cycles < low) | (cycles > high)
-    return [
-        Broken("life by elastic stress, beyond yield", np.asarray(beyond)),
-        Broken("life extrapolated, outside the cycles of Basquin's law", np.asarray(~beyond & outside)),
-        *(Broken(text, everywhere) for text in of_preloads(loaded.stage)),
-    ]
-
-
-def _first(refused: list[Broken]) -> AnyArray:
-    """The first reason (n,) to refuse each design, "" for none."""
-    first = np.zeros(refused[0].where.shape, dtype=np.int64)
-    for place in reversed(range(len(refused))):
-        first[refused[place].where] = place + 1
-    return np.array(["", *(each.reason for each in refused)], dtype=object)[first]
 
 
 def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
@@ -319,20 +258,17 @@ def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
 
 
 ROUND_OFF = 1e-10  # of the size of an output, which a factor changes by more
-FIXED = "thickness_mm"  # every stage gives it; the one factor of a study that varies nothing
 
 
 def nominal(loaded: LoadedStudy) -> dict[str, float]:
     """Outputs of the base stage by column, and the factors it has one value of; no outputs when it has no answer."""
-    factors = (Factor.model_validate({"key": FIXED, "values": [keys()[FIXED].value_in(loaded.stage)]}),)
-    changes = {"factor": factors, "sampling": Sampling(method="grid"), "bands": False}
-    study = loaded.study.model_copy(update=changes | {"correlation": (), "constraint": ()})
-    alone = replace(loaded, study=study, columns=columns_of(factors), given=None)
-    rows, found = answer(alone, 0, 1), own_values(loaded)
+    study = loaded.study.model_copy(update={"bands": False, "constraint": ()})
+    alone, nothing = replace(loaded, study=study, columns=()), np.empty((1, 0))
+    rows = answer_designs(alone, nothing) if study.model == "analytic" else _solved_row(alone, nothing[0])
+    found = own_values(loaded)
     if rows.status[0] == "ok":
         found |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))
         columns = {name: np.array([value]) for name, value in found.items()}
-        columns[FIXED] = np.array([keys()[FIXED].value_in(loaded.stage)])
         derived = judge(alone, columns, np.array([True])).derived
         found |= {name: float(value[0]) for name, value in derived.items() if np.isfinite(value[0])}
     return found
@@ -361,36 +297,34 @@ def unseen(loaded: LoadedStudy) -> list[str]:
     shown = [name for name in loaded.outputs if name in named] or list(loaded.outputs)
     found = []
     for name, changed in _changes(loaded).items():
-        if changed is not None and not changed & set(shown):
+        if not changed & set(shown):
             others = f"; it changes {', '.join(sorted(changed))} alone" if changed else ""
             found.append(f"factor {name} changes none of {', '.join(shown)} in this model{others}")
     return found
 
 
-def _changes(loaded: LoadedStudy) -> dict[str, set[str] | None]:
-    """Outputs that each factor changes, by column; None where it takes one value, or no pair of designs has answers."""
+def _changes(loaded: LoadedStudy) -> dict[str, set[str]]:
+    """Outputs that each factor changes, by column; without factors of one value, or of no pair of designs with answers.
+
+    A design at the start and one in the middle of the sample, each with every factor at its least and its greatest.
+    """
     some = sample(loaded, 0, min(loaded.count, 1000))
     bases = some[[0, len(some) // 2]][: 1 if loaded.study.links else 2]  # 0.1 s a design where links bend
-    ends, n = (some.min(axis=0), some.max(axis=0)), len(loaded.columns)
-    rows = [base for base in bases]
-    rows += [np.where(np.arange(n) == k, end, base) for k in range(n) for base in bases for end in ends]
+    k = len(loaded.columns)
+    moved = np.repeat(bases[:, None], 2 * k, axis=1).reshape(len(bases), k, 2, k)
+    moved[:, range(k), :, range(k)] = np.stack([some.min(axis=0), some.max(axis=0)], axis=1)[:, None]
     free = loaded.study.model_copy(update={"check": "closed_form", "constraint": ()})
-    answers = answer_designs(replace(loaded, study=free), np.array(rows)).values
-    size = np.abs(answers)
-    place = {name: index for index, name in enumerate(loaded.outputs)}
-    for name, (one, other) in CROSS.items():  # zero by symmetry: small against what they couple
-        size[:, place[name]] = np.sqrt(np.abs(answers[:, place[one]] * answers[:, place[other]]))
-    size[:, [place[name] for name in COUPLINGS]] = 1.0
-    found: dict[str, set[str] | None] = {}
-    for k, column in enumerate(loaded.columns):
-        first = len(bases) * (1 + 2 * k)
-        pairs = [(base, first + 2 * base + end) for base in range(len(bases)) for end in (0, 1)]
-        steps = [
-            np.abs(answers[moved] - answers[base]) > ROUND_OFF * size[base]
-            for base, moved in pairs
-            if rows[base][k] != rows[moved][k] and np.isfinite(answers[[base, moved]]).all()
-        ]
-        found[column.name] = (
-            {n for n, m in zip(loaded.outputs, np.any(steps, axis=0), strict=True) if m} if steps else None
-        )
-    return found
+    answers = answer_designs(replace(loaded, study=free), np.vstack([bases, moved.reshape(-1, k)])).values
+    own, others = answers[: len(bases), None, None], answers[len(bases) :].reshape(len(bases), k, 2, -1)
+    size = np.abs(own)
+    for name, part in sizes_of(dict(zip(loaded.outputs, np.moveaxis(own, -1, 0), strict=True))).items():
+        if name in loaded.outputs:
+            size[..., loaded.outputs.index(name)] = part
+    answered = np.isfinite(own).all(axis=-1) & np.isfinite(others).all(axis=-1)
+    tried = answered & (moved != bases[:, None, None]).any(axis=-1)
+    changed = ((np.abs(others - own) > ROUND_OFF * size) & tried[..., None]).any(axis=(0, 2))
+    return {
+        column.name: set(compress(loaded.outputs, changed[index]))
+        for index, column in enumerate(loaded.columns)
+        if tried[:, index].any()
+    }

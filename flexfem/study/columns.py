@@ -231,8 +231,8 @@ def values_of(answers: Answers, names: Sequence[str], rotation: float | None) ->
     return np.stack([found[name] for name in names], axis=1)
 
 
-def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Up to which size numbers of the columns that symmetry can make zero are round-off, by name, (n,) each or one.
+def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Beside which sizes numbers of the columns that symmetry can make zero are round-off, by name, (n,) each or one.
 
     columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y is beside the rotation's at 1 mm, too.
     """
@@ -241,7 +241,12 @@ def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
     if DRIFTS[0] in columns:
         x, y, turn = (np.abs(columns[name]) for name in DRIFTS)
         sizes |= dict.fromkeys(DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * turn))  # um per urad at 1 mm
-    return {name: ROUND_OFF * size for name, size in sizes.items()}
+    return sizes
+
+
+def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Up to which size numbers of such columns are round-off."""
+    return {name: ROUND_OFF * size for name, size in sizes_of(columns).items()}
 
 
 class Rows(NamedTuple):

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
+from collections.abc import Iterable, Iterator
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
-from pydantic import ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from flexfem.files import quantities
-from flexfem.files.quantities import OF_THE_KEY, Keywords, Rule, both, has, keywords, ruled, says, when, without
-from flexfem.files.refusals import refusal
+from flexfem.files.quantities import OF_THE_KEY, Keywords, keywords
+from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LASTING, actuator_pattern, keys, meant, starred, starred_patterns
+from flexfem.mechanism.keys import keys, meant, starred
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -29,39 +29,15 @@ WAYS = "a factor is values, or from and to, or a distribution"
 NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
 
 
-def _key_schema(patterns: bool) -> Rule:
-    """The key paths that there are, those with stars among them, and those of actuators, whose names are the file's."""
-    known = {path: None for path in keys()}
-    if patterns:
-        known |= dict.fromkeys(starred_patterns())
-    return {"anyOf": [{"enum": list(known)}, {"pattern": actuator_pattern(patterns)}]}
+def _key_schema(others: str) -> dict[str, Any]:
+    """The key paths that there are, and those of a pattern: the names of actuators are those of the file."""
+    return {"anyOf": [{"enum": list(keys())}, {"pattern": others}]}
 
 
 Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
 Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(False))]
-KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(True))]
-
-
-def of_kind(kind: Kind) -> Rule:
-    """A factor of a kind, in JSON schema: its keys, and no others."""
-    needed, possible = _KEYS_OF[kind]
-    return both(has(*needed), without(*(key for key in _OTHERS if key not in (*needed, *possible))))
-
-
-_OTHERS = dict.fromkeys(key for kind in _KEYS_OF.values() for keys_of in kind for key in keys_of)
-FACTOR_RULES = (
-    when(has("key"), without("keys"), has("keys")),
-    when(
-        says("distribution", "normal"),
-        of_kind("normal"),
-        when(
-            says("distribution", "uniform"),
-            of_kind("uniform"),
-            when(has("values"), of_kind("values"), when(without(*_OTHERS), {}, of_kind("range"))),
-        ),
-    ),
-)
+KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(override\.\d\.)?actuator\."))]
+KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(override\.[\d*]\.)?actuator\.|\*"))]
 
 
 class Factor(Table):
@@ -71,8 +47,6 @@ class Factor(Table):
     """
 
     named: ClassVar[tuple[str, ...]] = NAMED
-
-    model_config = ConfigDict(json_schema_extra=ruled(*FACTOR_RULES))
 
     key: KeyPattern | None = Field(
         default=None,
@@ -138,14 +112,8 @@ class Factor(Table):
     @model_validator(mode="after")
     def _is_one_kind(self) -> Factor:
         needed, possible = _KEYS_OF[self.kind]
-        fields = type(self).model_fields
-        given = [field.alias or name for name, field in fields.items() if name in self.model_fields_set]
-        for name in needed:
-            if name not in given:
-                raise refusal(f"{name} ({WAYS})")
-        for name in given:
-            if name not in (*self.named, *needed, *possible):
-                raise refusal(f"no {name} with {needed[0]} ({WAYS})" if needed else WAYS, name)
+        choice = f"distribution = {shown(self.kind)}" if self.distribution else f"the {self.kind}"
+        require_keys(self, f"{choice} ({WAYS})", needed, (*self.named, *possible))
         return self
 
     @model_validator(mode="after")
@@ -157,11 +125,10 @@ class Factor(Table):
             raise refusal("> 0 on a logarithmic scale", "from")
         if self.values is not None and len(set(self.values)) < len(self.values):
             raise refusal("no value twice", "values")
-        limits = [keys()[path] for path in self.paths]
-        places: list[tuple[float | None, tuple[str | int, ...]]] = [(self.start, ("from",)), (self.end, ("to",))]
-        places += [(value, ("values", index)) for index, value in enumerate(self.values or ())]
-        for value, place in places:
-            for key in limits:
+        numbers: dict[tuple[str | int, ...], float | None] = {("from",): self.start, ("to",): self.end}
+        numbers |= {("values", index): value for index, value in enumerate(self.values or ())}
+        for place, value in numbers.items():
+            for key in (keys()[path] for path in self.paths):
                 expected = None if value is None else key.expected(value)
                 if expected is not None:
                     raise refusal(f"{expected} for {key.path}", *place)
@@ -182,6 +149,25 @@ class Factor(Table):
         return self.keys or (starred(self.key) if self.key and "*" in self.key else (self.key or "",))
 
 
+def require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: tuple[str, ...]) -> None:
+    """Refuse a table without a key that a choice in it needs, or with one that it has no use for."""
+    fields = type(table).model_fields
+    given = [field.alias or name for name, field in fields.items() if name in table.model_fields_set]
+    for name in needed:
+        if name not in given:
+            raise refusal(f"{name} with {choice}")
+    for name in given:
+        if name not in (*needed, *possible):
+            raise refusal(f"no {name} with {choice}", name)
+
+
+def _check_key(key: str, *at: str | int) -> None:
+    if "*" in key:
+        raise refusal("no star in keys: all of them take one value", *at)
+    if key not in keys():
+        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see flexfem schema stage'}", *at)
+
+
 class Column(NamedTuple):
     """One independent factor: `name` of its column, the `keys` that take its value, `factor` mean filled in."""
 
@@ -192,61 +178,39 @@ class Column(NamedTuple):
 
 def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
     """The columns of factors, stars expanded, in their order."""
-    return tuple(column for factor in factors for column in _columns(factor))
+    found = list[Column]()
+    for factor in factors:
+        if factor.key is not None and "*" in factor.key:
+            found += [Column(path, (path,), factor) for path in factor.paths]
+        else:
+            found.append(Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor))
+    return tuple(found)
 
 
-def with_mean(column: Column, stage: Stage) -> Column:
-    """The column with the stage's own value as mean where a normal distribution gives none.
+def columns_on(stage: Stage, factor: Factor, unasked: frozenset[str]) -> Iterator[Column]:
+    """The columns of a factor of a base stage, whose own value is the mean where a normal distribution gives none.
+
+    Parameters
+    ----------
+    unasked : key paths that no answer which is asked for depends on.
 
     Raises
     ------
-    BadInput : the stage has no value of its own, or one for each key.
+    BadInput : the stage has no value of its own, or one for each key; or nothing of it follows the keys.
     """
-    if column.factor.kind != "normal" or column.factor.mean is not None:
-        return column
-    own = {keys()[path].value_in(stage) for path in column.keys}
-    mean = own.pop() if len(own) == 1 else None
-    if mean is None:
-        raise BadInput(f"mean is missing, and the stage has no one value of {', '.join(column.keys)}")
-    return column._replace(factor=column.factor.model_copy(update={"mean": mean}))
-
-
-def acting(column: Column, stage: Stage, unasked: frozenset[str] = frozenset()) -> Column:
-    """The column itself. Raises BadInput when nothing of the stage follows its keys.
-
-    unasked : key paths that no answer which is asked for depends on.
-    """
-    for path in column.keys:
-        if keys()[path].of_drive and not keys()[path].places_in(stage):
-            raise BadInput(f"key = {path}, expected {_of_actuators(stage)}")
-    if not any(keys()[path].places_in(stage) for path in column.keys if path not in unasked):
-        raise BadInput(
-            f"key = {', '.join(column.keys)}, expected a number that answers depend on: overrides stand in its place, "
-            "or nothing asked for needs it"
-        )
-    return column
-
-
-def unasked(frequencies: bool = False, life: bool = False, drift: bool = False) -> frozenset[str]:
-    """Key paths that only natural frequencies, lives and drift depend on, where these are not asked."""
-    asked = {"density": frequencies, "expansion": drift} | dict.fromkeys(LASTING, life)
-    return frozenset(path for path, key in keys().items() if not asked.get(key.attribute, True))
-
-
-def _of_actuators(stage: Stage) -> str:
-    names = ", ".join(actuator.name for actuator in stage.actuator)
-    return f"a number that an actuator of the stage ({names or 'it has none'}) states and that no override replaces"
-
-
-def _columns(factor: Factor) -> list[Column]:
-    if factor.key is not None and "*" in factor.key:
-        return [Column(path, (path,), factor) for path in factor.paths]
-    name = factor.label or factor.key or " = ".join(factor.paths)
-    return [Column(name, factor.paths, factor)]
-
-
-def _check_key(key: str, *at: str | int) -> None:
-    if "*" in key:
-        raise refusal("no star in keys: all of them take one value", *at)
-    if key not in keys():
-        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see flexfem schema stage'}", *at)
+    for column in columns_of([factor]):
+        named, found = ", ".join(column.keys), [keys()[path] for path in column.keys]
+        if factor.kind == "normal" and factor.mean is None:
+            own = {key.value_in(stage) for key in found}
+            if len(own) != 1 or own == {None}:
+                raise BadInput(f"mean is missing, and the stage has no one value of {named}")
+            column = column._replace(factor=factor.model_copy(update={"mean": own.pop()}))
+        for key in found:
+            if key.of_drive and not key.places_in(stage):
+                names = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
+                expected = f"a number that an actuator of the stage ({names}) states and that no override replaces"
+                raise BadInput(f"key = {key.path}, expected {expected}")
+        if not any(key.places_in(stage) for key in found if key.path not in unasked):
+            expected = "a number that answers depend on: overrides stand in its place, or nothing asked for needs it"
+            raise BadInput(f"key = {named}, expected {expected}")
+        yield column

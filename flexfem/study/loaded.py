@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import os
 import warnings
-from collections import ChainMap
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.provenance import Doubts, is_assumed
 from flexfem.files.refusals import key_path, one_line, place_of, shown, suggestion
-from flexfem.files.toml import bad_key, validate
+from flexfem.files.toml import bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.designs import Designs, lower
@@ -28,11 +28,8 @@ from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
-from flexfem.study.factors import Column, Factor, acting, columns_of, with_mean
+from flexfem.study.factors import Column, Factor, columns_on
 from flexfem.study.plan import EXTENSIBLE, Study, names_in, normal_correlation, value_of
-
-if TYPE_CHECKING:
-    from flexfem.study.factors import Column
 
 
 @dataclass(frozen=True)
@@ -60,16 +57,17 @@ class LoadedStudy:
         return self.study.outputs
 
     @property
-    def assumed(self) -> tuple[str, ...]:
-        """Key paths, of the stage and of the study, whose provenance says that they are assumed."""
-        own = (key for key, source in self.study.provenance.items() if is_assumed(source))
-        return (*(f"stage: {key}" for key in self._doubts.assumed), *(f"study: {key}" for key in own))
-
-    @property
-    def not_stated(self) -> tuple[str, ...]:
-        """Key paths of the numbers, of the stage and of the study, whose source is not stated."""
-        stage = (f"stage: {key}" for key in self._doubts.not_stated)
-        return (*stage, *(f"study: {key}" for key in self.study.not_stated))
+    def doubts(self) -> Doubts:
+        """Key paths of the numbers of stage and study that are assumed or not stated; of the drive and of expansions
+        where they are asked."""
+        study, stage = self.study, self.stage
+        asked = [stage.drive_doubts] if study.driven else []
+        asked += [stage.heat_doubts] if study.drift is not None else []
+        asked = asked or [Doubts([*stage.assumed], [*stage.not_stated])]
+        of_stage = [dict.fromkeys(chain(*each)) for each in zip(*asked, strict=True)]
+        of_study = [key for key, source in study.provenance.items() if is_assumed(source)], study.not_stated
+        both = zip(of_stage, of_study, strict=True)
+        return Doubts(*([*(f"stage: {key}" for key in one), *(f"study: {key}" for key in own)] for one, own in both))
 
     @property
     def stress_accuracy(self) -> str:
@@ -82,51 +80,36 @@ class LoadedStudy:
         return f"{said}; in what the drive reaches, {driven}" if study.driven else said
 
     @property
-    def _doubts(self) -> Doubts:
-        """Those of the stage, its drive and expansions included where they are asked."""
-        stage = self.stage
-        asked = [stage.drive_doubts] if self.study.driven else []
-        asked += [stage.heat_doubts] if self.study.drift is not None else []
-        asked = asked or [Doubts([*stage.assumed], [*stage.not_stated])]
-        return Doubts(*(list(dict.fromkeys(chain(*each))) for each in zip(*asked, strict=True)))
-
-    @property
     def hash(self) -> str:
         """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take.
 
         How many designs there are counts only where it changes the first ones too; derived outputs, and constraints on
         outputs, are found from the answers.
         """
+        study, stage = self.study, self.stage
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
-        content = self.study.model_dump(mode="json", exclude=unneeded)
-        content |= {"stage": self.stage.hash, "draws": self.study.draws}
-        if content["drive"] is not None and not content["drive"]["actuators"]:  # hashes older than the key stay
-            del content["drive"]["actuators"]
-        for key in ("frequencies", "life", "drift", "ask"):
-            if content[key] in (None, []):
-                del content[key]
-        if self.study.model != "three_dimensional":
-            del content["layers"]
-        if self.study.driven:
-            content["stage"] = self.stage.drive_hash
-        if self.study.drift is not None:
-            content["drift"] = self.stage.heat_hash
+        content = study.model_dump(mode="json", exclude=unneeded)
         if self.given is not None:
-            content["sampling"] = content["sampling"] | {"file": self.given.digest}
-        if self.study.sampling.method in EXTENSIBLE:
-            content["sampling"] = content["sampling"] | {"designs": None, "base": None}
+            content["sampling"]["file"] = self.given.digest
+        if study.sampling.method in EXTENSIBLE:
+            content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
-        followed = (o for o in self.stage.override if o.hinge or self.study.driven)
-        content["override"] = sorted((*o.place, sorted(o.changes)) for o in followed)
-        content["columns"] = [
-            [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
-            for name, keys, factor in self.columns
-        ]
-        content["refused"] = [
-            [self.study.in_full(each.value), each.least, each.most, each.said]
-            for each in self.study.constraint
-            if self.study.is_given(each.value)
-        ]
+        followed = (o for o in stage.override if o.hinge or study.driven)
+        content |= {
+            "stage": stage.drive_hash if study.driven else stage.hash,
+            "heat": stage.heat_hash if study.drift is not None else None,
+            "draws": study.draws,
+            "override": sorted((*o.place, sorted(o.changes)) for o in followed),
+            "columns": [
+                [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
+                for name, keys, factor in self.columns
+            ],
+            "refused": [
+                [study.in_full(each.value), each.least, each.most, each.said]
+                for each in study.constraint
+                if study.is_given(each.value)
+            ],
+        }
         return digest(content)
 
 
@@ -139,24 +122,19 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
         As `toml.validate`, or the base stage cannot be read or made; one line naming file, line and key.
     """
     study = validate(Study, path)
-    try:
-        stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
-    except BadInput as error:
-        raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
-    require_model(path, study, stage)
-    columns: list[Column] = []
-    for index, factor in enumerate(study.factor):
-        try:
-            columns += [acting(with_mean(column, stage), stage, study.unasked) for column in columns_of([factor])]
-        except BadInput as error:
-            raise bad_key(path, ("factor", index), f"{key_path(('factor', index))}.{error}") from None
-    loaded = LoadedStudy(Path(path), study, stage, tuple(columns), Path(path).stem, _given(path, study, columns))
+    stage = base_stage(path, study)
+    columns = columns_of_file(path, "factor", study.factor, stage, study.unasked)
+    loaded = LoadedStudy(Path(path), study, stage, columns, Path(path).stem, _given(path, study, columns))
     _require_key_values(loaded)
     return loaded
 
 
-def require_model(path: str | os.PathLike[str], study: Study, stage: Stage) -> None:
-    """Raise BadInput where the base stage is none for the model of the study, or has no drive that it asks for."""
+def base_stage(path: str | os.PathLike[str], study: Study) -> Stage:
+    """The stage that a study, or another file that asks as one, names. Raises BadInput where it is none for it."""
+    try:
+        stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
+    except BadInput as error:
+        raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
     said = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
     if study.model in ("fe", "verify") and stage.model == "corrected":
         raise bad_key(path, ("model",), f'{said} "analytic": the finite elements are plane')
@@ -175,9 +153,23 @@ def require_model(path: str | os.PathLike[str], study: Study, stage: Stage) -> N
                 require()
         except BadInput as error:
             raise bad_key(path, (key,), f"{key}, on the base stage: {error}") from None
+    return stage
 
 
-def _given(path: str | os.PathLike[str], study: Study, columns: list[Column]) -> Given | None:
+def columns_of_file(
+    path: str | os.PathLike[str], array: str, factors: Sequence[Factor], stage: Stage, unasked: frozenset[str]
+) -> tuple[Column, ...]:
+    """The columns of the factors in an array of a file, as `columns_on`. Raises BadInput naming file, line and key."""
+    columns = list[Column]()
+    for index, factor in enumerate(factors):
+        try:
+            columns += columns_on(stage, factor, unasked)
+        except BadInput as error:
+            raise bad_key(path, (array, index), f"{key_path((array, index))}.{error}") from None
+    return tuple(columns)
+
+
+def _given(path: str | os.PathLike[str], study: Study, columns: Sequence[Column]) -> Given | None:
     """The table of designs that a study file names, read through; None where it names none."""
     if study.sampling.file is None:
         return None
@@ -199,8 +191,7 @@ def _require_key_values(loaded: LoadedStudy) -> None:
                 raise bad_key(loaded.path, place, f"{key_path(place)}: the stage has no {name} of its own")
 
 
-FORMATS = (".csv", ".parquet")
-MOST_NUMBERS = 2 * 10**8  # in a table of designs, which is held in memory
+MOST_BYTES = {".csv": 2**26, ".parquet": 2**31}  # of a table of designs, which is held in memory
 BLOCK = 1024  # Monte Carlo designs drawn together, each block from a stream of its own
 INSIDE = 2.0**-53  # keeps quantiles off 0 and 1, where a normal distribution is infinite
 
@@ -223,95 +214,58 @@ def given_of(path: Path, columns: Sequence[Column]) -> Given:
         finite number or outside the limits of its key. One line naming file, row, column, value and what was expected.
     """
     path = Path(os.path.abspath(path))
-    given = Given(path, _digest(path, _signature(path)), 0)
-    values = _rows(given, tuple(column.name for column in columns))
+    where = place_of(path)
+    if path.suffix not in MOST_BYTES:
+        raise BadInput(f"{where}, expected a file name that ends in {' or '.join(MOST_BYTES)}")
+    found, values = _read(path, columns)
     if len(values) == 0:
-        raise BadInput(f"{place_of(path)}: no rows, expected one for each design")
-    for column, found in zip(columns, values.T, strict=True):
+        raise BadInput(f"{where}: no rows, expected one for each design")
+    for column, of in zip(columns, values.T, strict=True):
         for key in (keys()[path] for path in column.keys):
-            bad = np.flatnonzero(~np.isfinite(found) | key.impossible(found))
+            bad = np.flatnonzero(~np.isfinite(of) | key.impossible(of))
             if len(bad):
-                value = float(found[bad[0]])
+                value = float(of[bad[0]])
                 expected = f"{key.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
                 at = f"row {bad[0] + 1}, column {shown(column.name)}"
-                raise BadInput(f"{place_of(path)}: {at} = {value:g}, expected {expected}")
-    return given._replace(rows=len(values))
+                raise BadInput(f"{where}: {at} = {value:g}, expected {expected}")
+    return Given(path, found, len(values))
 
 
-def _signature(path: Path) -> tuple[int, ...]:
-    """What changes when a file is written: inode, size and time of its last change."""
-    where = place_of(path)
-    if path.suffix not in FORMATS:
-        raise BadInput(f"{where}, expected a file name that ends in {' or '.join(FORMATS)}")
-    if path.exists() and not path.is_file():
-        raise BadInput(f"{where}: a folder, pipe or device, expected a table of designs")
-    try:
-        status = path.stat()
-        return status.st_ino, status.st_size, status.st_mtime_ns
-    except (OSError, ValueError) as error:
-        reason = "no such file" if isinstance(error, FileNotFoundError) else "cannot be read"
-        raise BadInput(f"{where}: {reason}, expected a table of designs") from None
-
-
-@lru_cache(maxsize=4)
-def _digest(path: Path, signature: tuple[int, ...]) -> str:
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise BadInput(f"{place_of(path)}: cannot be read: {error.strerror}") from None
-
-
-def _rows(given: Given, names: tuple[str, ...]) -> Array:
-    """Values (rows, columns) of a table of designs. Raises BadInput when its file has changed."""
-    if _digest(given.path, _signature(given.path)) != given.digest:
-        raise BadInput(f"{place_of(given.path)}: changed since the study was read, expected its content: run again")
-    return _table(given.path, given.digest, names)
+def _read(path: Path, columns: Sequence[Column]) -> tuple[str, Array]:
+    """SHA-256 and values (rows, columns) of a table of designs, read again where the file was written since."""
+    written = os.stat(path) if path.exists() else None
+    changes = () if written is None else (written.st_ino, written.st_size, written.st_mtime_ns)
+    return _table(path, changes, tuple(column.name for column in columns))
 
 
 @lru_cache(maxsize=2)
-def _table(path: Path, digest: str, names: tuple[str, ...]) -> Array:
-    """Values (rows, columns) of the file, which has that content."""
+def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tuple[str, Array]:
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet as pq
 
-    where, csv = place_of(path), path.suffix == ".csv"
+    where, content = place_of(path), read_bytes(path, MOST_BYTES[path.suffix])
     try:
-        if csv:
-            texts = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
-            found = pyarrow.csv.read_csv(path, convert_options=texts)
+        if path.suffix == ".csv":
+            one_by_one = pyarrow.csv.ReadOptions(use_threads=False)  # so that errors name the row
+            numbers = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[])
+            found = pyarrow.csv.read_csv(io.BytesIO(content), one_by_one, convert_options=numbers)
         else:
-            found = pq.read_table(path)
+            found = pq.read_table(io.BytesIO(content))
     except (pa.ArrowException, OSError, ValueError) as error:
-        kind = "CSV with commas between columns" if csv else "a Parquet file, or a damaged one"
+        kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
-    if found.num_rows * len(names) > MOST_NUMBERS:
-        size = f"{found.num_rows} rows of {len(names)} columns"
-        raise BadInput(f"{where}: {size}, expected {MOST_NUMBERS} numbers at most")
-    there, values = found.column_names, np.empty((found.num_rows, len(names)))
-    for k, name in enumerate(names):
-        at = f"column {shown(name)}"
+    there = found.column_names
+    for name in names:
         if there.count(name) != 1:
             close = suggestion(name, set(there)) or f", found {one_line(', '.join(there), 160)}"
             state = "is there twice" if name in there else "is missing"
-            raise BadInput(f"{where}: {at} {state}, expected one for each factor{close}")
-        if not (csv or pa.types.is_integer(found[name].type) or pa.types.is_floating(found[name].type)):
-            raise BadInput(f"{where}: {at} of {found[name].type}, expected numbers")
-        try:
-            values[:, k] = found[name].cast(pa.float64()).to_numpy()  # empty cells of Parquet as nan
-        except pa.ArrowException:
-            texts = enumerate(found[name].to_pylist(), 1)
-            row, text = next(each for each in texts if not _is_number(each[1]))
-            raise BadInput(f"{where}: row {row}, {at} = {shown(text)}, expected a number") from None
-    return values
-
-
-def _is_number(text: Any) -> bool:
-    try:
-        return bool(text) and float(text) is not None
-    except (TypeError, ValueError):
-        return False
+            raise BadInput(f"{where}: column {shown(name)} {state}, expected one for each factor{close}")
+        kind = found[name].type
+        if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            raise BadInput(f"{where}: column {shown(name)} of {kind}, expected numbers")
+    values = [found[name].cast(pa.float64()).to_numpy() for name in names]  # empty cells as nan
+    return hashlib.sha256(content).hexdigest(), np.column_stack(values)
 
 
 def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
@@ -324,7 +278,10 @@ def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
     factors = [column.factor for column in loaded.columns]
     start, stop = max(start, 0), min(stop, loaded.count)
     if loaded.given is not None:
-        return _rows(loaded.given, tuple(column.name for column in loaded.columns))[start:stop]
+        found, values = _read(loaded.given.path, loaded.columns)
+        if found != loaded.given.digest:
+            raise BadInput(f"{place_of(loaded.given.path)}: changed since the study was read: run again")
+        return values[start:stop]
     if loaded.study.sampling.method == "grid":
         points = [grid_points(factor) for factor in factors]
         places = np.unravel_index(np.arange(start, stop), [len(each) for each in points])
@@ -368,19 +325,16 @@ def at_quantile(factor: Factor, u: Array) -> Array:
 
     if factor.values is not None:
         return np.array(factor.values)[(u * len(factor.values)).astype(np.int64)]
-    if factor.kind == "normal":
-        assert factor.mean is not None and factor.sd is not None
-        if factor.lower is factor.upper is None:
-            return np.asarray(stats.norm.ppf(u, factor.mean, factor.sd))
-        lower = -np.inf if factor.lower is None else factor.lower
-        upper = np.inf if factor.upper is None else factor.upper
-        ends = (lower - factor.mean) / factor.sd, (upper - factor.mean) / factor.sd
-        return np.asarray(stats.truncnorm.ppf(u, *ends, loc=factor.mean, scale=factor.sd))
     low, high = (factor.start, factor.end) if factor.kind == "range" else (factor.lower, factor.upper)
+    if factor.kind == "normal":
+        mean, sd = factor.mean or 0.0, factor.sd or 1.0
+        if low is high is None:
+            return np.asarray(stats.norm.ppf(u, mean, sd))
+        ends = -np.inf if low is None else (low - mean) / sd, np.inf if high is None else (high - mean) / sd
+        return np.asarray(stats.truncnorm.ppf(u, *ends, loc=mean, scale=sd))
     assert low is not None and high is not None
-    if factor.scale == "log":
-        return np.asarray(stats.loguniform.ppf(u, low, high))
-    return np.asarray(stats.uniform.ppf(u, low, high - low))
+    found = stats.loguniform(low, high) if factor.scale == "log" else stats.uniform(low, high - low)
+    return np.asarray(found.ppf(u))
 
 
 def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
@@ -405,18 +359,19 @@ def _quantiles(loaded: LoadedStudy, start: int, stop: int) -> Array:
     return _latin_hypercube(sampling.seed, columns, loaded.count)[start:stop]
 
 
-_engines: dict[tuple[int, int], Any] = {}  # the last sequence that was drawn from: parts mostly follow one another
+@lru_cache(maxsize=1)
+def _engine(seed: int, columns: int) -> Any:
+    """A scrambled Sobol sequence, kept as it is drawn from: parts mostly follow one another."""
+    from scipy.stats import qmc
+
+    return qmc.Sobol(columns, scramble=True, rng=np.random.default_rng(seed))
 
 
 def _sobol(seed: int, columns: int, start: int, stop: int) -> Array:
-    """Points `start` up to `stop` of a scrambled Sobol sequence, whatever comes before."""
-    from scipy.stats import qmc
-
-    engine = _engines.get((seed, columns))
-    if engine is None or engine.num_generated > start:
-        engine = qmc.Sobol(columns, scramble=True, rng=np.random.default_rng(seed))
-        _engines.clear()
-        _engines[seed, columns] = engine
+    """Points `start` up to `stop` of the sequence, whatever was drawn before."""
+    engine = _engine(seed, columns)
+    if engine.num_generated > start:
+        engine.reset()
     if start > engine.num_generated:
         engine.fast_forward(start - engine.num_generated)
     with warnings.catch_warnings():
@@ -488,39 +443,30 @@ def _settings(loaded: Varied) -> list[tuple[Key, int]]:
 
 def _set(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
     """Set a number in changes as `Stage.replace` takes them; of an array all, those not set from the stage."""
-    if key.of_drive:
-        _set_of_drive(changes, stage, key, value)
-        return
+    table, held = _changed(changes, stage, key)
+    if key.element is None:
+        table[key.attribute] = value
+    else:
+        members = list(table.get(key.attribute) or getattr(held, key.attribute))
+        members[key.element] = value
+        table[key.attribute] = members
+
+
+def _changed(changes: dict[str, Any], stage: Stage, key: Key) -> tuple[dict[str, Any], Any]:
+    """The table of the changes that a number is in, and what the stage has there."""
     if key.table[:1] == ("override",):
-        place = int(key.table[1]), key.table[2]
-        changes.setdefault("override", {}).setdefault(place, {})[key.attribute] = value
-        return
-    table, held = changes, stage
-    for name in key.table:
-        table, held = table.setdefault(name, {}), getattr(held, name)
-    if key.element is None:
-        table[key.attribute] = value
-    else:
-        table[key.attribute] = list(table.get(key.attribute, getattr(held, key.attribute)))
-        table[key.attribute][key.element] = value
-
-
-def _set_of_drive(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
-    """As `_set`, of an actuator: of all chains, or of one as its override has it."""
-    name = key.table[-1]
-    place = [each.name for each in stage.actuator].index(name)
-    if key.table[0] == "override":
         chain = int(key.table[1])
-        held = actuators_of(stage)[chain - 1][place]
-        table = changes.setdefault("override", {}).setdefault((chain, "actuator", name), {})
-    else:
-        held = stage.actuator[place]
-        table = changes.setdefault("actuator", [one.model_dump(exclude_unset=True) for one in stage.actuator])[place]
-    if key.element is None:
-        table[key.attribute] = value
-    else:
-        table[key.attribute] = list(table.get(key.attribute) or getattr(held, key.attribute))
-        table[key.attribute][key.element] = value
+        row = actuators_of(stage)[chain - 1] if key.of_drive else ()
+        held = next((one for one in row if one.name == key.table[-1]), None)
+        return changes.setdefault("override", {}).setdefault((chain, *key.table[2:]), {}), held
+    if key.of_drive:
+        index = [one.name for one in stage.actuator].index(key.table[1])
+        every = changes.setdefault("actuator", [one.model_dump(exclude_unset=True) for one in stage.actuator])
+        return every[index], stage.actuator[index]
+    table, of = changes, stage
+    for name in key.table:
+        table, of = table.setdefault(name, {}), getattr(of, name)
+    return table, of
 
 
 class Judged(NamedTuple):
@@ -537,8 +483,7 @@ def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Ju
     ----------
     columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have an answer, bool (n,).
     """
-    known = ChainMap[str, Array]({}, cast("MutableMapping[str, Array]", columns))  # which may be read one by one
-    feasible = np.array(ok, dtype=bool)
+    known, feasible = dict(columns), np.array(ok, dtype=bool)
     for output in loaded.study.output:
         found = evaluated(loaded, output.expression, known, len(ok))
         known[output.name] = np.where(ok & np.isfinite(found), found, np.nan)
@@ -552,37 +497,34 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
 
     A constraint that asks for factors and keys alone is decided here, before anything is solved.
     """
-    reason = np.full(len(values), "", dtype=object)
+    study, reason = loaded.study, np.full(len(values), "", dtype=object)
     known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
-    for output in loaded.study.output:
-        if loaded.study.is_given(output.expression):
-            known[output.name] = evaluated(loaded, output.expression, known, len(values))
-    for constraint in loaded.study.constraint:
-        if loaded.study.is_given(constraint.value):
-            found = evaluated(loaded, constraint.value, known, len(values))
-            for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
-                reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"
+    for output in filter(lambda each: study.is_given(each.expression), study.output):
+        known[output.name] = evaluated(loaded, output.expression, known, len(values))
+    for constraint in filter(lambda each: study.is_given(each.value), study.constraint):
+        found = evaluated(loaded, constraint.value, known, len(values))
+        for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
+            reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"
     return reason
 
 
 def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array], size: int) -> Array:
     """Value (size,) of an expression of columns by name, and keys, in file units; nan where one is missing."""
-    found = {name: _named(loaded, name, columns) for name in names_in(expression)}
-    return np.broadcast_to(value_of(expression, found), (size,))
+    named = {
+        name: columns[name] if name in columns else _of_key(loaded, name, columns) for name in names_in(expression)
+    }
+    return np.broadcast_to(value_of(expression, named), (size,))
 
 
-def _named(loaded: LoadedStudy, name: str, columns: Mapping[str, Array]) -> Array:
-    if name in columns:
-        return columns[name]
-    return _of_key(loaded, keys()[name], columns) if name in keys() else np.full(1, np.nan)
-
-
-def _of_key(loaded: LoadedStudy, key: Key, columns: Mapping[str, Array]) -> Array:
+def _of_key(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) -> Array:
     """Values (n,) or (1,) of a key of the stage file, file units: what a factor sets, else the stage's own."""
+    if path not in keys():
+        return np.full(1, np.nan)
     for column in loaded.columns:
-        if key.path in column.keys:
+        if path in column.keys:
             return columns[column.name]
-    if key.table[:1] != ("override",):
+    key = keys()[path]
+    if key.table[:1] != ("override",) or not loaded.columns:
         return np.full(1, key.value_in(loaded.stage), dtype=np.float64)
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, place),) = key.places_in(loaded.stage)

@@ -5,48 +5,29 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache, reduce
-from types import CodeType
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 import flexfem
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import (
-    COUNT,
-    OF_THE_KEY,
-    Rule,
-    beside,
-    both,
-    either,
-    has,
-    keywords,
-    only,
-    ruled,
-    says,
-    when,
-    without,
-)
+from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import keys, meant
+from flexfem.mechanism.keys import LASTING, keys, meant
 from flexfem.questions import warnings as warning
-from flexfem.questions.case import ELASTIC, FORMULA, LINKS, OF_MODEL, FormulaName, Mobility
+from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
-from flexfem.study.factors import NAMED, WAYS, Factor, columns_of, unasked
+from flexfem.study.factors import WAYS, Column, Factor, columns_of, require_keys
 
 LONGEST = 400  # characters
 DEEPEST = 50  # operations one inside the other
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)|`(?P<quoted>[^`]+)`"
-    r"|(?P<name>[A-Za-z_]\w*(?:\.\w+|\[\d+\])*)|(?P<sign>\*\*|[-+*/(),]))\s*"
-)
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sqrt": np.sqrt,
@@ -55,74 +36,80 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "log10": np.log10,
     "min": lambda *each: reduce(np.minimum, each),
     "max": lambda *each: reduce(np.maximum, each),
-    "_f": np.float64,
 }
-_NODES = (
-    *(ast.Expression, ast.Name, ast.Load, ast.Constant, ast.UnaryOp, ast.USub, ast.UAdd),
-    *(ast.BinOp, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow),
+_OPERATIONS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+    ast.USub: np.negative,
+    ast.UAdd: np.positive,
+}
+_WORD = re.compile(
+    rf"(?P<function>({'|'.join(_FUNCTIONS)})(?=\s*\())|`(?P<quoted>[^`]+)`"
+    r"|(?<![\w.])(?P<name>[A-Za-z_]\w*(?:\.\w+|\[\d+\])*)|(?P<other>[^-+*/(),.\w\s])"
 )
-_ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(list(_FUNCTIONS)[:-1])}"
+_ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(_FUNCTIONS)}"
 
 
 def names_in(text: str) -> tuple[str, ...]:
     """Names that an expression uses, each once. Raises ValueError, saying what was expected, where it is none."""
-    return tuple(_parsed(text)[1])
+    return _parsed(text)[1]
 
 
 def value_of(text: str, values: Mapping[str, Array]) -> Array:
-    """Value of an expression, in the shape of the named values; not finite where it has none.
-
-    Notes
-    -----
-    What runs is arithmetic alone: the tree of the text was searched for anything else before it was compiled.
-    """
-    code, names = _parsed(text)
-    known: dict[str, Any] = {place: np.asarray(values[name], np.float64) for name, place in names.items()}
+    """Value of an expression, in the shape of the named values; not finite where it has none."""
+    tree, names = _parsed(text)
     with np.errstate(all="ignore"):
-        return np.asarray(eval(code, {"__builtins__": {}}, known | _FUNCTIONS), dtype=np.float64)
+        known = {f"_{k}": np.asarray(values[name], np.float64) for k, name in enumerate(names)}
+        return np.asarray(_value(tree, known), dtype=np.float64)
 
 
 @lru_cache(maxsize=256)
-def _parsed(text: str) -> tuple[CodeType, Mapping[str, str]]:
-    """A compiled expression, and by name what stands for it there."""
+def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
+    """The tree of an expression of arithmetic alone, and the names that stand in it as `_0`, `_1`."""
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
-    names, pieces, end = dict[str, str](), list[str](), 0
-    while end < len(text):
-        found = _TOKEN.match(text, end)
-        if found is None:
+    names = list[str]()
+
+    def numbered(found: re.Match[str]) -> str:
+        name = found["quoted"] or found["name"]
+        if found["other"]:
             raise ValueError(_ALLOWED)
-        end = found.end()
-        if found["number"]:
-            pieces.append(f" _f({float(found['number'])!r}) ")  # a numpy number: no power takes for ever or raises
-        elif found["sign"] or (found["name"] in _FUNCTIONS and text[end : end + 1] == "("):
-            pieces.append(found["sign"] or found["name"])
-        else:
-            pieces.append(f" {names.setdefault(found['quoted'] or found['name'], f'_{len(names)}')} ")
+        if name and name not in names:
+            names.append(name)
+        return f" _{names.index(name)} " if name else found["function"]
+
     try:
-        tree = ast.parse("".join(pieces).strip(), mode="eval")
-    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        tree = ast.parse(" ".join(_WORD.sub(numbered, text).split()), mode="eval").body
+        with np.errstate(all="ignore"):
+            _value(tree, {f"_{k}": np.ones(1) for k in range(len(names))})
+    except (SyntaxError, MemoryError, RecursionError, KeyError, TypeError, OverflowError):
         raise ValueError(_ALLOWED) from None
-    if not all(map(_is_arithmetic, ast.walk(tree))):
-        raise ValueError(_ALLOWED)
-    if _depth(tree.body) > DEEPEST:
-        raise ValueError(f"at most {DEEPEST} operations one inside the other")
     if not names:
         raise ValueError("the name of a column or key, not numbers alone")
-    return compile(tree, "expression", "eval"), names
+    return tree, tuple(names)
 
 
-def _is_arithmetic(node: ast.AST) -> bool:
-    """Whether a node is one of arithmetic; names and numbers are those that `_parsed` put there."""
-    if isinstance(node, ast.Call):
-        name, several = getattr(node.func, "id", ""), len(node.args) > 1
-        return name in _FUNCTIONS and bool(node.args) and not node.keywords and several == (name in ("min", "max"))
-    return isinstance(node, _NODES)
-
-
-def _depth(node: ast.AST) -> int:
-    inner = [each for each in ast.iter_child_nodes(node) if isinstance(each, ast.Call | ast.UnaryOp | ast.BinOp)]
-    return 1 + max(map(_depth, inner), default=0)
+def _value(node: ast.expr, known: Mapping[str, Array], depth: int = 1) -> Any:
+    """Value of a tree; a number is one of numpy, of which no power takes for ever or raises."""
+    if depth > DEEPEST:
+        raise ValueError(f"at most {DEEPEST} operations one inside the other")
+    match node:
+        case ast.Constant(value=float() | int() as number):
+            return np.float64(number)
+        case ast.Name(id=name):
+            return known[name]
+        case ast.UnaryOp(op=sign, operand=inner):
+            return _OPERATIONS[type(sign)](_value(inner, known, depth + 1))
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _OPERATIONS[type(sign)](_value(left, known, depth + 1), _value(right, known, depth + 1))
+        case ast.Call(func=ast.Name(id=name), args=[_, *others] as given, keywords=[]) if bool(others) == (
+            name in ("min", "max")
+        ):
+            return _FUNCTIONS[name](*(_value(each, known, depth + 1) for each in given))
+    raise ValueError(_ALLOWED)
 
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
@@ -141,16 +128,6 @@ _KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # neede
 }
 
 
-def _require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: tuple[str, ...]) -> None:
-    """Refuse a table without a key that a choice needs, or with one that it has no use for."""
-    for name in needed:
-        if name not in table.model_fields_set:
-            raise refusal(f"{name} for {choice}")
-    for name in type(table).model_fields:
-        if name in table.model_fields_set and name not in (*needed, *possible):
-            raise refusal(f"no {name} with {choice}", name)
-
-
 _WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it; it takes no others
     "grid": (),
     "table": ("file",),
@@ -159,22 +136,9 @@ _WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it
 }
 
 
-def _of(key: str, value: str, needed: tuple[str, ...], possible: tuple[str, ...], *more: Rule) -> Rule:
-    """Where a key says a value there are the keys that this needs, and none but those that are possible with it."""
-    return when(says(key, value), both(has(*needed), only(key, *needed, *possible), *more))
-
-
-_OF_METHODS = [
-    _of("method", name, keys, (), *([{"properties": {"designs": {"maximum": MOST_HELD}}}] if name in HELD else []))
-    for name, keys in _WANTED.items()
-]
-
-
 class Sampling(Table):
     """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
     taken from a `file`."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(*_OF_METHODS))
 
     method: Method = Field(
         description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
@@ -208,7 +172,7 @@ class Sampling(Table):
 
     @model_validator(mode="after")
     def _keys_of_its_method(self) -> Sampling:
-        _require_keys(self, f'method = "{self.method}"', _WANTED[self.method], ("method",))
+        require_keys(self, f'method = "{self.method}"', _WANTED[self.method], ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method in HELD and (self.designs or 0) > MOST_HELD:
@@ -242,8 +206,6 @@ class Output(Table):
 
 class Constraint(Table):
     """Ends between which an expression of columns and keys must lie for a design to count."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(either(has("least"), has("most"))))
 
     value: Expression = Field(
         description="An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything "
@@ -320,12 +282,6 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            *(_of("kind", name, needed, ("title", *more)) for name, (needed, more) in _KEYS_OF.items())
-        )
-    )
-
     kind: FigureKind = Field(
         description="`map` of an output over two factors, in whose cells means over the other factors are; "
         "`distribution` and `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns",
@@ -350,7 +306,7 @@ class Figure(Table):
     @model_validator(mode="after")
     def _keys_of_its_kind(self) -> Figure:
         needed, possible = _KEYS_OF[self.kind]
-        _require_keys(self, f'kind = "{self.kind}"', needed, ("kind", "title", *possible))
+        require_keys(self, f'kind = "{self.kind}"', needed, ("kind", "title", *possible))
         if self.x is not None and self.x == self.y:
             raise refusal("another column than x", "y")
         if self.values is not None and len(set(self.values)) < len(self.values):
@@ -373,13 +329,6 @@ Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLI
 
 class DriveQuestion(Table):
     """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
-
-    model_config = ConfigDict(
-        json_schema_extra=ruled(
-            beside({"stroke_um": ["lever_arm_mm"], "lever_arm_mm": ["stroke_um"]}),
-            either(says("actuators", True), has("stroke_um")),
-        )
-    )
 
     actuators: bool = Field(
         default=False,
@@ -432,17 +381,8 @@ class Drifting(Table):
     """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
 
 
-_AMPLITUDES = ("amplitude_x_um", "amplitude_y_um", "amplitude_theta_mrad")
-
-
-def _not_zero(key: str) -> Rule:
-    return {"required": [key], "properties": {key: {"not": {"const": 0}}}}
-
-
 class Lasting(Table):
     """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(either(*map(_not_zero, _AMPLITUDES))))
 
     amplitude_x_um: Amplitude = Field(
         default=0.0, description="Of the pose in x; one of the three or more", examples=[20.0]
@@ -498,96 +438,10 @@ APPLIES = {  # keys that not every model takes
     "life": ("analytic", "fe", "verify"),
     "drift": ("analytic", "fe", "verify"),
 }
-_GIVEN = {"not": only(*NAMED)}  # of a factor that says its values
-
-
-def rules() -> Iterator[Rule]:
-    """Between keys of a study, in JSON schema."""
-    every: set[str] = {"analytic", "fe", "verify", "three_dimensional"}
-    for key, models in APPLIES.items():
-        yield when(says("model", *sorted(every - {*models})), without(key))
-    yield LINKS
-    yield when(says("check", "closed_form"), says("model", "analytic"))
-    driven = {"properties": {"drive": says("actuators", True)}, "required": ["drive"]}
-    yield when(driven, says("model", *sorted(every - {"three_dimensional"})))
-    of_grid = both(without("distribution"), when(has("from"), has("points")), _GIVEN)
-    others = {"grid": of_grid, "table": only(*NAMED)}
-    for method in get_args(Method):
-        of_factor = others.get(method, both(without("points"), _GIVEN))
-        correlated = without("correlation") if method in UNCORRELATED else {}
-        sampled = {"properties": {"sampling": says("method", method)}, "required": ["sampling"]}
-        yield when(sampled, both({"properties": {"factor": {"items": of_factor}}}, correlated))
-
-
-def require_sampled(factors: Sequence[Factor], method: Method) -> None:
-    """Refuse factors whose values are not such as the method draws."""
-    grid, table = method == "grid", method == "table"
-    for index, factor in enumerate(factors):
-        if table != (factor.kind == "given"):
-            raise refusal(f'{"no values" if table else WAYS} with method = "{method}"', "factor", index)
-        if grid and factor.distribution is not None:
-            raise refusal('values or a range with method = "grid"', "factor", index, "distribution")
-        if grid and factor.kind == "range" and factor.points is None:
-            raise refusal('points with method = "grid"', "factor", index)
-        if not grid and factor.points is not None:
-            raise refusal('no points but with method = "grid"', "factor", index, "points")
-
-
-def require_unlike(factors: Sequence[Factor], outputs: Iterable[str]) -> None:
-    """Refuse two columns of one name, and a key that two factors set."""
-    names, set_by = {*RESERVED, FEASIBLE, *outputs}, dict[str, int]()
-    for index, factor in enumerate(factors):
-        for column in columns_of([factor]):
-            if column.name in names or (column.name in keys() and column.name not in column.keys):
-                raise refusal(f"a column name of its own, not {shown(column.name)} again", "factor", index)
-            names.add(column.name)
-        for path in factor.paths:
-            first = set_by.setdefault(path, index)
-            if first != index:
-                raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
-
-
-def require_correlated(correlations: tuple[Correlation, ...], factors: Sequence[Factor], method: Method) -> None:
-    """Refuse correlations of what is no factor that is drawn, and those that no factors can have."""
-    columns = {column.name: column.factor for column in columns_of(factors)}
-    pairs = set[frozenset[str]]()
-    if correlations and method in UNCORRELATED:
-        raise refusal(f'none with method = "{method}": {UNCORRELATED[method]}', "correlation")
-    for index, each in enumerate(correlations):
-        for place, name in enumerate(each.factors):
-            if name not in columns:
-                raise refusal(
-                    f"a factor by its column{suggestion(name, columns)}", "correlation", index, "factors", place
-                )
-            if columns[name].kind == "values":
-                raise refusal(
-                    "a range or distribution: ranks of a list have ties", "correlation", index, "factors", place
-                )
-        if frozenset(each.factors) in pairs:
-            raise refusal("each pair once", "correlation", index, "factors")
-        pairs.add(frozenset(each.factors))
-    least = float(np.linalg.eigvalsh(normal_correlation(list(columns), correlations)).min())
-    if least < SINGULAR:
-        raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
-
-
-def require_shown(figures: Sequence[Figure], factors: Sequence[Factor], outputs: Sequence[str], method: Method) -> None:
-    """Refuse figures of columns that there are not, and those that a method does not give; outputs : with derived."""
-    columns = [column.name for column in columns_of(factors)]
-    for index, figure in enumerate(figures):
-        if figure.kind in ("distribution", "sensitivity") and method == "grid":
-            raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
-        for place, (column, output) in figure.columns.items():
-            known = outputs if output else columns if figure.kind == "map" else (*columns, *outputs)
-            if column not in known:
-                what = "an output of this study" if output else "a column of this study"
-                raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
 
 
 class Study(Sourced):
     """What a study file says."""
-
-    model_config = ConfigDict(json_schema_extra=ruled(*rules()))
 
     kind: ClassVar[str] = "study file"
 
@@ -708,37 +562,81 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
-    def _factors_fit(self) -> Study:
-        require_sampled(self.factor, self.sampling.method)
-        if self.sampling.method == "grid" and self.count > MOST:
-            raise refusal(f"a grid of at most {MOST} designs, not {self.count}", "factor")
-        if self.sampling.base is not None and self.count > MOST:
-            raise refusal(f"base * (factors + 2) of at most {MOST}, not {self.count}", "sampling", "base")
-        require_unlike(self.factor, self.outputs)
+    def _factors_are_as_sampled(self) -> Study:
+        method = self.sampling.method
+        grid, table = method == "grid", method == "table"
+        for index, factor in enumerate(self.factor):
+            if table != (factor.kind == "given"):
+                raise refusal(f'{"no values" if table else WAYS} with method = "{method}"', "factor", index)
+            if grid and factor.distribution is not None:
+                raise refusal('values or a range with method = "grid"', "factor", index, "distribution")
+            if grid and factor.kind == "range" and factor.points is None:
+                raise refusal('points with method = "grid"', "factor", index)
+            if not grid and factor.points is not None:
+                raise refusal('no points but with method = "grid"', "factor", index, "points")
+        if self.count > MOST:
+            at = ("factor",) if grid else ("sampling", "base")
+            raise refusal(f"{'a grid' if grid else 'base * (factors + 2)'} of at most {MOST}, not {self.count}", *at)
         return self
 
     @model_validator(mode="after")
-    def _expressions_name_columns(self) -> Study:
-        names = {column.name for column in columns_of(self.factor)}
-        taken = {*RESERVED, FEASIBLE, *self.outputs, *names, *keys()}
-        known = {*names, *self.outputs}
+    def _names_are_unlike(self) -> Study:
+        """Two columns of one name, and a key that two factors set, are refused; expressions name what there is."""
+        names, set_by = {*RESERVED, FEASIBLE, *self.outputs}, dict[str, int]()
+        for index, factor in enumerate(self.factor):
+            for column in columns_of([factor]):
+                if column.name in names or (column.name in keys() and column.name not in column.keys):
+                    raise refusal(f"a column name of its own, not {shown(column.name)} again", "factor", index)
+                names.add(column.name)
+            for path in factor.paths:
+                first = set_by.setdefault(path, index)
+                if first != index:
+                    raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
+        known = names - {*RESERVED, FEASIBLE}
         for index, output in enumerate(self.output):
-            if output.name in taken:
+            if output.name in names or output.name in keys():
                 raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            _require_known(output.expression, known, "output", index, "expression")
-            taken.add(output.name)
+            require_known(output.expression, known, "output", index, "expression")
+            names.add(output.name)
             known.add(output.name)
         for index, constraint in enumerate(self.constraint):
-            _require_known(constraint.value, known, "constraint", index, "value")
+            require_known(constraint.value, known, "constraint", index, "value")
             if self.sampling.method == "saltelli" and self.is_given(constraint.value):
                 expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
                 raise refusal(expected, "constraint", index, "value")
         return self
 
     @model_validator(mode="after")
-    def _what_is_shown_fits(self) -> Study:
-        require_correlated(self.correlation, self.factor, self.sampling.method)
-        require_shown(self.figure, self.factor, self.every_output, self.sampling.method)
+    def _correlations_are_possible(self) -> Study:
+        factors = {column.name: column.factor for column in self.factor_columns}
+        pairs, method = set[frozenset[str]](), self.sampling.method
+        if self.correlation and method in UNCORRELATED:
+            raise refusal(f'none with method = "{method}": {UNCORRELATED[method]}', "correlation")
+        for index, each in enumerate(self.correlation):
+            for place, name in enumerate(each.factors):
+                at = ("correlation", index, "factors", place)
+                if name not in factors:
+                    raise refusal(f"a factor by its column{suggestion(name, factors)}", *at)
+                if factors[name].kind == "values":
+                    raise refusal("a range or distribution: ranks of a list have ties", *at)
+            if frozenset(each.factors) in pairs:
+                raise refusal("each pair once", "correlation", index, "factors")
+            pairs.add(frozenset(each.factors))
+        if np.linalg.eigvalsh(normal_correlation(list(factors), self.correlation)).min() < SINGULAR:
+            raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
+        return self
+
+    @model_validator(mode="after")
+    def _figures_show_columns(self) -> Study:
+        factors, outputs = [column.name for column in self.factor_columns], self.every_output
+        for index, figure in enumerate(self.figure):
+            if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
+                raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
+            for place, (column, output) in figure.columns.items():
+                known = outputs if output else factors if figure.kind == "map" else (*factors, *outputs)
+                if column not in known:
+                    what = "an output of this study" if output else "a column of this study"
+                    raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
         return self
 
     @property
@@ -747,13 +645,17 @@ class Study(Sourced):
         return tuple(path for path in super().numbers if path != "time_limit_s")
 
     @property
+    def factor_columns(self) -> tuple[Column, ...]:
+        """The columns of the factors, stars expanded."""
+        return columns_of(self.factor)
+
+    @property
     def count(self) -> int:
         """Number of designs."""
-        columns = columns_of(self.factor)
         if self.sampling.method == "grid":
-            return math.prod(column.factor.points or len(column.factor.values or ()) for column in columns)
+            return math.prod(column.factor.points or len(column.factor.values or ()) for column in self.factor_columns)
         if self.sampling.base is not None:
-            return self.sampling.base * (len(columns) + 2)
+            return self.sampling.base * (len(self.factor_columns) + 2)
         return self.sampling.designs or 0
 
     @property
@@ -789,7 +691,8 @@ class Study(Sourced):
     @property
     def unasked(self) -> frozenset[str]:
         """Key paths of material and frame that none of its answers depends on."""
-        return unasked(self.frequencies is not None, self.life is not None, self.drift is not None)
+        asked = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LASTING, self.life)
+        return frozenset(path for path, key in keys().items() if asked.get(key.attribute, self) is None)
 
     @property
     def stress_below(self) -> str:
@@ -825,9 +728,9 @@ class Study(Sourced):
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
 
 
-def _require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
-    names = set(known)
+def require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
+    """Refuse an expression, at a key path, with a name that is neither known nor a key of the stage file."""
+    names = {*known, *keys()}
     for name in names_in(expression):
-        if name not in names and name not in keys():
-            expected = f"columns and keys by name, not {shown(name)}{meant(name, sorted({*names, *keys()}))}"
-            raise refusal(expected, *at)
+        if name not in names and name not in keys():  # those of actuators are not among the listed ones
+            raise refusal(f"columns and keys by name, not {shown(name)}{meant(name, sorted(names))}", *at)

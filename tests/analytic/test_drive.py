@@ -84,6 +84,6 @@ def test_a_push_along_a_straight_link_stretches_it_between_the_two_stations():
     near, far = (
         placed_stack(stage, 0, ("frame", "link 1"), complex(x, -32.0), np.pi) for x in (44.0, 36.0)
     )  # 8 mm apart along link 1, whose ends are at 52.5 and 25.5 mm
-    D = link_parts(stage, (near, far)).D
+    D = link_parts(stage, (near, far)).motions
     area = stage.thickness * stage.chain.link_width
     assert D[1, 1] - D[0, 0] == pytest.approx(8.0 / (E * area), rel=1e-9)

@@ -41,9 +41,9 @@ def test_frequencies_are_those_of_the_independent_joints(mobility, formula):
 def test_bodies_that_move_have_the_drawn_mass_less_the_pads_and_the_payload_once():
     stage = with_changes({"override": UNLIKE})
     found = dynamics(stage, analyse(stage), PAYLOAD)
-    pads = inertia_of(body_moments(stage)[:, 0].sum(axis=0), mass_per_area(stage)).matrix
+    pads = inertia_of(body_moments(stage)[:, 0].sum(axis=0), mass_per_area(stage))
     together = found.mass.reshape(7, 3, 7, 3).sum(axis=(0, 2)) + pads
-    expected = drawn_inertia(stage).matrix + np.diag([4e-5, 4e-5, 0.021])
+    expected = drawn_inertia(stage) + np.diag([4e-5, 4e-5, 0.021])
     np.testing.assert_allclose(together, expected, rtol=1e-12, atol=1e-15)
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import flexfem
-from flexfem.commands.console import print_result
+from flexfem.commands.console import show
 from flexfem.design import proof, run
 from flexfem.design.result import is_design, read_design
 from flexfem.refused import BadInput
@@ -136,7 +136,7 @@ def test_the_command_hands_on_its_options_and_prints_the_record_for_machines(fle
 
 def test_every_number_of_a_record_is_printed(capsys):
     tight = [REQUIREMENTS[0].model_copy(update={"tightened_percent": 0.41}), *REQUIREMENTS[1:]]
-    print_result(recorded(requirements=tight))
+    show(recorded(requirements=tight), False)
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
     for line in (
         "Recorded: it does not meet all requirements: the nearest that was found; seed 2003",

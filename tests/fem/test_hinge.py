@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.fem.chart import HIGH, LOW, make
-from flexfem.fem.hinge import FREEDOMS, PlaneHinge, compliance, compliance_on, hinge_mesh, richardson
+from flexfem.fem.hinge import FREEDOMS, PlaneHinge, compliance, hinge_mesh, richardson
 from flexfem.fem.hinge import sample as sample_anew
 from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
 from flexfem.mechanism.bodies import Face, Segment, area
@@ -103,7 +103,7 @@ def test_an_unstructured_mesh_of_gmsh_gives_the_same_compliances(hinge: PlaneHin
     notch = notch_sizes(hinge.ratio, 1.0, 2 * across, 2 * across)
     mesh = meshed(quarter(hinge), [cone(0j, *size, high / 16, 2 * across) for size in notch])
     UNSTRUCTURED = 2e-4  # not extrapolated
-    np.testing.assert_allclose(compliance_on(mesh, hinge, NU), sample(hinge, COARSE, NU).values, rtol=UNSTRUCTURED)
+    np.testing.assert_allclose(compliance(hinge, 0, NU, mesh), sample(hinge, COARSE, NU).values, rtol=UNSTRUCTURED)
 
 
 @pytest.mark.slow

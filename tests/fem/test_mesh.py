@@ -14,8 +14,7 @@ import pytest
 from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
-from flexfem.fem import gmsh_process
-from flexfem.fem.gmsh_process import run_mesher
+from flexfem.fem import mesher
 from flexfem.fem.mesh import (
     StageMesh,
     build_mesh,
@@ -25,7 +24,7 @@ from flexfem.fem.mesh import (
     jacobians,
     least_scaled_jacobian,
 )
-from flexfem.fem.mesher import Job
+from flexfem.fem.mesher import Job, run_mesher
 from flexfem.mechanism.bodies import BODIES, area, draw_sector
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.mechanism.feasibility import check_feasible
@@ -188,16 +187,14 @@ def test_a_child_that_dies_is_one_line() -> None:
 
 def test_one_process_meshes_stage_after_stage_until_one_fails(alike, monkeypatch) -> None:
     started: list[Any] = []
-    monkeypatch.setattr(
-        gmsh_process, "Popen", lambda *args, **named: started.append(Popen(*args, **named)) or started[-1]
-    )
-    gmsh_process.end_processes()
+    monkeypatch.setattr(mesher, "Popen", lambda *args, **named: started.append(Popen(*args, **named)) or started[-1])
+    mesher.end_processes()
     first, second = build_mesh(alike.stage, 2), build_mesh(alike.stage, 3)
     assert len(started) == 1 and len(second.triangles) > len(first.triangles)
     with pytest.raises(ComputationFailed):
         run_mesher(Job([Trap(os.abort)], {}, ()), 20.0)
     assert np.array_equal(build_mesh(alike.stage, 2).nodes, first.nodes) and len(started) == 2
-    monkeypatch.setattr(gmsh_process, "MOST_KEPT", 1000)  # bytes; large meshes leave no process behind
+    monkeypatch.setattr(mesher, "MOST_KEPT", 1000)  # bytes; large meshes leave no process behind
     build_mesh(alike.stage, 2)
     assert all(each.poll() is not None for each in started)
 

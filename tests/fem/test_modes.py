@@ -12,9 +12,8 @@ import scipy.sparse.linalg
 from flexfem.fem.elements import Plate, integration
 from flexfem.fem.mesh import build_mesh, quadrature, shape_functions
 from flexfem.fem.modes import _aligned, modes, vibrating_structure
-from flexfem.fem.problem import nodes_on
 from flexfem.fem.response import driven_response
-from flexfem.fem.structure import NONE, mass_of, plate_of, structure
+from flexfem.fem.structure import NONE, mass_of, nodes_on, plate_of, structure
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.modes import payload_of, vibrating
@@ -50,15 +49,15 @@ def base_loads(of):
 
 
 def test_frequencies_are_those_of_dense_matrices(membrane):
-    K, M, *_ = dense(membrane.mesh, nodes_on(membrane.mesh, "left"))
+    K, M, *_ = dense(membrane.structure.mesh, nodes_on(membrane.structure.mesh, "left"))
     expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[:7])
     np.testing.assert_allclose(modes(membrane, 7).frequencies, expected, rtol=1e-10)
 
 
 def test_effective_masses_of_all_modes_and_what_the_ground_holds_are_the_whole_mass(membrane):
     """Of the trapezium, 10 m by 3 m in the mean, 3.7 mm thick: 304.0 kg."""
-    held = nodes_on(membrane.mesh, "left")
-    K, M, whole, free = dense(membrane.mesh, held)
+    held = nodes_on(membrane.structure.mesh, "left")
+    K, M, whole, free = dense(membrane.structure.mesh, held)
     shapes = scipy.linalg.eigh(K, M)[1]
     shares = (shapes.T @ base_loads(membrane)) ** 2
     clamped = np.setdiff1d(np.arange(len(whole)), free)
@@ -87,9 +86,9 @@ def test_consistent_mass_is_exact_on_curved_triangles(unlike):
 def test_stacks_add_their_stiffness():
     """Against all stacks' springs written into a dense 3 x 3 problem, by a payload far heavier than the stage."""
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    of = vibrating(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), "engaged")
+    of = vibrating(stage, build_mesh(stage, 4), payload_of(500.0, 4e5), drive_of(stage))
     drive = drive_of(stage)
-    C = driven_response(of.mesh, plate_of(stage), drive.stacks).compliance
+    C = driven_response(of.structure.mesh, plate_of(stage), drive.stacks).compliance
     springs = np.linalg.inv(np.diag(1 / drive.stiffness) + C[3:, 3:])
     K = np.linalg.inv(C[:3, :3] - C[:3, 3:] @ springs @ C[3:, :3])
     expected = np.sqrt(scipy.linalg.eigh(K, np.diag([0.5, 0.5, 400.0]), eigvals_only=True))
@@ -108,4 +107,4 @@ def test_modes_of_one_frequency_are_turned_into_x_and_y():
 
 def test_more_modes_than_unknowns_are_refused(membrane):
     with pytest.raises(ComputationFailed, match="modes of"):
-        modes(membrane, membrane.size)
+        modes(membrane, membrane.structure.size)

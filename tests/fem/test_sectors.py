@@ -14,9 +14,8 @@ import numpy as np
 import pytest
 
 import flexfem.fem.mesh
-from flexfem.fem.gmsh_process import end_processes, run_mesher
 from flexfem.fem.mesh import mesh_sectors, sector_drawing
-from flexfem.fem.mesher import mesh_faces
+from flexfem.fem.mesher import end_processes, mesh_faces, run_mesher
 from flexfem.fem.response import unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage

@@ -63,7 +63,7 @@ def test_without_poissons_ratio_every_thickness_is_plane_stress(generic_mesh: Me
 def test_between_two_held_faces_it_is_plane_strain(generic_mesh: Meshed) -> None:
     strain = Plate(E / (1 - NU**2), NU / (1 - NU), B)
     plane = platform_response(generic_mesh.whole, strain, FULL).compliance
-    held = unit_response(generic_mesh.sectors, Plate(E, NU, B), mirrored(B, 2, 0.47, faces_held=True))
+    held = unit_response(generic_mesh.sectors, Plate(E, NU, B), mirrored(B, 2, 0.47)._replace(held=(0, 4)))
     np.testing.assert_allclose(held.compliance, plane, atol=SAME * plane[0, 0])
     np.testing.assert_allclose(held.compliance[2, 2], plane[2, 2], rtol=SAME)
     assert np.max(np.abs(held.fields[..., 2])) < SAME * np.max(np.abs(held.fields[..., :2]))
@@ -117,7 +117,7 @@ def test_neck_stresses_without_poissons_ratio_are_those_in_the_plane(
 
 def test_neck_stresses_between_held_faces_are_those_of_plane_strain(generic_mesh: Meshed) -> None:
     strain = Plate(E / (1 - NU**2), NU / (1 - NU), B)
-    layers = mirrored(B, 1, 0.47, faces_held=True)
+    layers = mirrored(B, 1, 0.47)._replace(held=(0, 2))
     response = unit_response(generic_mesh.sectors, Plate(E, NU, B), layers)
     found = neck_stresses(generic_mesh.stage, response, LOADS)
     stage = generic_mesh.stage.model_copy(update={"model": "plane_strain"})

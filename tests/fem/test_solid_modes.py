@@ -92,7 +92,7 @@ def loaded(unlike: Any) -> Any:
 def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded: Any) -> None:
     """Moments of inertia of a prism about x and y add up to that about z and `m b^2 / 6`."""
     stage, found = loaded
-    drawn, total = drawn_inertia(stage).matrix, found.total - np.diag([0.5, 300.0, 300.0])
+    drawn, total = drawn_inertia(stage), found.total - np.diag([0.5, 300.0, 300.0])
     assert total[0, 0] == pytest.approx(drawn[0, 0], rel=3e-4)
     tilting = drawn[2, 2] + drawn[0, 0] * 9.7**2 / 6
     assert total[1, 1] + total[2, 2] == pytest.approx(tilting, rel=3e-4)

@@ -10,15 +10,13 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.fem.chart import THICK, make
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, integration, layered
-from flexfem.fem.hinge import THICK_FREEDOMS as FREEDOMS
-from flexfem.fem.hinge import PlaneHinge, ThickHinge, compliances, layers, position, section_mesh, stress_factors
+from flexfem.fem.hinge import PlaneHinge, ThickHinge, compliances, layers, section_mesh, stress_factors
 from flexfem.fem.hinge import sample as plane_sample
 from flexfem.fem.hinge import thick_sample as sample
 from flexfem.fem.mesh import StageMesh, jacobians, least_scaled_jacobian, mapped
-from flexfem.fem.problem import edge_force, nodes_on, settled
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.structure import NONE, edge_force, nodes_on, structure
 
-NU = 0.29
+NU, FREEDOMS = 0.29, ("rotation", "axial")
 EXACT = 1e-9  # relative: the solution is in the space of the elements, round-off is left
 COARSE = (1, 2, 3)  # levels of the quick tests
 BAR_LENGTH, BAR_HEIGHT = 3.7, 1.3  # of the quarter of a bar; full height 2.6
@@ -53,7 +51,7 @@ class Solid:
         mask = np.zeros(len(force), dtype=bool)
         mask[np.concatenate(held)] = True
         force, mask = (each.reshape(self.shape).transpose(1, 2, 0) for each in (force, mask))
-        return settled(self.of, self.of.lower(), force, mask).transpose(2, 0, 1).ravel()
+        return self.of.settled(self.of.lower(), force, mask).transpose(2, 0, 1).ravel()
 
     def held(self, u: np.ndarray) -> np.ndarray:
         """Nodal forces that hold a displacement."""
@@ -149,6 +147,12 @@ def test_a_thin_hinge_is_in_plane_stress(ratio: float) -> None:
     thick, thin = (sample(ThickHinge(ratio, width, NU), COARSE) for width in (0.4, 0.2))
     assert np.all(np.abs(thin.values) < 0.004)  # of the nine per cent between the limits
     assert np.all(thin.values < 0.4 * thick.values + thin.bands)
+
+
+def position(hinge: ThickHinge, refinement: int) -> Array:
+    """As of `thick_sample`, on one mesh."""
+    plane, excess, _ = compliances(hinge, refinement)
+    return -excess / plane / hinge.poissons_ratio**2
 
 
 def thick_limit(hinge: ThickHinge, plane: Array) -> Array:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from flexfem.hinges.beam import quadrature
-from flexfem.hinges.formulas import FORMULAS, ChartedFormula, formula
+from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.refused import BadInput
 
 E, NU, B = 68.9e3, 0.29, 9.3
@@ -85,6 +85,22 @@ def test_approximations_keep_their_printed_prefactors(name: str) -> None:
     assert formula(name).compliance(R, t, B, E, NU).rotation == pytest.approx(PRINTED[name](R, t), rel=1e-14)
 
 
+def test_the_printed_forms_of_wu_zhou_and_lobontiu_are_the_beam_integrals() -> None:
+    """E b R^2 theta/M of both, in s = R/t and t = t/R, and Lobontiu's E b dy/F_y of a force at the hinge's end."""
+    t = np.array(SLENDERNESS)
+    s, m, angle = 1 / t, t * (4 + t), np.arctan(np.sqrt(1 + 4 / t))
+    root = np.sqrt(4 * s + 1)
+    rational = 2 * s**3 * (6 * s**2 + 4 * s + 1) / ((2 * s + 1) * root**4)
+    wu_zhou = 12 * (rational + 12 * s**4 * (2 * s + 1) / root**5 * np.arctan(root))
+    lobontiu = 24 / (m**3 * (2 + t)) * (m * (6 + 4 * t + t**2) + 6 * (2 + t) ** 2 * np.sqrt(m) * angle)
+    quartic = -80 + 24 * t + 8 * (3 + 2 * np.pi) * t**2 + 4 * (1 + 2 * np.pi) * t**3 + np.pi * t**4
+    rational = 2 * (2 + np.pi) + np.pi * t + 8 * (44 + 28 * t + 5 * t**2) / m**2 + (2 + t) * quartic / m**2
+    at_end = rational - 8 * (2 + t) ** 4 * (-6 + 4 * t + t**2) / m**2.5 * angle
+    np.testing.assert_allclose([wu_zhou, lobontiu], 2 * [12 * quadrature(t, 0, 3)], rtol=ALGEBRA)
+    bending = 0.75 / (2 + t) * at_end - lobontiu
+    np.testing.assert_allclose(bending, 12 * quadrature(t, 2, 3), rtol=ALGEBRA)
+
+
 def test_shear_is_that_of_a_force_at_the_centre_and_grows_with_the_arm() -> None:
     tau = np.array(SLENDERNESS)
     assert np.allclose(quadrature(tau, 1, 3), 0.0, atol=1e-14 * np.max(quadrature(tau, 0, 3)))
@@ -126,7 +142,7 @@ def test_every_formula_names_its_source_status_and_range(name: str) -> None:
     inside = entry.in_range(2.0, 2.0 * np.array([0.999 * low, low, 1.001 * low, 0.999 * high, high, 1.001 * high]))
     assert inside.tolist() == [False, True, True, True, True, False]
     beyond = entry.compliance(2.0, 2.02 * high, B, E, NU).rotation
-    assert np.isfinite(beyond) != isinstance(entry, ChartedFormula)  # reported by `in_range`, but never extrapolated
+    assert np.isfinite(beyond) != entry.charted  # reported by `in_range`, but never extrapolated
 
 
 def test_unknown_formula_is_refused_with_the_names() -> None:

@@ -10,7 +10,7 @@ import pytest
 from flexfem.analytic.model import at_necks
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.hinge import PlaneHinge, hinge_mesh
-from flexfem.fem.problem import edge_force, nodes_on
+from flexfem.fem.structure import edge_force, nodes_on
 from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames
 

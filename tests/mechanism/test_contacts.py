@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.contacts import SPREAD, bend_stresses, share_beyond, spread, station
-from flexfem.mechanism.stage import load_stage
+from flexfem.mechanism.contacts import SPREAD, Station, bend_stresses, nearest, share_beyond, spread, station
+from flexfem.mechanism.stage import Stage, load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 GRID = 0.05  # of the sums below: cells cross the edges of the strip, which reaches a hundredth beyond
+
+
+def station_at(stage: Stage, link: int, point: complex) -> Station:
+    return station(stage, 1, link, nearest(centrelines(stage, 1)[link], point).along)
 
 
 @pytest.mark.parametrize(("a", "b"), [(1.0, 9.0), (3.7, 5.1)])
@@ -32,7 +36,7 @@ def test_stresses_in_a_bend_are_those_of_a_unit_moment_pull_and_shear(a, b):
 def test_a_station_bears_the_wrench_of_its_push(link, point):
     """On a straight link, in the sharp bend of the other, across the joint of line and arc."""
     stage = load_stage(GEOMETRY / "mobility6.toml")
-    of = station(stage, 1, link, point)
+    of = station_at(stage, link, point)
     (low, high), step = np.array([[-40, -45], [70, 45]]), 0.1
     x, y = (np.arange(a, b, step) + step / 2 for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
@@ -47,7 +51,7 @@ def test_a_station_is_as_long_as_links_are_wide_and_stays_on_its_strip():
     length = sum(segment.length for segment in centrelines(stage, 1)[1])  # from 50 to 25.5 mm
     assert length == pytest.approx(24.5)
     for x, middle in ((40.0, 10.0), (49.0, 6.75), (26.0, 24.5 - 6.75)):
-        of = station(stage, 1, 1, complex(x, -36.5))
+        of = station_at(stage, 1, complex(x, -36.5))
         assert (of.middle, of.half) == pytest.approx((middle, 6.75))
     s = np.linspace(of.middle - of.half, of.middle + of.half, 2001)
     weights = of.weight(s) * (s[1] - s[0])

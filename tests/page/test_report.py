@@ -9,27 +9,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
 import flexfem
+from flexfem.page import report as page_of_files
 from flexfem.page.report import SECTIONS, STANDARD, command_line, report
-from flexfem.page.section import (
-    Cell,
-    PageFigure,
-    PageSection,
-    facts,
-    figure_html,
-    html_of,
-    inline_svg,
-    json_data,
-    notes,
-    places_on,
-    table,
-)
+from flexfem.page.section import PageSection, facts, html_of, inline_svg, notes, places_on, shown_figure, table
 from flexfem.plot.style import house_style
 from flexfem.refused import BadInput
+from flexfem.results import TextTable
 
+from ..design.recorded import recorded
 from ..plot.conftest import result
 
 ROOT = Path(__file__).parents[2]
@@ -76,7 +67,7 @@ def test_numbers_of_the_page_are_those_of_the_records(written):
     found = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells(page)]
     assert any(cell.startswith("41.90") for cell in found) and any(cell.startswith("4545") for cell in found)
     rows = [cells(row) for row in re.findall(r"<tr.*?</tr>", page, re.DOTALL)]
-    hinges = {(int(row[1]), row[0]): row[-2:] for row in rows if len(row) == 8 and row[1].isdigit()}
+    hinges = {(int(row[0]), row[1]): row[-3:-1] for row in rows if len(row) == 7 and row[0].isdigit()}
     assert len(hinges) == 9 and hinges[2, "base"] == ["4", "0.5"] and hinges[3, "elbow"] == ["1.5", "0.5"]
     reach = flexfem.reach(flexfem.load(STAGE), models="analytic")
     assert f"{1e3 * float(reach.circle):.5g} µm" in found
@@ -198,13 +189,13 @@ def test_a_page_of_everything_is_small_and_complete(tmp_path):
     assert page.count("<figure") >= 8 and page.count("<h2") == len(found.sections)
 
 
-def drawn(text: str, name: str = "f") -> Markup:
+def figure_of(text: str) -> Figure:
     with house_style():
         figure = Figure(figsize=(4.0, 3.0))
         ax = figure.subplots()
         ax.plot([0.0, 2.0], [1.0, 3.0], "o-", label=text)
         ax.set_title(text)
-    return inline_svg(figure, name)
+    return figure
 
 
 class Elements(HTMLParser):
@@ -228,8 +219,8 @@ class Elements(HTMLParser):
 @pytest.mark.parametrize("name", [HOSTILE, "</svg><b>", "]]>", "&lt;", "a\x01b", "n" * 5000])
 def test_what_is_not_markup_is_text_wherever_it_stands(name):
     def page(said: str) -> Elements:
-        figure = PageFigure(drawn(said), said, said, table([said, "b"], [[said, Cell("1", said)]], caption=said))
-        html = figure_html(figure, "f") + facts([(said, said)]) + notes([said]) + json_data("d", said)
+        data = table(TextTable([said, "b"], [[said, said]], 1, said))
+        html = shown_figure("f", lambda: figure_of(said), said, data) + facts([(said, said)]) + notes([said])
         about = {"subtitle": said, "doubts": said, "command": said, "made": "2026", "versions": {"a": said}}
         return Elements(html_of([PageSection("s", said, html)], title=said, **about))
 
@@ -238,7 +229,7 @@ def test_what_is_not_markup_is_text_wherever_it_stands(name):
 
 
 def test_two_figures_share_no_id_and_refer_to_their_own():
-    text = drawn("one", "f") + drawn("two", "g")
+    text = inline_svg(figure_of("one"), "f") + inline_svg(figure_of("two"), "g")
     ids = re.findall(r'\bid="([^"]+)"', text)
     assert len(ids) == len(set(ids)) and len(ids) > 10 and "<style" not in text and "two</text>" in text
     found = re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', text)
@@ -253,7 +244,7 @@ def test_a_point_tells_its_values_where_it_is():
     found = places_on(ax, np.array([[1.0, 2.0], [5.0, 2.0]]))
     assert found[0] == pytest.approx([288 * (0.125 + 0.9) / 2, 216 * (1 - (0.11 + 0.88) / 2)], abs=0.01)
     assert np.isnan(found[1]).all()
-    assert "<title>one\n: 2.000\n: 3.000</title>" in drawn("one")
+    assert "<title>one\n: 2.000\n: 3.000</title>" in inline_svg(figure_of("one"), "f")
 
 
 @pytest.mark.slow
@@ -267,7 +258,23 @@ def test_in_a_browser_nothing_complains_and_figures_are_seen_and_tables_sort(wri
     )
     assert len(boxes) == 2 and all(wide > 200 and high > 150 for wide, high in boxes)
     assert browser.execute_script("return document.documentElement.scrollWidth <= innerWidth")
-    column = "return [...document.querySelectorAll('#drawing tbody td:nth-child(4)')].map(c => Number(c.textContent))"
-    button = "document.querySelectorAll('#drawing thead button')[3].click();"
+    column = "return [...document.querySelectorAll('#drawing tbody td:nth-child(5)')].map(c => Number(c.textContent))"
+    button = "document.querySelectorAll('#drawing thead button')[4].click();"
     browser.execute_script(button)
     assert browser.execute_script(column) == sorted(browser.execute_script(column))
+
+
+def test_a_page_has_every_table_of_a_design_and_its_figures(monkeypatch, tmp_path):
+    shown = []
+    monkeypatch.setattr(
+        page_of_files, "shown_figure", lambda anchor, draw, about: shown.append(draw.func) or Markup("")
+    )
+    monkeypatch.setattr(page_of_files, "is_design", lambda path: True)
+    monkeypatch.setattr(page_of_files, "read_design", lambda path: recorded())
+    report(tmp_path / "one.json", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert shown == [draw for _, draw, _ in page_of_files.OF_DESIGNS.values() if draw]
+    found = cells(page)
+    for one in recorded().tables(plain=False):
+        assert {cell for row in (one.head, *one.rows) for cell in row} <= set(found)
+    assert headings(page)[0] == "Design: Recorded" and "82.4 % of 2,000 stages" in page

@@ -11,9 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from flexfem.mechanism.stage import load_stage
-from flexfem.questions import convergence
-from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
-from flexfem.questions.convergence import converge
+from flexfem.questions import bands
+from flexfem.questions.bands import converge, grid_convergence, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput
 
 
@@ -106,7 +105,7 @@ def solved(_, resolution):
 
 
 def test_each_direction_has_its_own_values_order_limit_and_band(monkeypatch):
-    monkeypatch.setattr(convergence, "solved", solved)
+    monkeypatch.setattr(bands, "solved", solved)
     made = converge(load_stage(PATH), resolutions=[4, 6, 8])
     expected = LIMIT * (1 + RATE * np.array([[4.0], [6], [8]]) ** -ORDER)
     np.testing.assert_allclose(made.along, expected, rtol=1e-12)
@@ -122,7 +121,7 @@ def test_each_direction_has_its_own_values_order_limit_and_band(monkeypatch):
     [([10, 13, 17], True), ([100, 129, 170], False), ([10, 13], False), ([2, 3, 4], True), ([1, 2, 3], False)],
 )
 def test_resolutions_of_a_mesh_study_are_three_from_two_upwards_and_a_third_apart(resolutions, accepted, monkeypatch):
-    monkeypatch.setattr(convergence, "solved", solved)
+    monkeypatch.setattr(bands, "solved", solved)
     if accepted:
         assert converge(load_stage(PATH), resolutions=resolutions).resolutions == resolutions
     else:

@@ -15,7 +15,7 @@ from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
-from flexfem.questions.drive import calibration, commanding, driven_elements, neck_stresses, rotations
+from flexfem.questions.drive import calibration, commanding, driven_elements
 from flexfem.questions.driven import (
     CRITERIA,
     commands_for,
@@ -100,7 +100,7 @@ def test_least_energy_turns_the_joints_as_29_says(stage):
     of = assemble(stage, 6)
     joints = inverse_kinematics(of, stiffness(of), POSE).joints
     turning = joints[of.joints.kind == 0].reshape(3, 3)
-    np.testing.assert_allclose(rotations(one, motion, NONE), turning, rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(one.rotations(motion, NONE), turning, rtol=1e-7, atol=1e-12)
     assert motion.stage == pytest.approx(POSE @ np.linalg.inv(one.of.C[:3, :3]) @ POSE / 2, rel=1e-9)
 
 
@@ -114,7 +114,7 @@ def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
     free = drive._replace(stiffness=np.where(alone, 1e9, 0.0))
     of = driven(one.model.compliance, free)
     found = moved(of, free, 1e-3 * np.eye(6)[0], np.zeros(3))
-    turned = rotations(one._replace(of=of), found, NONE)
+    turned = one._replace(of=of).rotations(found, NONE)
     assert turned[0, 0] == pytest.approx(-1e-3 / 10.0, rel=1e-3)  # upwards left of the hinge: clockwise
 
 
@@ -220,6 +220,6 @@ def test_the_half_spaces_of_yield_are_the_stresses_of_the_necks(stage):
     assert limits.rows.shape == (9 * 141 * 4, 6)
     for command in 1e-3 * np.random.default_rng(3).normal(size=(5, 6)):
         found = limits.rows @ command - limits.offsets
-        wanted = neck_stresses(one, np.concatenate([LOAD, moved(one.of, drive, command, LOAD).force]))
+        wanted = one.stress(LOAD, moved(one.of, drive, command, LOAD).force)
         np.testing.assert_allclose(np.max(found.reshape(3, 3, -1), axis=-1), wanted, rtol=1e-10)
     np.testing.assert_array_equal(limits.sizes, 503.0)

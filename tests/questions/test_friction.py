@@ -14,7 +14,7 @@ from flexfem.analytic.paper import stiffness
 from flexfem.analytic.responses import driven_model
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
-from flexfem.questions.drive import across, commanding, driven_elements, left_open
+from flexfem.questions.drive import commanding, driven_elements, left_open
 from flexfem.questions.driven import driven
 from flexfem.refused import BadInput
 
@@ -38,7 +38,7 @@ def at_rest(stage, *model, stiff=1.0):
     drive = drive_of(stage)
     drive = drive._replace(stiffness=stiff * drive.stiffness)
     one = commanding(ModelChoice(stage, *model))
-    return left_open(driven(one.model.compliance, drive), across(one, drive), drive, drive.preload)
+    return left_open(driven(one.model.compliance, drive), one.across, drive, drive.preload)
 
 
 def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():
@@ -98,8 +98,8 @@ def test_bands_by_both_witnesses(name):
 def test_a_contact_that_would_have_to_pull_holds_nothing(stage):
     stage = rough(stage, {"friction": 0.2, "pair": False, "preload": 1.0})
     drive, one = drive_of(stage), commanding(ModelChoice(stage, *MODEL))
-    pulled = left_open(one.of, across(one, drive), drive, np.array([2.0, -3.0, -1.0]))
-    only = left_open(one.of, across(one, drive), drive, np.array([2.0, 0.0, 0.0]))
+    pulled = left_open(one.of, one.across, drive, np.array([2.0, -3.0, -1.0]))
+    only = left_open(one.of, one.across, drive, np.array([2.0, 0.0, 0.0]))
     np.testing.assert_array_equal(pulled, only)
     assert min(only) > 0
 

@@ -23,7 +23,7 @@ from flexfem.fem.factor import Factoriser
 from flexfem.fem.nonlinear import LargeStructure
 from flexfem.fem.response import push_forces
 from flexfem.fem.structure import plate_of, structure
-from flexfem.mechanism.contacts import FOLLOWS, middle_at
+from flexfem.mechanism.contacts import FOLLOWS
 from flexfem.mechanism.designs import chain_rotation, stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
@@ -80,7 +80,7 @@ def read_at(of, chain, push):
     starts = push.station.starts
     at = min(int(np.searchsorted(starts, push.station.middle, side="right")) - 1, len(push.station.path) - 1)
     segment = push.station.path[at]
-    c = complex(middle_at(segment, np.array((push.station.middle - starts[at]) / segment.length)))
+    c = complex(segment.at((push.station.middle - starts[at]) / segment.length))
     units = np.array([[1.0, 0.0, -c.imag], [0.0, 1.0, c.real], [0.0, 0.0, 1.0]])
     nodal = np.array([push_forces(of.mesh, chain, push._replace(wrench=unit)) for unit in units])
     middle = chain_rotation(chain)[:2, :2] @ (c.real, c.imag)

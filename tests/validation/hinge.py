@@ -116,7 +116,9 @@ def notch() -> StageMesh:
 def compliance(nu: float, depth: float, layers: int, faces_held: bool = False) -> tuple[Array, int]:
     """Compliance (3, 3) times thickness of the notch, `depth` of its necks thick, and the number of unknowns."""
     b = depth * NECK
-    equations = structure(notch(), Plate(E, nu, b), mirrored(b, layers, NECK, faces_held))
+    free = mirrored(b, layers, NECK)
+    through = free._replace(held=(0, 2 * layers)) if faces_held else free
+    equations = structure(notch(), Plate(E, nu, b), through)
     loads = np.pad(np.eye(3), [(equations.size - 3, 0), (0, 0)])
     return b * factorise(equations.lower())(loads)[-3:], equations.size
 

@@ -81,7 +81,7 @@ class Curved(NamedTuple):
 def curved_mesh(ng: Any, mesh: StageMesh, layers: Layers | None = None) -> Curved:
     """Our triangles, or our wedges, in NGSolve; triangles are checked node by node."""
     straight = ng.Mesh(_triangles(mesh) if layers is None else _prisms(mesh, layers))
-    levels, scalar = 1 if layers is None else layers.number + 1, ng.H1(straight, order=2)
+    levels, scalar = 1 if layers is None else len(layers.heights) // 2 + 1, ng.H1(straight, order=2)
     ends = np.array([[corner.nr for corner in edge.vertices] for edge in straight.edges])
     corners, level = np.divmod(ends, levels)
     flat = level[:, 0] == level[:, 1]
@@ -120,7 +120,7 @@ def _triangles(mesh: StageMesh) -> Any:
 def _prisms(mesh: StageMesh, layers: Layers) -> Any:
     from netgen.meshing import FaceDescriptor, Mesh
 
-    corners, level = int(mesh.triangles[:, :3].max()) + 1, layers.number + 1
+    corners, level = int(mesh.triangles[:, :3].max()) + 1, len(layers.heights) // 2 + 1
     made = Mesh(dim=3)
     flat = np.repeat(mesh.nodes[:corners], level, axis=0)
     made.AddPoints(np.column_stack([flat, np.tile(layers.heights[::2], corners)]))

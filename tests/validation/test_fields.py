@@ -1,4 +1,4 @@
-"""The ground that problems stand on: exact fields are exact, and loads and quadratures of `flexfem.fem.problem`."""
+"""The ground that problems stand on: exact fields are exact, and loads and quadratures of `flexfem.fem.structure`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import integration, shape_values
+from flexfem.fem.elements import integration
 from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.problem import edge_force, nodes_on
+from flexfem.fem.structure import edge_force, nodes_on
 
 from . import consistency, plane
 from .fields import body_force, clamp, errors, on_chords, pressure, solve, uniform
@@ -65,8 +65,8 @@ def test_quadrature_points_are_those_of_the_gradients() -> None:
     """A quadratic field on straight triangles has its exact gradient at every point, in the points' own order."""
     mesh = on_chords(mapped(3, 2, lambda u, v: np.stack([2.3 * u + 0.4 * v, 1.1 * v], axis=-1)))
     x, y = mesh.nodes.T
-    for triangles, gradients, _ in integration(mesh, 8):
-        points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], shape_values(8))
+    for triangles, gradients, _, N in integration(mesh, 8):
+        points = np.einsum("eid,iq->eqd", mesh.nodes[triangles], N)
         found = np.einsum("ei,eibq->eqb", (x**2 - 3 * x * y)[triangles], gradients)
         px, py = np.moveaxis(points, -1, 0)
         np.testing.assert_allclose(found, np.stack([2 * px - 3 * py, -3 * px], axis=-1), atol=1e-10)

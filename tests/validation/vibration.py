@@ -13,8 +13,7 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.mesh import Sector, StageMesh, mapped, outwards
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
-from flexfem.fem.problem import nodes_on
-from flexfem.fem.structure import structure
+from flexfem.fem.structure import nodes_on, structure
 from flexfem.mechanism.designs import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle

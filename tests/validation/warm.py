@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import QUADRATURE, ElementBatch, Plate, integration, shape_values, stress_tensor
+from flexfem.fem.elements import ElementBatch, Plate, integration, stress_tensor
 from flexfem.fem.heat import free_displacement
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.problem import nodes_on
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.structure import NONE, nodes_on, structure
 from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
 
@@ -26,15 +25,15 @@ def warmed(mesh: StageMesh, plate: Plate, strains: list[Array], supports: list[S
     """Displacement (n, 2), mm, and stress by batch (e, 2, 2, q), MPa, for initial strains by batch (1, e, 2, 2, q)."""
     of, load = structure(mesh, plate, held=NONE), np.zeros((1, *mesh.nodes.shape))
     for batch, strain in zip(of.batches, strains, strict=True):
-        of.add_forces(load, batch, stress_tensor(plate, strain))
+        batch.add_forces(load, of.line, stress_tensor(plate, strain))
     field = solve(mesh, plate, load[0], supports).field
-    slopes = (of.slopes(batch, field[None]) - strain for batch, strain in zip(of.batches, strains, strict=True))
+    slopes = (batch.slopes(of.line, field[None]) - strain for batch, strain in zip(of.batches, strains, strict=True))
     return field, [stress_tensor(plate, each)[0] for each in slopes]
 
 
 def temperature(mesh: StageMesh, batch: ElementBatch) -> Array:
     """1, x, y (3, e, q) at the quadrature points of a batch."""
-    at = np.einsum("iq,eia->aeq", shape_values(QUADRATURE), mesh.nodes[batch.triangles])
+    at = np.einsum("iq,eia->aeq", batch.phi, mesh.nodes[batch.triangles])
     return np.concatenate([np.ones((1, *at.shape[1:])), at])
 
 

@@ -9,7 +9,7 @@
   const plain = (text) => text.replace(/[\u2212\u207b]/g, "-").replace(/,/g, "")
     .replace(/[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]/g, (letter) => raised.indexOf(letter));
   const keyOf = (cell, numeric) => {
-    const text = cell.dataset.key ?? cell.textContent.trim();
+    const text = cell.textContent.trim();
     if (!numeric) return text;
     const found = number.exec(text);
     return found ? Number(plain(found[1]) + (found[2] ? "e" + plain(found[2]) : "")) : NaN;
