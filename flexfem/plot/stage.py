@@ -150,13 +150,8 @@ def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
     if not isinstance(given, Stage):
         raise BadInput(f"{shown(given)}: expected a stage")
     check_feasible(given)
-    frames, found = stage_frames(given), []
-    for chain, k in np.ndindex(3, 3):
-        one, (x, y) = given.hinge(chain + 1, HINGE_NAMES[k]), frames.centres[chain, k].tolist()
-        freedoms: list[Any] = ["rotation", *(["axial"] * one.prismatic)]
-        axis = float(frames.axes[chain, k])
-        found.append(HingeDrawing(chain + 1, HINGE_NAMES[k], (x, y), axis, one.radius, one.neck, freedoms))
-    return found
+    axial = [[given.hinge(chain, name).prismatic for name in HINGE_NAMES] for chain in CHAINS]
+    return HingeDrawing.of_stage(given, [[["rotation", *(["axial"] * free)] for free in row] for row in axial])
 
 
 def draw_outline(axes: Axes, stage: Stage) -> Array:

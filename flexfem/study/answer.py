@@ -36,7 +36,6 @@ from flexfem.questions.batch import (
     batch_drives,
     batch_frequencies,
     solved_design,
-    solved_solid,
 )
 from flexfem.questions.modes import payload_of
 from flexfem.questions.strained import Repeated, of_preloads, scaled
@@ -195,7 +194,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
     study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), False)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     if study.model == "three_dimensional":
-        found = solved_solid(stage, study.resolution, study.layers, clock)
+        found = solved_design(stage, study.resolution, clock, layers=study.layers)
     else:
         asked = payload(loaded), _repeated(loaded), study.driven, study.drift is not None
         found = solved_design(stage, study.resolution, clock, predicted, study.bands, *asked)

@@ -67,7 +67,9 @@ def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
 
 
 def test_necks_are_seen_along_themselves_with_their_own_dimensions(made):
-    hinges = [one._replace(radius=1.3 + 0.1 * k, neck=0.4 + 0.1 * k) for k, one in enumerate(made.hinges())]
+    hinges = [
+        one.model_copy(update={"radius": 1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k}) for k, one in enumerate(made.hinges())
+    ]
     figure = neck_figure(made.model(hinges=hinges), made.fields())
     assert [ax.texts[0].get_text() for ax in figure.axes] == [
         "R = 1.3 mm", "R = 1.4 mm", "R = 1.5 mm", "t = 0.4 mm", "t = 0.5 mm", "t = 0.6 mm",
@@ -97,7 +99,7 @@ def test_lengths_and_angles_of_the_model_close_the_chain_and_are_written(made):
     angles_written = {rf"$\varphi_{k}$ = {angle}°" for k, angle in enumerate(("−177.9", "−85.41", "91.42"), start=1)}
     assert wanted | angles_written <= labels.keys()
     hinges = made.hinges()
-    hinges[1] = hinges[1]._replace(centre=(20.0, hinges[0].centre[1]))
+    hinges[1] = hinges[1].model_copy(update={"centre": (20.0, hinges[0].centre[1])})
     assert links_of_chain(hinges)[1][0] == pytest.approx(np.pi)  # half a turn counts as positive
 
 
