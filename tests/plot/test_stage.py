@@ -177,7 +177,6 @@ def test_every_dimension_is_on_the_drawing_beside_what_it_measures():
 
 
 def test_an_unfinished_stage_is_drawn_as_far_as_it_goes():
-    """Overrides stand for what is missing on their chain; hinges that differ are labelled on theirs."""
     missing = ["thickness_mm", "hinges.elbow.neck_mm", "hinges.platform.radius_mm", "hinges.platform.neck_mm"]
     missing += ["chain.link_width_mm", "platform.radius_mm"]
     ax = Figure(figsize=(8, 8)).add_subplot()
@@ -186,12 +185,9 @@ def test_an_unfinished_stage_is_drawn_as_far_as_it_goes():
         *("l1 31", "l2 33.5", "l3 25", "chain 1", "chain 2", "chain 3", "hub R 7.7"),
         *("base hinge R 3.9, t 0.53", "elbow hinge R 1.6", "platform hinge"),
     }
-    bases = [np.mean([complex(*patch.center) for patch in ax.patches[1:][k : k + 2]]) for k in (0, 2, 4)]
-    np.testing.assert_allclose(bases, bases[0] * np.exp(2j * np.pi / 3 * np.arange(3)), rtol=0, atol=1e-9)
-    assert bases[0] == pytest.approx(complex(55.8668, -35.3293), abs=1e-4)
-    ax = Figure(figsize=(8, 8)).add_subplot()
-    plot_dimensions(ax, with_changes({"override": UNLIKE}), ["hinges.base.radius_mm", *missing])
-    assert {"base hinge R 2.3, t 0.53", "base hinge t 0.53", "platform hinge R 1.9, t 0.41"} < set(texts(ax))
+    ends = [complex(*line.get_xydata()[0]) for line in ax.get_lines()]
+    np.testing.assert_allclose(ends, ends[0] * np.exp(2j * np.pi / 3 * np.arange(3)), rtol=0, atol=1e-9)
+    assert ends[0] == pytest.approx(complex(55.8668, -35.3293), abs=1e-4)
 
 
 def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypatch):
