@@ -198,6 +198,8 @@ def _plain(given: Any, known: dict[str, Any]) -> Any:
     found = {key: value for key, value in given.items() if key not in ("title", "$defs", "$ref", "default")}
     if given.get("default") is not None and given["default"] != []:
         found["default"] = given["default"]
+    if "description" in found:
+        found["description"] = " ".join(found["description"].split())  # of the lines of a docstring
     if "$ref" in given:
         found = {**_plain(known[given["$ref"].rpartition("/")[2]], known), **found}
     members = found.get("anyOf", [])

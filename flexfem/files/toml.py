@@ -163,7 +163,9 @@ class Table(BaseModel):
     `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them.
     """
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
     @model_validator(mode="before")
     @classmethod
