@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexfem.questions.hinges import hinge_review
+from flexfem.questions.check import hinge_review
 
 from flexfem.analytic.model import analyse
 from flexfem.fem.chart import RATIOS
