@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from flexfem.questions.check import hinge_review
 
 from flexfem.analytic.model import analyse
 from flexfem.fem.chart import RATIOS
@@ -14,6 +13,7 @@ from flexfem.fem.hinge import PlaneHinge, sample
 from flexfem.hinges.chart import beam_integrals, hinge_chart
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.check import hinge_review
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
