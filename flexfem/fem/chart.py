@@ -43,9 +43,8 @@ STRESSES = ("bending", "tension")
 class Chart(NamedTuple):
     """Where a chart is sampled, by name of its file.
 
-    ends : smallest and largest of every axis by name.   scales : of each the scale on which its points are Chebyshev's,
-    and back.   shape : samples along each.   digits : kept of the places of samples, and of their values; a slender
-    neck's last two, in rotation, depend on who solved the equations.
+    ends : smallest and largest of every axis by name.   scales : on which the points of each are Chebyshev's, and back.
+    shape : samples along each.   digits : kept of places and of values.
     """
 
     name: str
@@ -104,18 +103,14 @@ def kept(values: Any, digits: int) -> Any:
     return float(f"{values:.{digits - 1}e}")
 
 
-def make(chart: Chart, path: Path, workers: int = 2, date: str | None = None, every: int = 10) -> None:
-    """Compute a chart and write it as JSON, one line a key and one a row of a table; say how far it is.
+def make(chart: Chart, path: Path, workers: int = 2, date: str | None = None) -> None:
+    """Compute a chart and write it as JSON, one line a key and one a row of a table.
 
     date : ISO date to state, today's when None. Raises BadInput when the file cannot be written.
     """
     places = [tuple(map(float, point)) for point in product(*chart.points())]
-    compute, samples = partial(chart.compute, levels=chart.levels), []
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        for done, found in enumerate(pool.map(compute, places), start=1):
-            samples.append(found)
-            if done % every == 0 or done == len(places):
-                print(f"sample {done} of {len(places)}", flush=True)
+        samples = list(pool.map(partial(chart.compute, levels=chart.levels), places))
     document = _document(chart, samples, date or datetime.date.today().isoformat())
     entries = (f" {json.dumps(key)}: {json.dumps(value)}".replace("], [", "],\n  [") for key, value in document.items())
     text = "{\n" + ",\n".join(entries) + "\n}\n"
