@@ -14,7 +14,7 @@ second file holds for every H/h from 3 on.
 
 The file `flexfem/data/thickness_chart.json` holds, on a grid of t/R, b/t and Poisson's ratio, the position p of a
 hinge of thickness b between plane stress and plane strain, C = C_ps (1 - nu^2 p), made by
-`python -m flexfem.fem.chart`; `flexfem/fem/hinge.py` defines it. It hardly depends on nu, is near 0 where the
+`python -m flexfem.fem.chart`, which defines it. It hardly depends on nu, is near 0 where the
 neck is thin out of plane and near 1 where it is wide, in rotation; a pulled neck stays much nearer to plane stress.
 On the same grid it holds the highest von Mises stress in the notch over that in plane stress, by a moment and a pull.
 """
@@ -154,7 +154,7 @@ def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, 
     Notes
     -----
     Shear is taken as far from plane stress to plane strain as rotation. Its plane-strain limit follows from its
-    plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/hinge.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
+    plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/chart.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
     and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
     """
     R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))

@@ -175,8 +175,8 @@ def solved_design(
     BadInput : the finite elements refuse the design.
     ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
     """
-    from flexfem.fem.heat import heat_response
     from flexfem.fem.modes import modes
+    from flexfem.fem.response import heat_response
     from flexfem.fem.structure import plate_of
     from flexfem.questions.drive import element_ranges
     from flexfem.questions.modes import vibrating

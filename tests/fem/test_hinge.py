@@ -8,9 +8,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from flexfem.fem.chart import HIGH, LOW, make
-from flexfem.fem.hinge import FREEDOMS, PlaneHinge, compliance, hinge_mesh, richardson
-from flexfem.fem.hinge import sample as sample_anew
+from flexfem.fem.chart import FREEDOMS, HIGH, LOW, PlaneHinge, compliance, hinge_mesh, make, richardson
+from flexfem.fem.chart import sample as sample_anew
 from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
 from flexfem.mechanism.bodies import Face, Segment, area
 from flexfem.questions.bands import grid_convergence

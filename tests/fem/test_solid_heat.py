@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from flexfem.fem.elements import Plate, mirrored, nodal_stress
-from flexfem.fem.heat import free_displacement, heat_response, warm_half, warm_whole
 from flexfem.fem.mesh import joined
-from flexfem.fem.response import unit_response
+from flexfem.fem.response import free_displacement, heat_response, unit_response, warm_half, warm_whole
 from flexfem.fem.structure import structure
 
 from ..validation.vibration import third

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import analyse
-from flexfem.fem.chart import RATIOS
-from flexfem.fem.hinge import PlaneHinge, sample
+from flexfem.fem.chart import RATIOS, PlaneHinge, sample
 from flexfem.hinges.chart import beam_integrals, hinge_chart
 from flexfem.hinges.formulas import FORMULAS, formula, over_calibrated
 from flexfem.mechanism.stage import load_stage

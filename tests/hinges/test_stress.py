@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import at_necks
+from flexfem.fem.chart import PlaneHinge, hinge_mesh
 from flexfem.fem.elements import Plate, nodal_stress
-from flexfem.fem.hinge import PlaneHinge, hinge_mesh
 from flexfem.fem.structure import edge_force, nodes_on
 from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames

@@ -8,10 +8,9 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.fem.chart import RATIOS, THICK
-from flexfem.fem.hinge import PlaneHinge, ThickHinge
-from flexfem.fem.hinge import sample as plane_sample
-from flexfem.fem.hinge import thick_sample as sample
+from flexfem.fem.chart import RATIOS, THICK, PlaneHinge, ThickHinge
+from flexfem.fem.chart import sample as plane_sample
+from flexfem.fem.chart import thick_sample as sample
 from flexfem.hinges.chart import on_thickness_chart, thickness_chart
 from flexfem.hinges.chart import thickness_factors as factors
 
