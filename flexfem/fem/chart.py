@@ -52,26 +52,30 @@ RATIOS = (0.02, 1.2)  # t/R, of all charts
 STRESSES = ("bending", "tension")
 FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
-LENGTH = 2.0  # of a block, per height: what reaches its end of the notch has faded to e^-8.4, and acts squared
+LENGTH = 2.0  # of a block, per height: what reaches its end has faded to e^-8.4; and at least b, to even out over b
 ORDER = 4  # of the compliance in the size of quadratic triangles
 ROWS, EDGE = 2, 5  # rows of the base grid, and its columns along the edge of a block
 LEAST_ARC = 8  # columns of the base grid along an arc
 FLUSH = 1e-6  # relative; a wall shorter than this is no wall
 SHEAR_FACTOR = 1.2  # 6/5: exact for the parabolic shear stress in the blocks
 THICK_LEVELS = (2, 3, 4)  # refinements, coarse to fine
-THICK_LENGTH = 2.0  # of a block at least, per height; and at least b, for the blocks to even out what differs over b
 LEAST_THICK_ARC = 3  # columns of the base grid along an arc
 THICK_EDGE = 2  # its columns along a block two heights long
 LAYERS = 0.5  # its layers for every e-fold of their thickness
 SURFACE = 2.0  # thickness of the outermost layers, per t: below the free surface the stress changes over about t
 
 
-class PlaneHinge(NamedTuple):
-    """A hinge of radius, modulus and thickness one: t/R, H/h of the blocks over the notch, and their length over H."""
+class SingleHinge(NamedTuple):
+    """A hinge of radius and modulus one: t/R, H/h of blocks over the notch, b/t (unless plane), Poisson's ratio.
+
+    length : of a block, per height H; 0 for that of the charts, long against height and thickness.
+    """
 
     ratio: float
-    height: float
-    length: float = LENGTH
+    height: float = 1.0
+    width: float = 0.0
+    poissons_ratio: float = 0.0
+    length: float = 0.0
 
     @property
     def wall(self) -> float:
@@ -83,25 +87,7 @@ class PlaneHinge(NamedTuple):
     def block(self) -> tuple[float, float]:
         """Height and length of a block, in radii."""
         high = 2 + self.ratio + 2 * self.wall
-        return high, self.length * high
-
-
-class ThickHinge(NamedTuple):
-    """A hinge of radius and modulus one: t/R, b/t, Poisson's ratio; length of a block, in radii, or 0 for the chart's.
-
-    Blocks of the chart are long against height and thickness.
-    """
-
-    ratio: float
-    width: float
-    poissons_ratio: float
-    length: float = 0.0
-
-    @property
-    def block(self) -> tuple[float, float]:
-        """Height and length of a block, in radii."""
-        high = 2.0 + self.ratio
-        return high, self.length or max(THICK_LENGTH * high, self.width * self.ratio)
+        return high, self.length * high or max(LENGTH * high, self.width * self.ratio)
 
 
 class Extrapolation(NamedTuple):
@@ -116,14 +102,7 @@ class Extrapolation(NamedTuple):
     unknowns: int
 
 
-def _mesh(
-    tau: float,
-    block: tuple[float, float],
-    wall: float,
-    columns: tuple[int, int, int],
-    rows: int,
-    along: Callable[[Array], Array],
-) -> StageMesh:
+def _mesh(hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: Callable[[Array], Array]) -> StageMesh:
     """Mesh a quarter: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
 
     Parameters
@@ -136,7 +115,8 @@ def _mesh(
     Along the arc they widen as the stress does, angle = sqrt(t/R) sinh(w). The meshes of all refinements cut the
     columns of one base grid evenly, and every corner of the outline is a corner of it.
     """
-    (high, length), spread, total = block, float(np.sqrt(tau)), sum(columns)
+    tau, wall, (high, length) = hinge.ratio, hinge.wall, hinge.block
+    spread, total = float(np.sqrt(tau)), sum(columns)
     end, first = float(np.arcsinh(np.pi / 2 / spread)), np.cumsum([0, *columns])
 
     def place(u: Array, v: Array) -> Array:
@@ -153,16 +133,15 @@ def _mesh(
     return mapped(total, rows, place)
 
 
-def hinge_mesh(hinge: PlaneHinge, refinement: int) -> StageMesh:
+def hinge_mesh(hinge: SingleHinge, refinement: int) -> StageMesh:
     """Mesh the quarter of a hinge, as `_mesh`: long columns are enough in a slender neck, whose stress is a beam's."""
     tau = hinge.ratio
     arc = max(LEAST_ARC, int(np.ceil(2 * np.arcsinh(np.pi / 2 / np.sqrt(tau)) / tau**0.25)))
     columns = arc * refinement, int(np.ceil(3 * hinge.wall / (2 + tau))) * refinement, EDGE * refinement
-    length = hinge.block[1]
-    return _mesh(tau, hinge.block, hinge.wall, columns, refinement * ROWS, lambda share: length * share)
+    return _mesh(hinge, columns, refinement * ROWS, lambda share: hinge.block[1] * share)
 
 
-def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
+def section_mesh(hinge: SingleHinge, refinement: int) -> StageMesh:
     """Mesh the quarter of the section, as `_mesh`; along the block columns widen with the distance from the notch.
 
     The block's triangles are straight, so that a beam's displacement is exact there.
@@ -172,7 +151,7 @@ def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
     rows = int(np.ceil(1.4 * tau**0.25))  # one is enough in a slender neck, whose stress is a beam's
     edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
     columns = arc * refinement, 0, edge * refinement
-    mesh = _mesh(tau, hinge.block, 0.0, columns, refinement * rows, lambda share: widening(share, high / 2, length))
+    mesh = _mesh(hinge, columns, refinement * rows, lambda share: widening(share, high / 2, length))
     in_block = mesh.nodes.sum(axis=1) >= 1 + high / 2 - 1e-9 * length  # beyond the column at the end of the arc
     block = mesh.triangles[in_block[mesh.triangles[:, :3]].all(axis=1)]
     nodes = mesh.nodes.copy()
@@ -180,7 +159,7 @@ def section_mesh(hinge: ThickHinge, refinement: int) -> StageMesh:
     return mesh._replace(nodes=nodes)
 
 
-def layers(hinge: ThickHinge, refinement: int) -> Layers:
+def layers(hinge: SingleHinge, refinement: int) -> Layers:
     """Layers of half the thickness, in radii, thinner towards the free surface."""
     thickness, surface = hinge.width * hinge.ratio, SURFACE * hinge.ratio
     return mirrored(thickness, refinement * int(np.ceil(LAYERS * np.arcsinh(thickness / 2 / surface))), surface)
@@ -211,9 +190,7 @@ def _held(mesh: StageMesh) -> NDArray[np.bool_]:
     return held
 
 
-def compliance(
-    hinge: PlaneHinge, refinement: int = 0, poissons_ratio: float = 0.0, mesh: StageMesh | None = None
-) -> Array:
+def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None = None) -> Array:
     """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`.
 
     Notes
@@ -223,25 +200,25 @@ def compliance(
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
     mesh = mesh or hinge_mesh(hinge, refinement)
-    of, whole = structure(mesh, Plate(1.0, poissons_ratio, 1.0), held=NONE), list[float]()
+    of, whole = structure(mesh, Plate(1.0, hinge.poissons_ratio, 1.0), held=NONE), list[float]()
     lower = of.lower()
     for force, held in zip(_loads(mesh, hinge.block), _held(mesh), strict=True):
         field = of.settled(lower, force, held)
         whole.append(4 * float(np.sum((2 * force - of.forces(field[None])[0]) * field)))
-    return np.array(whole) - block_compliance(hinge, poissons_ratio)
+    return np.array(whole) - block_compliance(hinge)
 
 
-def block_compliance(hinge: PlaneHinge | ThickHinge, poissons_ratio: float) -> Array:
+def block_compliance(hinge: SingleHinge) -> Array:
     """Compliances (3,) of the two blocks as beams from the ends of the notch, x = R, to their own, about the centre."""
     high, length = hinge.block
     bending = 8 * ((1 + length) ** 3 - 1) / high**3  # 2 int x^2 dx/(E I)
-    shear = SHEAR_FACTOR * 2 * (1 + poissons_ratio) * 2 * length / high
+    shear = SHEAR_FACTOR * 2 * (1 + hinge.poissons_ratio) * 2 * length / high
     return np.array([24 * length / high**3, 2 * length / high, bending + shear])
 
 
-def sample(hinge: PlaneHinge, levels: Sequence[int] = LEVELS, poissons_ratio: float = 0.0) -> Extrapolation:
+def sample(hinge: SingleHinge, levels: Sequence[int] = LEVELS) -> Extrapolation:
     """Compliances of a hinge as of `compliance`, over three or more refinements, coarse to fine; relative bands."""
-    found = np.array([compliance(hinge, refinement, poissons_ratio) for refinement in levels])
+    found = np.array([compliance(hinge, refinement) for refinement in levels])
     limits = richardson(levels, found)
     unknowns = 2 * len(hinge_mesh(hinge, levels[-1]).nodes)
     return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], found, unknowns)
@@ -268,7 +245,7 @@ class _Solved(NamedTuple):
     excess: Array
 
 
-def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
+def _solved(hinge: SingleHinge, refinement: int) -> _Solved:
     mesh, line = section_mesh(hinge, refinement), layers(hinge, refinement)
     plate = Plate(1.0, hinge.poissons_ratio, 1.0)
     flat, held = _loads(mesh, hinge.block)[:2], _held(mesh)[:2]
@@ -285,13 +262,13 @@ def _solved(hinge: ThickHinge, refinement: int) -> _Solved:
     return _Solved(mesh, line, fields[0], fields[1], works[0], works[1] / line.weights.sum() - works[0])
 
 
-def compliances(hinge: ThickHinge, refinement: int) -> tuple[Array, Array, int]:
+def compliances(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, int]:
     """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
     of = _solved(hinge, refinement)
-    return of.thin - block_compliance(hinge, hinge.poissons_ratio)[:2], of.excess, of.solid[0].size
+    return of.thin - block_compliance(hinge)[:2], of.excess, of.solid[0].size
 
 
-def thick_sample(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS) -> Extrapolation:
+def thick_sample(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS) -> Extrapolation:
     """Positions of a hinge between plane stress, 0, and plane strain, 1, over refinements, coarse to fine.
 
     The band is what the finest of the three or more meshes moves the value by, far more than what is left after it.
@@ -302,7 +279,7 @@ def thick_sample(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS) -> Ext
     return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
 
 
-def stress_factors(hinge: ThickHinge, levels: Sequence[int] = THICK_LEVELS[1:]) -> Extrapolation:
+def stress_factors(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS[1:]) -> Extrapolation:
     """Highest von Mises stress over that in plane stress, under a moment and a pull (2,), on the finest of two meshes.
 
     The band is what that mesh moves it by. In a wide neck the highest stress lies near the free faces, about t away.
@@ -350,11 +327,12 @@ class Chart(NamedTuple):
 
 
 def _plane(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapolation, ...]:
-    return (sample(PlaneHinge(*point), levels),)
+    return (sample(SingleHinge(*point), levels),)
 
 
 def _thick(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapolation, ...]:
-    hinge = ThickHinge(*point)
+    ratio, width, nu = point
+    hinge = SingleHinge(ratio, 1.0, width, nu)
     return thick_sample(hinge, levels), stress_factors(hinge, levels[-2:])
 
 
