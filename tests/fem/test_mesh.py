@@ -43,13 +43,6 @@ def sides(mesh):
     return np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
 
 
-def rims(mesh):
-    """Sides (k, 3) that belong to one triangle only."""
-    found = sides(mesh)
-    count = Counter(tuple(sorted(ends)) for ends in found[:, :2].tolist())
-    return np.array([side for side in found if count[tuple(sorted(side[:2].tolist()))] == 1])
-
-
 def length(mesh, edges):
     """Length of straight edges, mm."""
     return float(np.sum(np.linalg.norm(mesh.nodes[edges[:, 0]] - mesh.nodes[edges[:, 1]], axis=1)))
@@ -108,9 +101,6 @@ def test_hub_is_a_full_circle_with_middle_nodes_on_it(each):
     nodes = each.mesh.nodes[np.unique(edges)]
     np.testing.assert_allclose(np.hypot(*nodes.T), radius, atol=ON_ARC)
     assert len(np.unique(edges)) == 2 * len(edges)  # closed
-    assert {tuple(sorted(e)) for e in edges[:, :2].tolist()} <= {
-        tuple(sorted(e)) for e in rims(each.mesh)[:, :2].tolist()
-    }
 
 
 def test_ground_is_the_straight_back_of_three_pads(each):

@@ -10,6 +10,7 @@ from flexfem.fem.mesh import joined
 from flexfem.fem.response import free_displacement, heat_response, unit_response, warm_half, warm_whole
 from flexfem.fem.structure import structure
 
+from ..validation.fields import on_chords
 from ..validation.vibration import third
 from .conftest import bar
 
@@ -17,18 +18,6 @@ E, NU, B = 68e3, 0.29, 3.7
 PLATE = Plate(E, NU, B)
 FLAT = mirrored(B, 2, 0.8)
 TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
-
-
-def straight(mesh):
-    """With the middle nodes in the middle: quadrature is exact there."""
-    nodes = mesh.nodes.copy()
-    a, b, c = (nodes[mesh.triangles[:, k]] for k in range(3))
-    nodes[mesh.triangles[:, 3]], nodes[mesh.triangles[:, 4]], nodes[mesh.triangles[:, 5]] = (
-        (a + b) / 2,
-        (b + c) / 2,
-        (c + a) / 2,
-    )
-    return mesh._replace(nodes=nodes)
 
 
 def test_free_metal_has_no_stress_however_its_temperature_changes():
@@ -72,7 +61,7 @@ def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness):
     """By reciprocity with loads even through the thickness, u is read as its mean: -b^2 / 24 along a gradient."""
     sector = third(3, 2, TWIST)
     mesh = joined((sector,) * 3)[0]
-    mesh = straight(mesh._replace(nodes=mesh.nodes + 0.9 * np.sin(0.1 * mesh.nodes[:, ::-1])))
+    mesh = on_chords(mesh._replace(nodes=mesh.nodes + 0.9 * np.sin(0.1 * mesh.nodes[:, ::-1])))
     plate = Plate(E, 0.0, thickness)
     plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).pose[:, [1, 2, 0]]
     mean = np.diag([1.0, 1.0, 0.0]) * -(thickness**2) / 24
