@@ -13,18 +13,21 @@ import re
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from flexfem.arguments import integer
+from flexfem.files.refusals import checked_path
+from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
-
-if TYPE_CHECKING:
-    from flexfem.study.collect import Collected
-    from flexfem.study.findings import Record, Refused, Source
-    from flexfem.study.run import Counts, Parts, Progress
+from flexfem.study import MOST_WORKERS, REPORTS, run
+from flexfem.study.answer import nominal, unseen
+from flexfem.study.collect import Collected, collect, counted_warnings, read_table, table_path
+from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
+from flexfem.study.loaded import load_study
+from flexfem.study.run import Counts, Parts, Progress
+from flexfem.study.workers import Workers
 
 PathLike = str | os.PathLike[str]
-REPORTS = Path("reports")
-MOST_WORKERS = 1024
 
 
 class StudyFindings(NamedTuple):
@@ -46,11 +49,6 @@ def processors() -> int:
 
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
     """Where the parts of a study file lie below a folder. Raises BadInput."""
-    from flexfem.files.refusals import checked_path
-    from flexfem.files.writing import check_folder
-    from flexfem.study import run
-    from flexfem.study.loaded import load_study
-
     parts = run.parts_of(load_study(checked_path(study)), checked_path(output))
     check_folder(parts.folder, written=False)
     return parts
@@ -92,17 +90,12 @@ def compute(
     say: Callable[[str], object] = lambda text: None,
 ) -> None:
     """Compute what is open of a share by as many workers as there are, no more than there are parts for."""
-    from flexfem.arguments import integer
-    from flexfem.files.writing import check_folder
-    from flexfem.study.run import run_parts
-    from flexfem.study.workers import Workers
-
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     check_folder(parts.folder)
     with Workers(max(1, min(count, len(parts.chunks(share)))), scheduler) as pool:
-        run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
+        run.run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
@@ -110,13 +103,10 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
 
     `study` : the study file, or the folder that its run writes, such as `reports/study-reach`.   Raises BadInput.
     """
-    from flexfem.files.refusals import checked_path
-    from flexfem.study.run import FILE
-
     path, below = checked_path(study), checked_path(output)
     if path.is_dir():
         try:
-            named = json.loads((path / FILE).read_text(encoding="utf-8"))["study"]
+            named = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
             path, below = Path(os.path.normpath(path / named)), path.absolute().parent
         except (OSError, ValueError, KeyError, TypeError):
             raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
@@ -125,9 +115,7 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:
     """Remove parts of other inputs or versions than a study has; with `dry_run` only count them. Raises BadInput."""
-    from flexfem.study.run import remove_stale
-
-    found, size = remove_stale(parts_of(study, output), dry_run)
+    found, size = run.remove_stale(parts_of(study, output), dry_run)
     return {"stale": found, "bytes": size, "removed": bool(found) and not dry_run}
 
 
@@ -143,10 +131,6 @@ def collect_study(
 
     Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
     """
-    from flexfem.files.refusals import checked_path
-    from flexfem.files.writing import check_file, check_folder
-    from flexfem.study.collect import collect, table_path
-
     parts = parts_of(study, output)
     target = checked_path(to) if to is not None else table_path(parts)
     check_folder(target.parent)
@@ -157,10 +141,6 @@ def collect_study(
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
-    from flexfem.study.answer import nominal, unseen
-    from flexfem.study.collect import read_table
-    from flexfem.study.findings import Source, findings
-
     made, loaded = collect_study(study, output, partial=partial), parts_of(study, output).loaded
     source = Source(loaded, read_table(made.path), nominal(loaded), unseen(loaded))
     return StudyFindings(made, source, findings(source))
@@ -176,11 +156,7 @@ def shard_of(text: str) -> slice:
 
 def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
     """What `study status` says, of all parts or of those of a share."""
-    from flexfem.study.answer import unseen
-    from flexfem.study.collect import counted_warnings
-    from flexfem.study.run import RETRIED, survey
-
-    loaded, found = parts.loaded, survey(parts, share)
+    loaded, found = parts.loaded, run.survey(parts, share)
     counts, designs = found.total, sum(map(len, parts.chunks(share)))
     by_status: Counter[str] = Counter()
     for (status, _), n in counts.items():
@@ -193,7 +169,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "done": by_status.total(),
         "ok": by_status["ok"],
         "refused": by_status["refused"],
-        "failed": sum(by_status[status] for status in RETRIED),
+        "failed": sum(by_status[status] for status in run.RETRIED),
         "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
         "warnings": [*unseen(loaded), *counted_warnings(_reasons(counts, "ok"))],
         "open": designs - by_status.total(),
@@ -209,14 +185,12 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
 
 def _reasons(counts: Counts, wanted: str) -> Counter[str]:
     """Designs of a status by kind of reason, the most frequent first."""
-    found = Counter({reason: n for (status, reason), n in counts.items() if status == wanted})
-    return Counter(dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))))
+    found = [(reason, n) for (status, reason), n in counts.items() if status == wanted]
+    return Counter(dict(sorted(found, key=lambda item: (-item[1], item[0]))))
 
 
 def facts_of(found: Record | Refused) -> dict[str, Any]:
     """What a figure shows as plain data: rows of its table, None for what is not finite; or why it is not drawn."""
-    from flexfem.study.findings import ParetoFront, Refused
-
     if isinstance(found, Refused):
         return {"refused": found.reason}
     about = {"power": found.power, "gain": found.gain} if isinstance(found, ParetoFront) else {}

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flexfem import studies
+from flexfem.commands.console import Json, show, show_written
+from flexfem.study import MOST_WORKERS, REPORTS
 from flexfem.terminal import Stopped, raw
 
 if TYPE_CHECKING:
@@ -28,25 +29,22 @@ app = typer.Typer(
 )
 StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written, in a folder of the study.")]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 Partial = Annotated[bool, typer.Option("--partial", help="Leave out designs that are still open.")]
+Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes here; default one a processor.")]
 
 
 @app.command()
 def run(
     study: StudyFile,
-    workers: Annotated[
-        int | None,
-        typer.Option(min=1, max=studies.MOST_WORKERS, help="Processes on this machine; default one a processor."),
-    ] = None,
+    workers: Workers = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
-    output: Output = studies.REPORTS,
+    output: Output = REPORTS,
     retry: Annotated[bool, typer.Option("--retry", help="Also try again what failed or ran out of time.")] = False,
     json: Json = False,
 ) -> None:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
-    from flexfem.commands import console
+    from flexfem import studies
     from flexfem.study.answer import unseen
 
     share = studies.shard_of(shard)
@@ -57,11 +55,11 @@ def run(
         studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in said]
-    where = [] if output == studies.REPORTS else ["--output", str(output)]
+    where = [] if output == REPORTS else ["--output", str(output)]
     wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])
     facts |= {"shard": shard, "next": following}
-    console.show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
+    show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
     raise typer.Exit(1 if facts["open"] or (facts["failed"] and not facts["ok"]) else 0)
 
 
@@ -120,13 +118,13 @@ def _note(text: str) -> None:
 @app.command()
 def status(
     study: Annotated[Path, typer.Argument(help="Study file, or the folder of its results.", metavar="STUDY")],
-    output: Output = studies.REPORTS,
+    output: Output = REPORTS,
     json: Json = False,
 ) -> None:
     """Count the designs of a study that are done, refused, failed with reasons, and open."""
-    from flexfem.commands import console
+    from flexfem import studies
 
-    console.show(studies.study_status(study, output), json, print_status)
+    show(studies.study_status(study, output), json, print_status)
 
 
 def print_status(facts: dict[str, Any]) -> None:
@@ -159,39 +157,39 @@ def print_status(facts: dict[str, Any]) -> None:
 @app.command()
 def clean(
     study: StudyFile,
-    output: Output = studies.REPORTS,
+    output: Output = REPORTS,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed.")] = False,
     json: Json = False,
 ) -> None:
     """Remove parts of other inputs or versions than the study has now; nothing else."""
-    from flexfem.commands import console
+    from flexfem import studies
 
-    def show(facts: dict[str, Any]) -> None:
+    def say(facts: dict[str, Any]) -> None:
         said = "removed" if facts["removed"] else "nothing removed"
         print(f"{facts['stale']:,} parts of other inputs or versions, {facts['bytes'] / 1e6:.3g} MB: {said}")
 
-    console.show(studies.clean_study(study, output, dry_run), json, show)
+    show(studies.clean_study(study, output, dry_run), json, say)
 
 
 @app.command()
 def collect(
     study: StudyFile,
-    output: Output = studies.REPORTS,
+    output: Output = REPORTS,
     to: Annotated[Path | None, typer.Option(help="Table to write: .parquet or .csv.")] = None,
     partial: Partial = False,
     json: Json = False,
 ) -> None:
     """Join what is done to one table, design after design."""
-    from flexfem.commands import console
+    from flexfem import studies
 
     made = studies.collect_study(study, output, to, partial)
-    console.show_written([made.path], json, designs=made.designs, open=made.open)
+    show_written([made.path], json, designs=made.designs, open=made.open)
 
 
 @app.command()
-def plot(study: StudyFile, output: Output = studies.REPORTS, partial: Partial = False, json: Json = False) -> None:
+def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, json: Json = False) -> None:
     """Collect the table of a study and draw its figures, as PNG and PDF; what they show is in the JSON, as numbers."""
-    from flexfem.commands import console
+    from flexfem import studies
     from flexfem.plot.study import write_study_figures
     from flexfem.study.findings import Refused
 
@@ -199,7 +197,7 @@ def plot(study: StudyFile, output: Output = studies.REPORTS, partial: Partial = 
     written = write_study_figures(found, table.path.parent)
     warnings = [*source.unseen, *source.table.warnings]
     shown = {name: studies.facts_of(one) for name, one in found.items()}
-    console.show_written([table.path, *written], json, warnings=warnings, findings=shown)
+    show_written([table.path, *written], json, warnings=warnings, findings=shown)
     _warn(warnings)
     refused = {name: one.reason for name, one in found.items() if isinstance(one, Refused)}
     for name, reason in refused.items():

@@ -46,7 +46,7 @@ from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
 from flexfem.results import Fields, Progress, TextTable, record_parts, versions
-from flexfem.studies import REPORTS
+from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 
 if TYPE_CHECKING:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 from typing import Any
+
+REPORTS = Path("reports")  # folder for results where none is given
+MOST_WORKERS = 1024
 
 
 def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
-from flexfem.arrays import AnyArray, Array, Index, wide
+from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.study.columns import (
-    COUPLINGS,
     CROSS,
     DRIFTS,
     LABELS,
@@ -25,7 +26,7 @@ from flexfem.study.columns import (
     STIFFNESSES,
     STRESSES,
     lasting,
-    round_off_of,
+    sizes_of,
 )
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, sample, stage_of
@@ -71,7 +72,7 @@ class AxisText(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name, with its symbol, and unit; mathematics where there is a symbol."""
+        """Symbol, else name, and unit."""
         return f"{self.symbol or self.name} in {self.unit}" if self.unit else self.symbol or self.name
 
     @property
@@ -110,12 +111,10 @@ def words(key: str) -> str:
     leaf = str(last) if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
     leaf = WORDS.get(leaf := leaf.replace("_", " "), leaf)
     match tables:
-        case ["override", chain, "actuator", name]:
-            return f"{leaf}, chain {chain} actuator {name}"
+        case ["override", chain, *of]:
+            return f"{leaf}, chain {chain} {' '.join(map(str, of))}"
         case ["actuator", name]:
             return f"{leaf} of actuator {name}"
-        case ["override", chain, hinge]:
-            return f"{leaf}, chain {chain} {hinge}"
         case ["hinges", hinge]:
             return f"{leaf} of {hinge} hinges"
         case ["platform" | "frame" as body]:
@@ -125,18 +124,17 @@ def words(key: str) -> str:
 
 def model_words(loaded: LoadedStudy) -> str:
     """What answered, in words."""
-    study = loaded.study
-    analytic = f"{study.formula}, mobility {study.mobility or loaded.stage.mobility}"
-    analytic += ", elastic links" if study.links else ""
+    study, plane = loaded.study, loaded.stage.model
+    analytic = f"{study.formula}, mobility {study.mobility or loaded.stage.mobility}{', elastic links' * study.links}"
     meshed = f"{study.resolution} triangles across every neck"
     layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
-    plane = "" if loaded.stage.model == "plane_stress" else f", {loaded.stage.model.replace('_', ' ')}"
-    return {
-        "analytic": f"Analytic model: {analytic}{plane}",
-        "fe": f"Finite elements: {meshed}{plane}",
+    model = {
+        "analytic": f"Analytic model: {analytic}",
+        "fe": f"Finite elements: {meshed}",
         "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",
-        "verify": f"Finite elements ({meshed}) against the analytic model ({analytic}){plane}",
+        "verify": f"Finite elements ({meshed}) against the analytic model ({analytic})",
     }[study.model]
+    return model if plane == "plane_stress" else f"{model}, {plane.replace('_', ' ')}"
 
 
 def drawn_words(loaded: LoadedStudy) -> str:
@@ -175,12 +173,12 @@ class Source(NamedTuple):
 
     def quantity(self, name: str) -> AxisText:
         """What a column is called."""
-        for column in self.loaded.columns:
-            if column.name == name:
-                return factor(column)
-        for derived in self.loaded.study.output:
-            if derived.name == name:
-                return AxisText(derived.label or name, derived.unit or "")
+        columns = {column.name: column for column in self.loaded.columns}
+        derived = {each.name: each for each in self.loaded.study.output}
+        if name in columns:
+            return factor(columns[name])
+        if name in derived:
+            return AxisText(derived[name].label or name, derived[name].unit or "")
         return output(name, self.loaded.study)
 
     def heading(self, name: str) -> str:
@@ -190,7 +188,16 @@ class Source(NamedTuple):
     def cleared(self, name: str, values: ArrayLike) -> Any:
         """Numbers of a column to be printed, as a list or a number: round-off as 0."""
         found = np.asarray(values, dtype=np.float64)
-        return np.where(np.abs(found) <= round_off_in(self.table, name), 0.0, found).tolist()
+        return np.where(np.abs(found) <= ROUND_OFF * (self.vanishing(name) or 0.0), 0.0, found).tolist()
+
+    def vanishing(self, name: str) -> float | None:
+        """Beside which size numbers of a column that symmetry can make zero are round-off, by medians of the others;
+        None of any other column."""
+        if name not in {*CROSS, *PARTS, *DRIFTS[:2]} or not self.table.ok.any():
+            return None
+        beside = [column for column in (*STIFFNESSES[:3], *DRIFTS) if column in self.table.columns]
+        medians = [np.median(np.abs(values), keepdims=True) for values in self.table.answered(*beside)]
+        return float(sizes_of(dict(zip(beside, medians, strict=True)))[name].max())
 
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """What stands above a figure, its own title where it has one."""
@@ -215,6 +222,10 @@ class Source(NamedTuple):
         found = (self.nominal.get(x, np.nan), self.nominal.get(y, np.nan))
         return found if np.isfinite(found).all() else None
 
+    def refused(self, kind: str, name: str, reason: str) -> BadInput:
+        """Why a figure of a column cannot be drawn."""
+        return BadInput(f"{self.loaded.path}: {kind} of {name}: {reason}")
+
 
 # records
 
@@ -237,9 +248,8 @@ NOTHING = FoundTable("", {}, [])
 
 
 class Cells(NamedTuple):
-    """Points of a map with values.
+    """Points (n, 2) of a map with values (n,), nan where there is none; `missing`, (n,) by why, says which are.
 
-    points, values : (n, 2), (n,), nan where there is no value.   missing : which points have none, bool (n,), by why.
     grid : whether the points are all pairs of some values.   averaged : columns that the values are means over.
     scatter, size : median standard deviation of the designs about the mean of their cell, and median designs in one.
     """
@@ -293,10 +303,8 @@ class Distribution(NamedTuple):
 
 
 class Indices(NamedTuple):
-    """Sobol indices of one value, (k,) in the order of the factors, and half-widths of their confidence intervals.
-
-    `total` and `total_band` are None where the sample does not tell them.
-    """
+    """Sobol indices (k,) of one value in the order of the factors, and half-widths of their confidence intervals;
+    total ones where the sample tells them."""
 
     first: Array
     first_band: Array
@@ -381,7 +389,7 @@ def findings(source: Source) -> dict[str, Record | Refused]:
         seen[stem] += 1
         try:
             for name, _ in figure.columns.values():
-                _require_finite(loaded, table, figure.kind, name)
+                _require_finite(source, figure.kind, name)
             shown: Record | Refused = made[figure.kind](source, figure)
         except BadInput as error:
             shown = Refused(str(error))
@@ -389,13 +397,12 @@ def findings(source: Source) -> dict[str, Record | Refused]:
     return found
 
 
-def _require_finite(loaded: LoadedStudy, table: StudyTable, kind: str, name: str) -> None:
+def _require_finite(source: Source, kind: str, name: str) -> None:
+    table = source.table
     bad = np.flatnonzero(table.ok & ~np.isfinite(table.columns[name]))
     if len(bad):
-        raise BadInput(
-            f"{loaded.path}: {kind} of {name}: no finite number for {len(bad)} of {int(table.ok.sum())} "
-            f"designs with an answer, expected one for each; the first is design {table.design[bad[0]]}"
-        )
+        of = f"{len(bad)} of {int(table.ok.sum())} designs with an answer, expected one for each"
+        raise source.refused(kind, name, f"no finite number for {of}; the first is design {table.design[bad[0]]}")
 
 
 # maps
@@ -408,7 +415,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     cells, lines = cells_of(source.loaded, source.table, (x, y), value), list[str]()
     known = np.isfinite(cells.values)
     if not known.any():
-        raise BadInput(f"{source.loaded.path}: map of {value}: no design to show keeps all constraints, expected some")
+        raise source.refused("map", value, "no design to show keeps all constraints, expected some")
     if cells.averaged:
         names = ", ".join(source.quantity(name).name for name in cells.averaged)
         lines.append(
@@ -425,13 +432,10 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
     rows = [(word, *map(source.cleared, (value, x, y), numbers[place])) for word, place in ends]
     head = {"end": "", **{name: source.heading(name) for name in (value, x, y)}}
-    return StudyMap(
-        source.caption(figure, f"{shown.name} over {across.name} and {up.name}", *lines),
-        *(across, up, shown, cells),
-        (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else (),
-        source.base(x, y),
-        FoundTable("Ends of the map", head, rows),
-    )
+    ends_of = FoundTable("Ends of the map", head, rows)
+    marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
+    caption = source.caption(figure, f"{shown.name} over {across.name} and {up.name}", *lines)
+    return StudyMap(caption, across, up, shown, cells, marks, source.base(x, y), ends_of)
 
 
 def cells_of(loaded: LoadedStudy, table: StudyTable, names: tuple[str, str], value: str) -> Cells:
@@ -486,7 +490,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     loaded, table, x, y = source.loaded, source.table, figure.x or "", figure.y or ""
     rows = np.flatnonzero(table.kept)
     if len(rows) == 0:
-        raise BadInput(f"{loaded.path}: pareto of {y}: no design keeps all constraints, expected some")
+        raise source.refused("pareto", y, "no design keeps all constraints, expected some")
     points = np.column_stack([table.columns[name][rows] for name in (x, y)])
 
     def stage_at(place: int) -> Stage | None:
@@ -498,33 +502,29 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
 
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
-    front = drawable_front(points[:, 0], points[:, 1], larger, can_be_drawn, attempts)
+    front = drawable_front(points, larger, can_be_drawn, attempts)
     best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
-    one, other = (np.log(v) if name in log or wide(v) else v for name, v in zip((x, y), best.T, strict=True))
-    x_name, y_name = (source.quantity(name) for name in (x, y))
-    x_name, y_name = (q._replace(log=q.log or wide(v)) for q, v in zip((x_name, y_name), points.T, strict=True))
+    along = np.stack([np.log(v) if name in log or wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
+    called = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
+    x_name, y_name = (name._replace(log=name.log or wide(values)) for name, values in called)
     names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
-    columns = {name: source.cleared(name, table.columns[name][rows[front.places]]) for name in names}
-    chosen = []
-    for k in spread(one, other, figure.drawn).tolist():
-        place, stage = int(front.places[k]), stage_at(int(front.places[k]))
-        if stage is not None:
-            numbers = [(source.quantity(name), float(table.columns[name][rows[place]])) for name in names]
-            chosen.append(Chosen(place, stage, numbers))
+    chosen = [
+        Chosen(place, stage, [(source.quantity(name), float(table.columns[name][rows[place]])) for name in names])
+        for place in front.places[spread(along, figure.drawn)].tolist()
+        if (stage := stage_at(place)) is not None
+    ]
     without = {status: n for status, n in table.counts.items() if status != "ok"}
     without["that break a constraint"] = int(table.infeasible.sum())
     left_out = [f"not drawn: {counted(without)}"] if any(without.values()) else []
     if attempts and front.unchecked:
         left_out.append(f"{front.unchecked} on the front are not known to be drawable")
-    power, gain = power_of(best[:, 0], best[:, 1]), _gain(source, figure, rows, can_be_drawn)
+    power, gain = power_of(best), _gain(source, figure, rows, can_be_drawn)
     said = list[str]()
     if power is not None:
         said.append(f"Along the front {y_name.name} goes as {x_name.name} to the power {power:.3g} (least squares).")
     if gain is not None:
-        said.append(
-            f"The best design no worse in {x_name.name} and no larger than the base stage has {gain:.3g} times its "
-            f"{y_name.name}."
-        )
+        best_of = f"The best design no worse in {x_name.name} and no larger than the base stage"
+        said.append(f"{best_of} has {gain:.3g} times its {y_name.name}.")
     own, sign = source.base(x, y), np.where(larger, 1.0, -1.0)
     if own is not None and not np.any(np.all(sign * (best - own) >= -SAME * np.abs(own), axis=1)):
         said.append(
@@ -532,22 +532,12 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
             "is as good, and it is none of them."
         )
     head = {"design": "design", **{name: source.heading(name) for name in names}}
-    numbers_of = zip(table.design[rows[front.places]].tolist(), *columns.values(), strict=True)
-    return ParetoFront(
-        source.caption(figure, f"{y_name.name} against {x_name.name}", *said),
-        x_name,
-        y_name,
-        (figure.x_better, figure.y_better),
-        points,
-        front.places,
-        front.undrawable,
-        chosen,
-        left_out,
-        own,
-        power,
-        gain,
-        FoundTable("Designs of the front", head, [(str(design), *row) for design, *row in numbers_of]),
-    )
+    numbers = [source.cleared(name, table.columns[name][rows[front.places]]) for name in names]
+    designs = map(str, table.design[rows[front.places]])
+    shown = FoundTable("Designs of the front", head, list(zip(designs, *numbers, strict=True)))
+    caption = source.caption(figure, f"{y_name.name} against {x_name.name}", *said)
+    better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
+    return ParetoFront(caption, x_name, y_name, better, points, *places, chosen, left_out, own, power, gain, shown)
 
 
 class Front(NamedTuple):
@@ -559,8 +549,8 @@ class Front(NamedTuple):
     unchecked: int
 
 
-def non_dominated(x: Array, y: Array, x_larger: bool = True, y_larger: bool = True) -> Index:
-    """Places (m,) of the designs (n,) that no other beats, from the best in x to the best in y.
+def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> Index:
+    """Places (m,) of the designs, x and y (n, 2), that no other beats, from the best in x to the best in y.
 
     Notes
     -----
@@ -568,24 +558,23 @@ def non_dominated(x: Array, y: Array, x_larger: bool = True, y_larger: bool = Tr
     from the best x on, a design is on the front when its y is better than all before: n log n, as H. T. Kung,
     F. Luccio, F. P. Preparata, J. ACM 22 (1975) 469.
     """
-    gain_x, gain_y = x if x_larger else -x, y if y_larger else -y
-    order = np.lexsort((-gain_y, -gain_x))
-    sorted_x, sorted_y = gain_x[order], gain_y[order]
-    best = np.maximum.accumulate(np.concatenate([[-np.inf], sorted_y]))
-    opens = np.concatenate([[True], sorted_x[1:] != sorted_x[:-1]])[: len(order)]
+    x, y = np.where(larger, points, -points).T
+    order = np.lexsort((-y, -x))
+    x, y = x[order], y[order]
+    best = np.maximum.accumulate(np.concatenate([[-np.inf], y]))
+    opens = np.concatenate([[True], x[1:] != x[:-1]])[: len(order)]
     group = np.maximum.accumulate(np.where(opens, np.arange(len(order)), 0))  # where designs of the same x begin
-    stays = (sorted_y > best[group]) & (sorted_y == sorted_y[group])
-    return np.asarray(order[stays], dtype=np.int64)
+    return np.asarray(order[(y > best[group]) & (y == y[group])], dtype=np.int64)
 
 
 def drawable_front(
-    x: Array, y: Array, larger: tuple[bool, bool], can_be_drawn: Callable[[int], bool], attempts: int
+    points: Array, larger: tuple[bool, bool], can_be_drawn: Callable[[int], bool], attempts: int
 ) -> Front:
     """The front of the designs that can be drawn: those that cannot make room for the ones behind them."""
-    alive, known, lost = np.arange(len(x)), set[int](), list[int]()
+    alive, known, lost = np.arange(len(points)), set[int](), list[int]()
     while True:
-        places = alive[non_dominated(x[alive], y[alive], *larger)]
-        fresh = [int(place) for place in places if int(place) not in known]
+        places = alive[non_dominated(points[alive], larger)]
+        fresh = [place for place in places.tolist() if place not in known]
         tried = fresh[: attempts - len(known)]
         if not tried:
             return Front(places, np.array(sorted(lost), dtype=np.int64), len(fresh))
@@ -595,29 +584,29 @@ def drawable_front(
         alive = alive[~np.isin(alive, found)]
 
 
-def spread(x: Array, y: Array, count: int) -> Index:
-    """Places (at most `count`,) along a front (m,), ends included, about equally far apart, both spans taken as one."""
-    steps = np.hypot(*(np.diff(v) / (np.ptp(v) or 1.0) for v in (x, y)))
-    along = np.concatenate([[0.0], np.cumsum(steps)])
+def spread(points: Array, count: int) -> Index:
+    """Places (at most `count`,) along a front (m, 2), ends included, about equally far apart, both spans taken as 1."""
+    spans = np.ptp(points, axis=0)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(points, axis=0) / np.where(spans > 0, spans, 1.0)).T))])
     targets = np.linspace(0.0, along[-1], count) if count > 1 else along[-1:] / 2
     return np.unique(np.abs(along[:, None] - targets).argmin(axis=0))
 
 
 def drawable(loaded: LoadedStudy, values: Array) -> Stage | None:
     """The stage of factor values (columns,), None when it cannot be made."""
-    try:
+    with suppress(BadInput, ValidationError):
         stage = stage_of(loaded, values)
         check_feasible(stage)
-    except (BadInput, ValidationError):
-        return None
-    return stage
+        return stage
+    return None
 
 
-def power_of(x: Array, y: Array) -> float | None:
-    """Slope of log y over log x (m,), by least squares; None for one x alone, or values that are not positive."""
-    if np.min(x) <= 0 or np.min(y) <= 0 or np.ptp(np.log(x)) == 0:
+def power_of(points: Array) -> float | None:
+    """Slope of log y over log x (m, 2), by least squares; None for one x alone, or values that are not positive."""
+    if points.min() <= 0 or np.ptp(points[:, 0]) == 0:
         return None
-    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+    x, y = np.log(points).T
+    return float(np.polyfit(x, y, 1)[0])
 
 
 def _gain(source: Source, figure: Figure, rows: Index, can_be_drawn: Callable[[int], bool]) -> float | None:
@@ -702,57 +691,50 @@ def percentiles(
 
 def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     """Sobol indices of several values by every factor. Raises BadInput."""
-    loaded, names = source.loaded, figure.values or ()
-    shares = [Share(source.quantity(name), sensitivity(loaded, source.table, name)) for name in names]
-    lines = ["Sobol indices; whiskers: 95 % confidence."]
+    loaded = source.loaded
+    shares = [Share(source.quantity(name), sensitivity(source, name)) for name in figure.values or ()]
+    line = "Sobol indices; whiskers: 95 % confidence."
     if loaded.study.sampling.method != "saltelli":
-        lines[0] = (
+        line = (
             "First-order Sobol indices from one plain sample, by regression on each factor alone; whiskers: 95 % "
             'confidence. Total indices need method = "saltelli".'
         )
         if loaded.study.correlation or loaded.given is not None or not source.table.ok.all():
-            lines[0] += " Factors may depend on one another, if only by the designs without an answer: shares overlap."
-    lines += map(sentence, source.unseen)
+            line += " Factors may depend on one another, if only by the designs without an answer: shares overlap."
     factors = [factor(column).name for column in loaded.columns]
-    parts = {
-        "first": "first order: alone",
-        "first_band": "±",
-        "total": "total: with its interactions",
-        "total_band": "±",
-    }
-    told = [name for name in parts if all(getattr(share.indices, name) is not None for share in shares)]
+    parts = {"first": "first order: alone", "first_band": "±"}
+    if all(share.indices.total is not None for share in shares):
+        parts |= {"total": "total: with its interactions", "total_band": "±"}
     rows: list[Sequence[str | float]] = [
-        (called, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in told))
+        (called, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in parts))
         for share in shares
         for k, called in enumerate(factors)
     ]
-    head = {"factor": "factor", "quantity": "of the variance of", **{name: parts[name] for name in told}}
-    found = FoundTable("Sobol indices with 95 % confidence", head, rows)
-    return Sensitivity(source.caption(figure, "Which factor causes the variance", *lines), shares, factors, found)
+    head = {"factor": "factor", "quantity": "of the variance of", **parts}
+    caption = source.caption(figure, "Which factor causes the variance", line, *map(sentence, source.unseen))
+    return Sensitivity(caption, shares, factors, FoundTable("Sobol indices with 95 % confidence", head, rows))
 
 
-def sensitivity(loaded: LoadedStudy, table: StudyTable, value: str) -> Indices:
+def sensitivity(source: Source, value: str) -> Indices:
     """Sobol indices of an output column: first order, and total where Saltelli's scheme was sampled.
 
     Raises BadInput: a design of Saltelli's scheme has no answer (each belongs to as many differences as there are
     factors, so that none can be left out); too few have one; or the value does not vary.
     """
-    where, method = f"{loaded.path}: sensitivity of {value}", loaded.study.sampling.method
-    if method == "saltelli":
+    loaded, table = source.loaded, source.table
+    refused, saltelli = partial(source.refused, "sensitivity", value), loaded.study.sampling.method == "saltelli"
+    if saltelli and (missing := loaded.count - len(table.design)):
+        raise refused(f"{missing} of {loaded.count} designs are not computed, expected all")
+    if saltelli and not table.ok.all():
         bad = np.flatnonzero(~table.ok)
-        if missing := loaded.count - len(table.design):
-            raise BadInput(f"{where}: {missing} of {loaded.count} designs are not computed, expected all")
-        if len(bad):
-            raise BadInput(
-                f"{where}: {len(bad)} of {loaded.count} designs have no answer, expected all to have one; the first is "
-                f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
-            )
+        first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
+        raise refused(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
     (answers,) = table.answered(value)
-    if len(answers) < LEAST and method != "saltelli":
-        raise BadInput(f"{where}: {len(answers)} designs have an answer, expected at least {LEAST}")
-    if np.ptp(answers) <= FLAT * scale_of(table, value):
-        raise BadInput(f"{where}: no factor changes it, expected a value that varies")
-    if method == "saltelli":
+    if len(answers) < LEAST and not saltelli:
+        raise refused(f"{len(answers)} designs have an answer, expected at least {LEAST}")
+    if np.ptp(answers) <= FLAT * (source.vanishing(value) or np.abs(answers).max()):
+        raise refused("no factor changes it, expected a value that varies")
+    if saltelli:
         return sobol_indices(answers, len(loaded.columns))
     return first_order((table.answered(column.name)[0] for column in loaded.columns), answers)
 
@@ -820,22 +802,3 @@ def _residual(column: Array, answers: Array) -> tuple[Array, int]:
     square = np.bincount(group, x * x)
     slope = np.bincount(group, x * y) / np.where(square > 0, square, 1.0)
     return y - slope[group] * x, 2 * len(counts)
-
-
-def round_off_in(table: StudyTable, value: str) -> float:
-    """Up to which size numbers of a column are round-off of what symmetry makes zero, beside medians of the others."""
-    if value not in {*CROSS, *PARTS, *DRIFTS[:2]} or not table.ok.any():
-        return 0.0
-    beside = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in table.columns]
-    medians = {n: np.median(np.abs(v), keepdims=True) for n, v in zip(beside, table.answered(*beside), strict=True)}
-    return float(round_off_of(medians)[value].max())
-
-
-def scale_of(table: StudyTable, value: str) -> float:
-    """Size against which a change of an output is round-off or not: of what symmetry can make zero, what it couples."""
-    if value in COUPLINGS:
-        return 1.0
-    if value in CROSS:
-        one, other = CROSS[value]
-        return float(np.sqrt(np.median(table.columns[one] * table.columns[other])))
-    return float(np.abs(table.columns[value]).max())

@@ -9,7 +9,7 @@ import pytest
 
 from flexfem.refused import BadInput
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import first_order, sensitivity
+from flexfem.study.findings import Source, first_order, sensitivity
 from flexfem.study.loaded import LoadedStudy, sample
 
 SALTELLI = 'method = "saltelli"\nbase = {}\nseed = 5'
@@ -40,7 +40,7 @@ def test_ishigami_has_its_published_indices(studies) -> None:
     answers = np.sin(x[:, 0]) + a * np.sin(x[:, 1]) ** 2 + b * x[:, 2] ** 4 * np.sin(x[:, 0])
     v1, v2, v13 = 0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8, b**2 * np.pi**8 * (1 / 18 - 1 / 50)
     total = v1 + v2 + v13
-    found = sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", answers), "kxx_n_per_mm")
+    found = sensitivity(Source(loaded, table_of(loaded, "kxx_n_per_mm", answers), {}), "kxx_n_per_mm")
     first, whole = np.array([v1, v2, 0.0]) / total, np.array([v1 + v13, v2, v13]) / total
     assert (np.abs(found.first - first) <= BANDS * found.first_band).all()
     assert (np.abs(found.total - whole) <= BANDS * found.total_band).all()
@@ -80,11 +80,11 @@ def test_a_plain_sample_of_a_study_is_taken_factor_by_factor(studies) -> None:
     answers = values @ [3.0, 0.0, -1.0]
     table = table_of(loaded, "kxx_n_per_mm", np.where(np.arange(400) == 7, np.nan, answers), {7: "refused"})
     columns = table.columns | {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
-    found = sensitivity(loaded, replace(table, columns=columns), "kxx_n_per_mm")
+    found = sensitivity(Source(loaded, replace(table, columns=columns), {}), "kxx_n_per_mm")
     np.testing.assert_allclose(found.first, [0.9, 0.0, 0.1], atol=0.05)  # squares of the weights, 399 designs
     few = studies.of('method = "monte_carlo"\ndesigns = 99\nseed = 5', *(UNIT.format(key) for key in KEYS))
     with pytest.raises(BadInput, match="99 designs have an answer, expected at least 100"):
-        sensitivity(few, table_of(few, "kxx_n_per_mm", np.arange(99.0)), "kxx_n_per_mm")
+        sensitivity(Source(few, table_of(few, "kxx_n_per_mm", np.arange(99.0)), {}), "kxx_n_per_mm")
 
 
 def test_a_design_without_an_answer_is_refused_with_count_and_first_reason(studies) -> None:
@@ -93,7 +93,7 @@ def test_a_design_without_an_answer_is_refused_with_count_and_first_reason(studi
     answers[[7, 9]] = np.nan
     table = table_of(loaded, "kxx_n_per_mm", answers, {9: "time limit", 7: "refused"})
     with pytest.raises(BadInput) as refusal:
-        sensitivity(loaded, table, "kxx_n_per_mm")
+        sensitivity(Source(loaded, table, {}), "kxx_n_per_mm")
     text = str(refusal.value)
     for piece in ("kxx_n_per_mm", "2 of 40 designs", "design 7", "refused", "thickness_mm = 2, expected less"):
         assert piece in text
@@ -103,7 +103,7 @@ def test_a_design_without_an_answer_is_refused_with_count_and_first_reason(studi
 def test_designs_that_are_open_are_refused(studies) -> None:
     loaded = three_factors(studies, 8)
     with pytest.raises(BadInput, match="3 of 40 designs are not computed"):
-        sensitivity(loaded, table_of(loaded, "kxx_n_per_mm", np.arange(37.0)), "kxx_n_per_mm")
+        sensitivity(Source(loaded, table_of(loaded, "kxx_n_per_mm", np.arange(37.0)), {}), "kxx_n_per_mm")
 
 
 @pytest.mark.parametrize(("value", "size"), [("kxx_n_per_mm", 41.0), ("coupling_xy", 0.0), ("kxt_n", 0.0)])
@@ -111,4 +111,4 @@ def test_a_value_that_varies_by_round_off_alone_is_refused(studies, value: str, 
     loaded = three_factors(studies, 8)
     answers = size + 1e-14 * np.random.default_rng(1).normal(size=40)
     with pytest.raises(BadInput, match=f"sensitivity of {value}: no factor changes it"):
-        sensitivity(loaded, table_of(loaded, value, answers), value)
+        sensitivity(Source(loaded, table_of(loaded, value, answers), {}), value)
