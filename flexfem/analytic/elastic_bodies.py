@@ -28,12 +28,13 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Callable, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import AnyArray, Array
 from flexfem.hinges.beam import SHEAR_CORRECTION
 from flexfem.mechanism.bodies import (
@@ -84,9 +85,7 @@ def divided(segments: Sequence[Segment], size: Callable[[complex], float], turn:
 
 
 def _halved(segment: Segment, size: Callable[[complex], float], turn: float) -> list[Segment]:
-    middle = (segment.start + segment.end) / 2
-    if segment.centre is not None:
-        middle = segment.centre + (segment.start - segment.centre) * np.exp(0.5j * segment.turn)
+    middle = complex(segment.at(0.5))
     if segment.length <= size(middle) and abs(segment.turn) <= turn:
         return [segment]
     halves = (Segment(segment.start, middle, segment.centre), Segment(middle, segment.end, segment.centre))
@@ -117,7 +116,6 @@ def displacements(
 def _displacements(
     start: bytes, end: bytes, tractions: bytes, held: bytes, poissons_ratio: float, copies: int
 ) -> AnyArray:
-    """As `displacements`, which gives arrays by their bytes."""
     boundary, fixed = Boundary(np.frombuffer(start, complex), np.frombuffer(end, complex)), np.frombuffer(held, bool)
     single, double = _system(boundary, poissons_ratio, copies)
     clamped = np.concatenate([fixed, fixed])
@@ -225,17 +223,8 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     added = np.array([[(alike[i][i - j] + alike[j][i - j]) / 2 for j in range(3)] for i in range(3)])
     poses, turns = [necks(stage, chain)[2] for chain in CHAINS], np.exp(1j * CHAIN_TURN * np.arange(3))
     along = np.exp(1j * np.array([pose.heading for pose in poses])) * turns
-    J = motions(np.array([pose.point for pose in poses]) * turns, along)
+    J = freedom_motions(np.array([pose.point for pose in poses]) * turns, along)
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, added, J).reshape(9, 9))
-
-
-def motions(at: AnyArray, along: AnyArray) -> Array:
-    """Motion (n, 3, 3) of the platform, x, y, theta, for rotation, axial, shear at points (n,) along directions."""
-    zero = np.zeros(len(at))
-    rotation = np.stack([at.imag, -at.real, zero + 1], axis=-1)  # the centre of the platform is the origin
-    axial = np.stack([along.real, along.imag, zero], axis=-1)
-    shear = np.stack([-along.imag, along.real, zero], axis=-1)
-    return np.stack([rotation, axial, shear], axis=-1)
 
 
 def _added(stage: Stage, material: Elastic, chain: int) -> Array:
@@ -346,17 +335,12 @@ def body_compliance(stage: Stage, plane: Plane | None = None) -> Array:
     Raises BadInput when they cannot be drawn.
     """
     material = elastic(plane or stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio)
-    return bars_compliance(stage, material) + platform_compliance(stage, material)
-
-
-def bars_compliance(stage: Stage, material: Elastic) -> Array:
-    """What pads and links alone add, as `body_compliance`."""
-    bodies = np.zeros((3, 3, 3, 3))
+    bars = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
-        segments = [segment for line in centrelines(stage, chain) for segment in line]
-        bars, R = [bar_density(stage, material, segment)[0] for segment in segments], chain_rotation(chain - 1)
-        bodies[chain - 1, :, chain - 1] = R @ np.sum(bars, axis=(0, 1)) @ R.T
-    return bodies.reshape(9, 9)
+        each = [bar_density(stage, material, segment)[0] for line in centrelines(stage, chain) for segment in line]
+        R = chain_rotation(chain - 1)
+        bars[chain - 1, :, chain - 1] = R @ np.sum(each, axis=(0, 1)) @ R.T
+    return bars.reshape(9, 9) + platform_compliance(stage, material)
 
 
 def bar_density(
@@ -366,22 +350,16 @@ def bar_density(
 
     The strip is as wide as the link; `first` and `last` are the shares between which it is taken.
     """
-    nodes, weights = _gauss(POINTS)
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     share = first + (last - first) * (nodes + 1) / 2
+    along = segment.tangent(share)
     if segment.centre is None:
-        at = segment.start + share * (segment.end - segment.start)
-        along, (E, nu), width = (
-            np.full(POINTS, (segment.end - segment.start) / segment.length),
-            material,
-            stage.chain.link_width,
-        )
+        at, (E, nu), width = segment.at(share), material, stage.chain.link_width
         density = np.diag([12 / width**2, 1.0, SHEAR_CORRECTION * 2 * (1 + nu)]) / (E * stage.thickness * width)
     else:
-        side = float(np.sign(segment.turn))
-        spoke = (segment.start - segment.centre) * np.exp(1j * segment.turn * share)
-        at, along = np.full(POINTS, segment.centre), 1j * side * spoke / np.abs(spoke)
+        at, side = np.full(POINTS, segment.centre), float(np.sign(segment.turn))
         density = _curved(stage, material, abs(segment.start - segment.centre)) * np.outer([side, 1, 1], [side, 1, 1])
-    J = motions(at, along)
+    J = freedom_motions(at, along)
     pieces = weights / 2 * segment.length * (last - first)
     return np.asarray(np.einsum("q,qia,ab,qjb->qij", pieces, J, density, J)), share
 
@@ -401,7 +379,7 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     """
     (E, nu), width = material, stage.chain.link_width
     a, b = radius - width / 2, radius + width / 2
-    nodes, weights = _gauss(RADII)
+    nodes, weights = np.polynomial.legendre.leggauss(RADII)
     r = a * (b / a) ** ((nodes + 1) / 2)
     dr = weights / 2 * np.log(b / a) * r
     q = (a * b / r) ** 2 * np.log(b / a)
@@ -415,9 +393,6 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r * dr)
     density[2, 2] = 2 * (1 + nu) * np.sum((pulled / np.sum(pulled * dr)) ** 2 * r * dr)
     return density / (E * stage.thickness * radius)
-
-
-_gauss = cache(np.polynomial.legendre.leggauss)
 
 
 CORNER = 1 / 100  # size of elements at the clamped corners, per link width; it grows as from the neck

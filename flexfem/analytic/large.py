@@ -31,8 +31,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic.elastic_bodies import motions, platform_compliance
+from flexfem.analytic.elastic_bodies import platform_compliance
 from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.network import freedom_motions
 from flexfem.analytic.paper import KINDS, PaperModel, apply, first_order, resting, stiffness
 from flexfem.analytic.responses import beyond, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
@@ -277,7 +278,7 @@ def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]
     """Twists (3, k) of the joints of a chain, share (pushes, k) of each push beyond them, and which are of links."""
     root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
     frames = stage_frames(stage)
-    G = motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
+    G = freedom_motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
     allowed = np.array([[kind in hinge for kind in KINDS] for hinge in result.freedoms[chain - 1]])
     R, pieces = chain_rotation(chain - 1), link_pieces(stage, chain, pushes) if result.links else []
     twists, shares, of_links = list[Array](), list[Array](), list[Array]()

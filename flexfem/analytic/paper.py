@@ -8,12 +8,14 @@ from the joint springs (10) to (18) and inverse kinematics (28) to (31). At rest
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from numbers import Integral
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import Array, Index, inverse
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.designs import Frames, direction
@@ -76,10 +78,9 @@ class Joints(NamedTuple):
         return 9 * self.chain + 3 * self.hinge + self.kind
 
     @property
-    def chains(self) -> tuple[slice, slice, slice]:
+    def chains(self) -> list[slice]:
         """Where each chain's joints are."""
-        ends = np.searchsorted(self.chain, [0, 1, 2, 3])
-        return slice(ends[0], ends[1]), slice(ends[1], ends[2]), slice(ends[2], ends[3])
+        return [slice(*ends) for ends in pairwise(np.searchsorted(self.chain, [0, 1, 2, 3]).tolist())]
 
     @property
     def mobility(self) -> int:
@@ -142,25 +143,20 @@ def resting(frames: Frames, joints: Joints) -> Configuration:
     return chain_poses(frames, joints, np.zeros(len(joints.kind)))
 
 
-def first_order(joints: Joints, at: Configuration) -> tuple[Array, Array, Array]:
+def first_order(joints: Joints, at: Configuration) -> list[Array]:
     """Influence coefficients iG of each chain, (..., 3, N_i): u' = iG iphi' (4).
 
     Notes
     -----
     Revolute at p: (-(y - p_y), x - p_x, 1); prismatic along d: (d_x, d_y, 0).
     """
-    r = at.pose[..., :, None, :2] - at.pivots
-    zero, one = np.zeros(r.shape[:-1]), np.ones(r.shape[:-1])
-    c, s = np.cos(at.axes), np.sin(at.axes)
-    rotation = np.stack([-r[..., 1], r[..., 0], one], axis=-1)
-    axial, shear = np.stack([c, s, zero], axis=-1), np.stack([-s, c, zero], axis=-1)
-    columns = np.stack([rotation, axial, shear], axis=-2)  # (..., chain, hinge, kind, row)
-    G = np.swapaxes(columns.reshape(*columns.shape[:-4], 27, 3)[..., joints.slot, :], -1, -2)
-    one_, two_, three_ = joints.chains
-    return G[..., one_], G[..., two_], G[..., three_]
+    there = (at.pivots - at.pose[..., :, None, :2]) @ np.array([1, 1j])
+    columns = np.moveaxis(freedom_motions(there, np.exp(1j * at.axes)), -2, -4)  # (..., row, chain, hinge, kind)
+    G = columns.reshape(*columns.shape[:-3], 27)[..., joints.slot]
+    return [G[..., mine] for mine in joints.chains]
 
 
-def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+def second_order(joints: Joints, iG: list[Array]) -> list[Array]:
     """Influence coefficients iH of each chain, (..., 3, N_i, N_i): u'' = iG iphi'' + iphi'^T iH iphi'.
 
     Notes
@@ -174,7 +170,7 @@ def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array,
         turns = joints.kind[mine] == ROTATION
         m, n = np.indices((len(turns), len(turns)))
         found.append(turns[np.minimum(m, n)] * (QUARTER @ G)[..., np.maximum(m, n)])
-    return tuple(found)
+    return found
 
 
 DEPENDENT = 6  # three equations in each of two loops
@@ -283,7 +279,7 @@ def _both_sides(H: Array, G: Array) -> Array:
     return np.swapaxes(G, -1, -2) @ H @ G
 
 
-def _loops(poses: Array, iG: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+def _loops(poses: Array, iG: list[Array]) -> tuple[Array, Array]:
     """Loop Jacobian (..., 6, N), L phi' = 0, and gap (..., 6), by poses (..., 3, 3) and coefficients of the chains."""
     G1, G2, G3 = iG
     O2, O3 = np.zeros_like(G2), np.zeros_like(G3)
