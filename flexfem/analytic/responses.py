@@ -199,7 +199,7 @@ class Dynamics(NamedTuple):
 
 
 def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
-    """The dynamics of one stage by an analytic model; with `stacks`, their openings in the compliance, for `engaged`."""
+    """The dynamics of one stage by an analytic model, with openings of `stacks` in the compliance, for `engaged`."""
     found = driven_model(stage, of, (*on_bodies(stage if of.links else None), *stacks))
     return Dynamics(found.compliance, _mass_of(stage, payload), FREEDOMS if of.links else of.mobility)
 
