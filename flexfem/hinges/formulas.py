@@ -85,7 +85,7 @@ class Formula:
         -----
         dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). On a charted
         hinge Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height:
-        `flexfem/fem/hinge.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
+        `flexfem/fem/chart.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
         the same: the caller reports it.
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
@@ -291,16 +291,3 @@ def formula(name: str) -> Formula:
     if not isinstance(name, str) or name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]
-
-
-def over_calibrated(ratio: Array, height: float, poissons_ratio: float) -> dict[str, Compliance]:
-    """Compliances of every formula, by name, over the calibrated ones of a full notch (H = h) at t/R (n,); fields (n,).
-
-    Those of the calibrated formula itself are at H/h = `height`: what the height of the blocks does. nan off the chart.
-    """
-    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)
-    found = {}
-    for name, entry in FORMULAS.items():
-        own = entry.compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
-        found[name] = Compliance(*(a / b for a, b in zip(own, full, strict=True)))
-    return found
