@@ -281,7 +281,7 @@ class Model:
             designs = designs_of(self.loaded.study, values)
             every = conditions(designs)
             notch, clear, apart, hub = (
-                np.column_stack([each.room.min(axis=1) for each in every if word in each.reason])
+                np.column_stack([each.room.min(axis=1) for each in every if word in each.wrong])
                 for word in ("notch", "swallows", "closer", "hub larger")
             )
             gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]

@@ -14,12 +14,9 @@ from flexfem.files.toml import Label, Table
 class Sourced(Table):
     """A file with a `[provenance]`: the source of its numbers, by key path of the number or of a table above it."""
 
-    provenance: Mapping[str, Label] = Field(
-        default_factory=dict,
-        description="Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin "
-        'with "assumed" what is assumed. A number that it does not cover is reported as not stated',
-        examples=[{"name": "assumed: an example"}],
-    )
+    provenance: Mapping[str, Label] = Field(default_factory=dict, examples=[{"name": "assumed: an example"}])
+    """Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin with "assumed"
+    what is assumed. A number that it does not cover is reported as not stated"""
 
     @field_validator("provenance", mode="before")
     @classmethod

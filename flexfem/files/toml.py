@@ -164,7 +164,9 @@ class Table(BaseModel):
     `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them.
     """
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -230,11 +232,8 @@ def validate(
     keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     said = [sentence(wrong[0], model_class, data) + more] if wrong else []
-    said += (
-        [f"{' and '.join(filter(None, [', '.join(keys[:-1]), keys[-1]]))} {'are' if keys[1:] else 'is'} missing"]
-        if keys
-        else []
-    )
+    if keys:
+        said.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
     first = wrong[0] if wrong else min(problems, key=lambda problem: lines.place(problem.path))
     raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {'; '.join(said)}"))
 

@@ -1,4 +1,4 @@
-"""Fig. 11: force over displacement as read, with its slope; and which causes fit measured slopes."""
+"""What is read of a real stage: Fig. 11, which causes fit its slopes, and the fatigue life of its necks."""
 
 from __future__ import annotations
 
@@ -7,17 +7,29 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
-from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, in_house_style, legend_below, panels
-from flexfem.plot.text import significant
+from flexfem.mechanism.stage import HINGE_NAMES
+from flexfem.plot.style import (
+    COLOURS,
+    GREY,
+    INK,
+    MARKERS,
+    NAMES,
+    PALE,
+    in_house_style,
+    legend_below,
+    log_ticks,
+    panels,
+    titled,
+)
+from flexfem.plot.text import scientific, significant
 from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
 from flexfem.questions.identify import Identification
-from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, Direction, Unit, unit_for
+from flexfem.questions.life import Life
+from flexfem.results import ANALYTIC
+from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, STRESS, Direction, unit_for
 
-WIDTH, HEIGHT = 11.69, 6.4  # in
-REGION = (8.27, 5.2)  # in
 FIT: Any = {"color": INK, "linewidth": 1.3}
 MODEL: Any = {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.5}
 STAGE: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
@@ -33,12 +45,11 @@ def experiment_figure(found: Experiment) -> Figure:
         f"Simulated readings, {asked['fixture']}; the stage is by {asked['stage']}. Slopes by regression of both "
         f"readings on the commanded stroke, intervals of {asked['confidence']} by Fieller's theorem. {NOT_THE_PAPERS}"
     ]
-    figure, every = panels((WIDTH, HEIGHT), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
+    figure, every = panels((11.69, 6.4), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
     for k, direction in enumerate(DIRECTIONS):
-        plot_push(every[k], found, direction)
-        every[k].set_title(f"({'abc'[k]}) {NAMES[direction]}", loc="left")
+        titled(plot_push(every[k], found, direction), "abc"[k], NAMES[direction])
         plot_remains(every[3 + k], found, direction)
-    legend_below(figure, every[:6], 5, handlelength=3.4)
+    legend_below(figure, every, 5, handlelength=3.4)
     return figure
 
 
@@ -46,21 +57,18 @@ def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the readings of one push, their line, and those of the model and of the stage; returns `ax`."""
     k = DIRECTIONS.index(direction)
     model, stage, slope, _ = found.slope[k]
-    load, moved = found.load[k], found.displacement[k]
-    unit, of_load = _frame(ax, moved, direction, "force" if direction != "theta" else "moment")
-    _readings(ax, moved, unit, load)
-    far = np.array([0.0, float(np.max(moved))])
-    for value, start, label, style in (
+    load, far = found.load[k], np.array([0.0, float(np.max(found.displacement[k]))])
+    factor = _readings(ax, found, direction, "force" if direction != "theta" else "moment", load)
+    for value, start, label, look in (
         (model, 0.0, f"model: {found.settings['model']}", MODEL),
         (stage, 0.0, found.settings["stage"], STAGE),
         (slope, found.intercept[k], "line through the readings", FIT),
     ):
-        ax.plot(unit.factor * far, start + value * far, label=label, **style)
+        ax.plot(factor * far, start + value * far, label=label, **look)
     ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}" if found.low[k] > 0 else "no interval"
     said = f"{significant(slope)} {STIFFNESSES[k]}\n{found.settings['confidence']}: {ends}"
     ax.text(0.04, 0.95, said, transform=ax.transAxes, va="top", size=9.0)
     ax.set_ylim(top=1.12 * max(model * far[1], float(np.max(load))))
-    ax.set_ylabel(f"{ax.get_ylabel()} ({of_load})")
     return ax
 
 
@@ -68,32 +76,29 @@ def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the readings of one push less their line, and the ends of the slope's interval; returns `ax`."""
     k = DIRECTIONS.index(direction)
     moved, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
-    unit, of_load = _frame(ax, moved, direction, "load less the line")
-    _readings(ax, moved, unit, found.load[k] - found.intercept[k] - slope * moved)
+    remains = found.load[k] - found.intercept[k] - slope * moved
+    factor = _readings(ax, found, direction, "load less the line", remains)
     ax.axhline(0.0, **FIT)
     middle, far = float(np.mean(moved)), np.array([0.0, float(np.max(moved))])
     for end in (found.low[k], found.high[k]):
         if np.isfinite(end):
-            label = "ends of the interval of the slope"
-            ax.plot(unit.factor * far, (end - slope) * (far - middle), label=label, **ENDS)
-    ax.set_ylabel(f"{ax.get_ylabel()} ({of_load})")
+            ax.plot(factor * far, (end - slope) * (far - middle), label="ends of the interval of the slope", **ENDS)
     return ax
 
 
-def _frame(ax: Axes, moved: Array, direction: Direction, what: str) -> tuple[Unit, Unit]:
-    unit, load = unit_for(direction, float(np.max(moved))), FORCES[DIRECTIONS.index(direction)]
+def _readings(ax: Axes, found: Experiment, direction: Direction, what: str, values: Array) -> float:
+    """Readings of one push, each repeat by its own mark up to the fourth; returns the factor of the unit across."""
+    k = DIRECTIONS.index(direction)
+    moved = found.displacement[k]
+    unit = unit_for(direction, float(np.max(moved)))
+    for run, (at, value) in enumerate(zip(moved, values, strict=True)):
+        look: Any = {"marker": MARKERS[run % 4], "color": SHADES[run % 4], "markersize": 4.5, "linestyle": "none"}
+        label = f"readings, run {run + 1}" if run < 4 else None
+        ax.plot(unit.factor * at, value, markerfacecolor="none", label=label, **look)
     name = "rotation" if direction == "theta" else "displacement in"
-    ax.set(xlabel=f"{name} {NAMES[direction]} ({unit.name})", ylabel=what)
+    ax.set(xlabel=f"{name} {NAMES[direction]} ({unit.name})", ylabel=f"{what} ({FORCES[k]})")
     ax.grid()
-    return unit, load
-
-
-def _readings(ax: Axes, moved: Array, unit: Unit, values: Array) -> None:
-    """Readings, each repeat by its own mark up to the fourth."""
-    for k, (at, value) in enumerate(zip(moved, values, strict=True)):
-        look: Any = {"marker": MARKERS[k % 4], "color": SHADES[k % 4], "markersize": 4.5, "linestyle": "none"}
-        named = f"readings, run {k + 1}" if k < 4 else None
-        ax.plot(unit.factor * at, value, markerfacecolor="none", label=named, **look)
+    return unit.factor
 
 
 @in_house_style
@@ -105,7 +110,7 @@ def identification_figure(found: Identification) -> Figure:
         if np.isfinite(found.sd[k])
     )
     lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
-    figure, (ax,) = panels(REGION, f"{found.about.name}: what fits the slopes", lines, 1, 1, found.about)
+    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, doubts=found.about)
     plot_region(ax, found)
     legend_below(figure, [ax], 2)
     return figure
@@ -127,11 +132,84 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
         ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
     ax.axvline(0.0, **ENDS)
     if name == "pole":
-        ax.axhline(1.0, **ENDS)
-        ax.add_line(Line2D([], [], label="as drawn, as described", **ENDS))
+        ax.axhline(1.0, label="as drawn, as described", **ENDS)
     units = {"translation": COMPLIANCES[0], "rotation": COMPLIANCES[2]}
     said = "pole, times as soft as described" if name == "pole" else f"fixture in {name} ({units[name]})"
     ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive wider", ylabel=said)
     ax.set(xlim=(x[0], x[-1]), ylim=(y[0] - 0.02 * np.ptp(y), y[-1]))
     ax.grid()
     return ax
+
+
+SHOWN = 1e14  # cycles; necks beyond are not drawn, but counted: no such life is ever seen
+FIRST = 1e2  # cycles at the left edge
+HINGES = {"base": "s", "elbow": "o", "platform": "^"}
+
+
+@in_house_style
+def life_figure(found: Life) -> Figure:
+    """Draw the S-N curve with the necks of both models on it."""
+    asked, first = found.settings, []
+    for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
+        cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
+        first.append(f"By {model}: {cycles}, {_first(stress)[1]} first")
+    law, *others = found.notes
+    lines = [
+        f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
+        f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
+    ]
+    figure, (axes,) = panels((9.0, 5.2), f"{found.about.name}: fatigue life of the necks", lines, 1, doubts=found.about)
+    plot_life(axes, found)
+    return figure
+
+
+def _first(stress: Array) -> tuple[tuple[int, int], str]:
+    """Chain and hinge of the highest of stresses (3, 3), and the name of that place."""
+    chain, hinge = divmod(int(np.argmax(stress)), 3)
+    return (chain, hinge), f"{HINGE_NAMES[hinge]} hinge of chain {chain + 1}"
+
+
+def plot_life(ax: Axes, found: Life) -> Axes:
+    """Draw Basquin's law, dashed where it is extrapolated, the yield strength, and the necks on it; returns `ax`."""
+    law, wanted, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
+    low, high = law.range
+    lives = np.minimum(found.cycles, SHOWN)
+    right = 10.0 * max(high, wanted, float(np.max(lives)))
+    left = min(FIRST, low / 3.0, 0.3 * float(np.min(lives)))
+    label = "where the law was fitted" if law.range_stated else "where the law is taken to hold, assumed"
+    ax.axvspan(low, high, color=PALE, linewidth=0, label=label)
+    for ends, look in (((left, low), "--"), ((low, high), "-"), ((high, right), "--")):
+        N = np.geomspace(*ends, 50)
+        label = {"-": "Basquin's law"}.get(look, "" if ends[0] != left else "extrapolated")
+        ax.plot(N, law.amplitude(N), look, color=INK, linewidth=1.6, label=label)
+    ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
+    ax.axvline(wanted, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
+    for k, model in enumerate(found.axes["model"]):
+        _plot_necks(ax, model, found.cycles[k], found.equivalent[k])
+    beyond = int(np.sum(found.cycles >= SHOWN))
+    left_out = f"; {beyond} of {found.cycles.size} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
+    ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
+    ax.xaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
+    log_ticks(ax.yaxis, ax.get_ylim())
+    ax.set_ylabel(f"fully reversed stress amplitude of the same life ({STRESS})")
+    ax.grid(which="major")
+    ax.legend(loc="lower left", framealpha=1.0, edgecolor="none", ncols=2)
+    return ax
+
+
+def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
+    """The necks of one model, and the first of them by name; those that live beyond the axis are left out."""
+    hollow = model == ANALYTIC
+    style: Any = {"markersize": 5.5, "zorder": 3}
+    if hollow:
+        style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
+    for hinge, name in enumerate(HINGE_NAMES):
+        shown = cycles[:, hinge] < SHOWN
+        if np.any(shown):
+            points = cycles[shown, hinge], stress[shown, hinge]
+            ax.plot(*points, linestyle="none", marker=HINGES[name], label=f"{name}, {model}", color=COLOURS[2], **style)
+    place, first = _first(stress)
+    if hollow and cycles[place] < SHOWN:
+        look = {"arrowstyle": "-", "color": GREY}
+        at = (cycles[place], stress[place])
+        ax.annotate(f"first: {first}", at, (14, 30), textcoords="offset points", arrowprops=look)

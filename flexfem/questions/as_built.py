@@ -172,7 +172,7 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
     left_out = DRAWS - len(answered)
     notes = [known if np.any(sd) else "no standard deviation is given: no scatter is known"]
     return AsBuilt(
-        about(stage, necks=measured),
+        about(stage, files={"necks": measured}),
         {
             "stiffness": found.stiffness,
             "drawn": drawn.stiffness,

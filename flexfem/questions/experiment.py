@@ -153,7 +153,7 @@ def experiment(
     warnings += _of_run(stage, set_up, pushes, C) + _of_coupling(pushes, C)
     confidence = f"{set_up.run.confidence_percent:g} %"
     return Experiment(
-        about(stage, fixture=set_up, **others),
+        about(stage, files={"fixture": set_up, **others}),
         {
             "slope": np.stack([model, own, fitted, seen], axis=1),
             "deviation": 100 * (np.stack(deviations, axis=1) - 1),

@@ -227,7 +227,7 @@ def identify(
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within its interval."
     found = Identification(
-        about(stage, measured=source),
+        about(stage, files={"measured": source}),
         {
             "slope": of_directions[:3].T,
             "sd": of_directions[3],

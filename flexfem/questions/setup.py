@@ -88,6 +88,7 @@ class Analytic(NamedTuple):
 
 
 DEFAULT = Analytic()
+NO_FILES: Mapping[str, Sourced] = MappingProxyType({})
 
 
 class Mesh(NamedTuple):
@@ -154,7 +155,7 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
-def about(stage: Stage, heat: bool = False, drive: bool = False, **files: Any) -> About:
+def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
     """What a result is of: a stage, its coefficients of `heat`, its `drive`, and other files by their names."""
     said = doubts([("", stage), *((f"{name}: ", file) for name, file in files.items())])
     said = stage.heat_doubts if heat else stage.drive_doubts if drive else said

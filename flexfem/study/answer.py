@@ -17,13 +17,13 @@ from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswe
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
-from flexfem.clock import Limit
+from flexfem.fem.mesher import Limit
 from flexfem.files.refusals import suggestion
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import drive_of, drives_of
-from flexfem.mechanism.feasibility import Broken, broken, check_feasible, conditions
+from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
@@ -104,8 +104,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     with np.errstate(all="ignore"):  # an impossible design computes nonsense, and is refused
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
-        refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges), *_units(study, designs)]
-        refused = [*_off_limits(loaded, values), *refused]
+        refused = [*_off_limits(loaded, values), *(each.broken for each in conditions(designs))]
+        refused += [*unanswered(designs, study.formula, hinges), *_units(study, designs)]
         first = [np.array(each.reason, object) for each in refused]
         reason = np.select([each.where for each in refused], first, refusals_of(loaded, values))
         freedoms = freedoms_of(study.mobility, designs.prismatic)
