@@ -190,19 +190,14 @@ def run_parts(
 
     Parameters
     ----------
-    solve : callable
-        Answers a range of designs; importable by workers.
-    retry : bool
-        Also compute again the parts that hold designs out of time, crashed or failed.
-    watch, say : callable
-        Receive the progress after every part, and lines for the user.
+    solve : answers a range of designs; importable by workers.
+    retry : also compute again the parts that hold designs out of time, crashed or failed.
+    watch, say : receive the progress after every part, and lines for the user.
 
     Raises
     ------
-    BadInput
-        The folder takes no file, or a worker has another flexfem.
-    ComputationFailed
-        Workers cannot start. Parts that are written stay.
+    BadInput : the folder takes no file, or a worker has another flexfem.
+    ComputationFailed : workers cannot start. Parts that are written stay.
     """
     found, chunks = survey(parts, shard, whole=True), parts.chunks(shard)
     for chunk in found.damaged:
