@@ -105,8 +105,8 @@ GROUPS = (
         _each("drive_range", "range of the drive in {}"),
         "with `[drive]` `actuators`: how far commands drive the platform from rest with the other two directions at "
         "zero, within strokes, contacts (none may be lost), blocking forces and yield, as `flexfem reach` has it "
-        "(others zero), without load: the lesser of both ways, so zero where single stacks go one way only; `fe`: with what "
-        "necks carry by the finite elements",
+        "(others zero), without load: the lesser of both ways, so zero where single stacks go one way only; `fe`: with "
+        "what necks carry by the finite elements",
         lambda of, _: of.drives.range,
         "drive",
     ),
@@ -125,8 +125,8 @@ GROUPS = (
         {f"frequency_{k}_hz": f"natural frequency {k}" for k in (1, 2, 3)},
         "with `[frequencies]`: the three lowest natural frequencies in the plane, drives disengaged; `analytic`: "
         "platform and links as rigid bodies (with `links` on elastic links) on the model's hinges, the default "
-        "formula's 6 to 7 % high on the reference stages because its hinges are too stiff, calibrated with `links` within "
-        "0.01 %; `fe`: as `flexfem modes` on one mesh. Modes out of the plane, which can lie lower, are not in it",
+        "formula's 6 to 7 % high on the reference stages because its hinges are too stiff, calibrated with `links` "
+        "within 0.01 %; `fe`: as `flexfem modes` on one mesh. Modes out of the plane can lie lower",
         lambda of, _: np.asarray(of.frequencies),
         "frequencies",
     ),

@@ -255,23 +255,16 @@ def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
 
 
 def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
-    """In a worker: write the part of a whole chunk and return its counts, or return the table of a piece of it."""
+    """In a worker: write the part of a whole chunk and return its counts, or return the table of a piece of it; a
+    `Failure` where the answer of a design raises an error."""
     require_same_versions(parts.versions, parts.meshed)
-    table = table_of(parts, piece, _solved(solve, parts.loaded, piece.start, piece.stop))
-    return write_part(parts, chunk, table) if piece == chunk else table
-
-
-def _solved(solve: Solve, loaded: LoadedStudy, start: int, stop: int) -> Rows:
-    """Rows of designs; one whose answer raises an error is a row `failed`, and takes no other along."""
     try:
-        return solve(loaded, start, stop)
+        rows = solve(parts.loaded, piece.start, piece.stop)
     except Exception as error:
-        if stop - start > 1:
-            middle = (start + stop) // 2
-            halves = _solved(solve, loaded, start, middle), _solved(solve, loaded, middle, stop)
-            return Rows(*map(np.concatenate, zip(*halves, strict=True)))
         kind = "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
-        return failed_row(len(loaded.outputs), "failed", kind + " ".join(str(error).split()))
+        return Failure("failed", kind + " ".join(str(error).split()))
+    table = table_of(parts, piece, rows)
+    return write_part(parts, chunk, table) if piece == chunk else table
 
 
 def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:
