@@ -1,31 +1,31 @@
-"""Accepted numbers: what flexfem answers of an input file, and which of it moved.
+"""Accepted numbers: what flexfem answers of an input file, and which of it moved by more than the gate of its quantity.
 
-A baseline holds every number of every question on a file with its band, what it was made from, and why it was accepted.
-What a number may move by is the gate of its quantity. A stage and a case are also solved on a mesh that is kept beside
-the baseline: when those numbers stand and the others move, the mesh is another and not the solver.
+A stage and a case are also solved on a mesh that is kept beside the baseline: when those numbers stand and the others
+move, the mesh is another and not the solver.
 """
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import os
-import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
+from operator import methodcaller
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.arrays import AnyArray
 from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import checked_path, key_path
+from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.stage import Stage, load_feasible
@@ -45,6 +45,8 @@ from flexfem.questions.setup import Analytic
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, Progress, Result, versions
+from flexfem.studies import collect_study, run_study
+from flexfem.study import table
 from flexfem.units import DIRECTIONS, unit_of
 
 COARSE = 2  # triangles across the necks of a kept mesh
@@ -52,7 +54,6 @@ ON_KEPT = 1e-8  # of the diagonal: what a compliance on it may move by
 FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad: no two components alike
 POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad: of the drive
 DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
-KINDS = {"curve": "case", "sampling": "study", "chain": "stage"}  # by a key that the file has
 STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # of columns, else `COARSER_TABLE`
 COARSER_TABLE = 3e-4
 Numbers: TypeAlias = dict[str, tuple[float, float, float, float]]  # by path: value, band and the changes accepted
@@ -90,7 +91,7 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
     *baselines : Path
         Baselines, or folders of them.
     progress : callable, optional
-        Called with a line for every baseline.
+        Called with the name of every baseline.
 
     Raises
     ------
@@ -127,7 +128,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
     baselines : Path, optional
         Folder of the baselines; by default `baselines` beside each file.
     progress : callable, optional
-        Called with a line for every file.
+        Called with the name of every file.
 
     Returns
     -------
@@ -165,14 +166,9 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
                 for question, found in numbers_of(path, target.parent)
             },
         }
-        _write(target, data)
+        text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ") + "\n"
+        write_atomically(target, methodcaller("write", text.encode()), again=True)  # a line for every number
     return list(targets)
-
-
-def _write(path: Path, data: Mapping[str, Any]) -> None:
-    """A line for every number."""
-    text = json.dumps(data, indent=1, allow_nan=False).replace("[\n    ", "[").replace(",\n     ", ", ")
-    write_atomically(path, lambda file: file.write(f"{text}\n".encode()), again=True)
 
 
 def _relative(path: Path, folder: Path) -> str:
@@ -210,18 +206,20 @@ def check(path: Path) -> list[str]:
         return [f"{path}: its input is gone: {source}"]
     if source.stem != path.stem or kind_of(source) != data["kind"]:
         return [f"{path}: the baseline of a {data['kind']} {source}, which is of kind {kind_of(source)}"]
-    was, now = data["inputs"], inputs_of(source)
+    was, now = (
+        {(file, key): value for file, keys in inputs.items() for key, value in keys.items()}
+        for inputs in (data["inputs"], inputs_of(source))
+    )
     changes = [
-        f"the input changed: {os.path.normpath(source.parent / file)}: {key} {_became(was, now, file, key)}"
-        for file in dict.fromkeys([*was, *now])
-        for key in dict.fromkeys([*was.get(file, {}), *now.get(file, {})])
-        if was.get(file, {}).get(key) != now.get(file, {}).get(key)
+        f"the input changed: {os.path.normpath(source.parent / place[0])}: {place[1]} "
+        + _became(was.get(place), now.get(place))
+        for place in dict.fromkeys([*was, *now])
+        if was.get(place) != now.get(place)
     ]
     return changes or list(_moved(path.stem, data["numbers"], dict(numbers_of(source, path.parent))))
 
 
-def _became(was: Mapping[str, Any], now: Mapping[str, Any], file: str, key: str) -> str:
-    old, new = (each.get(file, {}).get(key) for each in (was, now))
+def _became(old: Any, new: Any) -> str:
     return f"is new: {new}" if old is None else f"is gone, was {old}" if new is None else f"was {old}, is {new}"
 
 
@@ -259,15 +257,10 @@ def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
     known = {Path(os.path.normpath(folder / each["file"])): each["kind"] for each in made}
     for place, kind in sorted({(path.parent, kind) for path, kind in known.items()}):
         for other in sorted(place.glob("*.json" if place.resolve() == DATA.resolve() else "*.toml")):
-            if other not in known and _is(other, kind):
-                yield f"{other}: no baseline in {folder}; flexfem baseline {other} --baselines {folder} --reason TEXT"
-
-
-def _is(path: Path, kind: str) -> bool:
-    try:
-        return kind_of(path) == kind
-    except BadInput:
-        return False
+            with suppress(BadInput):
+                if other not in known and kind_of(other) == kind:
+                    make = f"flexfem baseline {other} --baselines {folder} --reason TEXT"
+                    yield f"{other}: no baseline in {folder}; {make}"
 
 
 # what numbers are made from
@@ -277,11 +270,10 @@ def kind_of(path: Path) -> str:
     """What an input file is. Raises BadInput when it is nothing that has a baseline."""
     if path.suffix == ".json" and path.resolve().parent == DATA.resolve():
         return "chart"
-    data = read_toml(path).data
-    for key, kind in KINDS.items():
-        if key in data:
-            return kind
-    raise BadInput(f"{path}: expected a stage, a case, a study, or a chart of flexfem itself")
+    kind = (kind_of_toml(read_toml(path).data) or "").removesuffix(" file")
+    if kind not in ("stage", "case", "study"):
+        raise BadInput(f"{path}: expected a stage, a case, a study, or a chart of flexfem itself")
+    return kind
 
 
 def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
@@ -345,11 +337,17 @@ def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
     """The compliance on a kept mesh, which is made when it is missing. Raises BadInput when that is damaged."""
     place = folder / f"{path.stem}-{stage.hash[:8]}.npz"
     if not place.exists():
-        write_mesh(build_mesh(stage, COARSE), place)
-    mesh = read_mesh(place)
+        made = build_mesh(stage, COARSE)
+        arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {"nodes": made.nodes}
+        arrays |= {"triangles": made.triangles.astype(np.int32), "bodies": made.bodies.astype(np.int8)}
+        write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
+    held = read_arrays(place, "a kept mesh")
     try:
+        edges = {name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")}
+        bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))
+        mesh = StageMesh(held["nodes"], triangles, bodies, edges)
         check_triangles(mesh, drawn_area(stage))
-    except (IndexError, ValueError, ComputationFailed) as error:
+    except (KeyError, IndexError, ValueError, ComputationFailed) as error:
         raise BadInput(f"{place}: not a mesh of the stage {path}: {error}") from None
     C = platform_response(mesh, plate_of(stage)).compliance
     size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
@@ -357,25 +355,6 @@ def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
         f"compliance.{DIRECTIONS[i]}.{DIRECTIONS[j]}": _number(float(C[i, j]), ON_KEPT * float(size[i, j]))
         for i, j in np.ndindex(3, 3)
     }
-
-
-def write_mesh(mesh: StageMesh, path: Path) -> None:
-    """Store a mesh as arrays. Raises BadInput when the folder does not take it."""
-    arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in mesh.edges.items()} | {"nodes": mesh.nodes}
-    arrays |= {"triangles": mesh.triangles.astype(np.int32), "bodies": mesh.bodies.astype(np.int8)}
-    write_atomically(path, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
-
-
-def read_mesh(path: Path) -> StageMesh:
-    """Read a stored mesh. Raises BadInput when it is missing or damaged."""
-    arrays = read_arrays(path, "a kept mesh")
-    try:
-        edges = {name.removeprefix("edges."): arrays[name] for name in arrays if name.startswith("edges.")}
-        return StageMesh(
-            arrays["nodes"], arrays["triangles"].astype(np.int64), arrays["bodies"].astype(np.int64), edges
-        )
-    except KeyError as error:
-        raise BadInput(f"{path}: expected a kept mesh: it has no {error}") from None
 
 
 def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
@@ -400,31 +379,23 @@ def _number(value: float, accepted: float) -> tuple[float, float, float, float]:
 
 
 def _of_study(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
-    """The collected table of a study, by the commands, as users run them."""
-    with tempfile.TemporaryDirectory() as made:
-        table = Path(made) / "table.csv"
-        for arguments in (("run", path, "--output", made), ("collect", path, "--output", made, "--to", table)):
-            command = [sys.executable, "-m", "flexfem", "study", *map(str, arguments)]
-            done = subprocess.run(command, capture_output=True, text=True, check=False)
-            if done.returncode != 0:
-                raise ComputationFailed(f"{path}: {(done.stderr.strip().splitlines() or ['it failed'])[-1]}")
-        with table.open(newline="") as file:
-            rows = list(csv.DictReader(file))
-    model, columns = str(read_toml(path).data.get("model")), dict[str, list[float]]()
-    for name in rows[0] if rows else ():
-        try:
-            columns[name] = [float(row[name] or "nan") for row in rows]
-        except ValueError:  # texts
-            continue
+    """The numbers of the collected table of a study."""
+    with tempfile.TemporaryDirectory() as folder:
+        status = run_study(path, folder, workers=1)
+        if status["failed"]:
+            raise ComputationFailed(f"{path}: {', '.join(status['reasons']['failed'])}")
+        found = table(collect_study(path, folder).path, as_arrow=True)
+    every = {name: found[name].to_numpy() for name in found.column_names}
+    columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
+    model = str(read_toml(path).data.get("model"))
     for name, values in columns.items():
-        kind = name.partition("_")[0]
-        relative = STUDY_GATES.get(model) or STUDY_GATES.get(kind, COARSER_TABLE)
-        for k, value in enumerate(values):
+        relative = STUDY_GATES.get(model) or STUDY_GATES.get(name.partition("_")[0], COARSER_TABLE)
+        for k, value in enumerate(values.tolist()):
             if not np.isnan(value):
                 yield f"{name}.{k}", _number(value, relative * _size(columns, name, k))
 
 
-def _size(columns: Mapping[str, list[float]], name: str, row: int) -> float:
+def _size(columns: Mapping[str, AnyArray], name: str, row: int) -> float:
     """What a change in a column is relative to: its largest number, of couplings the stiffnesses that they couple."""
     kind = name.partition("_")[0]
     if len(kind) == 3 and kind[0] == "k" and kind[1] != kind[2]:

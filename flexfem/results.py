@@ -257,11 +257,12 @@ class Result:
         """All numbers by path, `quantity.label.label`, blanks of labels as underscores."""
         for name, values in self.values.items():
             quantity, sizes, bands = self.quantities[name], self.sizes(name), self.band(name)
-            for place, labels in self._places(quantity.over):
-                value, band = float(values[place]), float(bands[place])
-                accepted = quantity.gate.relative * sizes[place] + quantity.gate.absolute
-                path = ".".join([name, *labels]).replace(" ", "_")
-                yield Number(path, value, band, quantity.unit_at(place), accepted, quantity.gate.band * abs(band))
+            for at, labels in self._places(quantity.over):
+                accepted = quantity.gate.relative * float(sizes[at]) + quantity.gate.absolute
+                path, band = ".".join([name, *labels]).replace(" ", "_"), float(bands[at])
+                yield Number(
+                    path, float(values[at]), band, quantity.unit_at(at), accepted, quantity.gate.band * abs(band)
+                )
 
     def _places(self, over: Sequence[str]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
         for each in product(*(enumerate(self.axes[axis]) for axis in over)):
@@ -339,18 +340,15 @@ class Result:
     @classmethod
     def schema(cls) -> dict[str, Any]:
         """JSON schema of the document."""
-        text: dict[str, Any] = {"type": "string"}
-        texts: dict[str, Any] = {"type": "array", "items": text}
+        text = {"type": "string"}
+        texts = {"type": "array", "items": text}
         quantities: dict[str, Any] = {}
         for name, one in cls.quantities.items():
             values: dict[str, Any] = {"type": ["number", "null", "string"]}
             for _ in one.over:
                 values = {"type": "array", "items": values}
-            properties = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
-            properties |= {"values": values, "bands": values}
-            required = [key for key in properties if key != "bands"]
-            parts: dict[str, Any] = {"type": "object", "properties": properties, "required": required}
-            quantities[name] = {"description": one.meaning, **parts, "additionalProperties": False}
+            parts = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
+            quantities[name] = _table_schema(one.meaning, parts | {"values": values, "bands": values}, "bands")
         properties = {
             "result": {"const": cls.kind()},
             "format": {"const": FORMAT},
@@ -362,9 +360,8 @@ class Result:
             "quantities": {"type": "object", "properties": quantities, "additionalProperties": False},
             "versions": {"type": "object", "additionalProperties": text},
         }
-        required = [key for key in properties if key != "digest"]
-        found = {"title": f"flexfem: {cls.title}", "type": "object", "properties": properties, "required": required}
-        return {"$schema": "http://json-schema.org/draft-07/schema#", **found, "additionalProperties": False}
+        whole = _table_schema(f"flexfem: {cls.title}", properties, "digest")
+        return {"$schema": "http://json-schema.org/draft-07/schema#", **whole}
 
     @classmethod
     def reference(cls) -> TextTable:
@@ -471,11 +468,11 @@ class Result:
 
     def _differences(self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]) -> list[str]:
         """By how much per cent the first model differs from the last one, for the cells of a row of the last one."""
+        values, sizes, last = self.values[quantity.name], self.sizes(quantity.name), self._shown(quantity, over, place)
         if "model" not in quantity.over:
-            return [""] * len(self._shown(quantity, over, place))
-        values, sizes, found = self.values[quantity.name], self.sizes(quantity.name), []
-        first = (*place[:-1], 0)
-        for a, b in zip(self._shown(quantity, over, first), self._shown(quantity, over, place), strict=True):
+            return [""] * len(last)
+        found = []
+        for a, b in zip(self._shown(quantity, over, (*place[:-1], 0)), last, strict=True):
             known = np.isfinite(values[a]) and abs(values[b]) > ROUND_OFF * sizes[b]
             found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
         return found
@@ -633,6 +630,13 @@ def _numbers(value: Any) -> Any:
     if isinstance(value, list):
         return [_numbers(each) for each in value]
     return {None: np.nan, "unlimited": np.inf, "-unlimited": -np.inf}.get(value, value)
+
+
+def _table_schema(description: str, properties: dict[str, Any], optional: str) -> dict[str, Any]:
+    """JSON schema of a table with these keys and no others."""
+    required = [key for key in properties if key != optional]
+    parts = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
+    return {"description": description, **parts}
 
 
 def _lists(value: Any) -> Any:

@@ -1,8 +1,7 @@
 """Files that flexfem reads and writes: JSON schemas, draft 7, and tables of their keys for people.
 
-The schema of an input file is made from the model that reads it, without references, so that editors and validators of
-TOML read it: every key has its description, default, limits, examples and, if it is a number, its unit. The schema of a
-stored result is that of its declaration.
+The schema of an input file is made from the model that reads it, without references, so that editors of TOML read it;
+that of a stored result is of its declaration.
 """
 
 from __future__ import annotations
@@ -116,8 +115,8 @@ class Schema(dict[str, Any]):
 def schema(name: str | None = None, *, output: Path | None = None) -> Schema | list[Path]:
     """Give the JSON schema of a kind of file, by which editors and programs check it, or the table of its keys.
 
-    Hinge formulas, materials and stacks are those that are known now, the user's own included. A TOML file whose first
-    line is `#:schema` and the path of a schema is completed and checked by editors that know TOML.
+    Hinge formulas, materials and stacks are those that are known now, the user's own included. Editors that know TOML
+    complete and check a file whose first line is `#:schema` and the path of a schema.
 
     Parameters
     ----------
@@ -130,12 +129,7 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
     Returns
     -------
     dict or list of path
-        The schema, or the files written.
-
-    Raises
-    ------
-    BadInput
-        There is no such kind, or the folder takes no file.
+        The schema, or the files written. Raises BadInput when there is no such kind, or the folder takes no file.
 
     Examples
     --------
@@ -144,7 +138,8 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
     'mm'
     """
     if output is not None:
-        texts = {output / FILE.format(each): _text(each) for each in ([*FORMATS] if name is None else [name])}
+        wanted = [*FORMATS] if name is None else [name]
+        texts = {output / FILE.format(each): json.dumps(schema_of(each), indent=1) + "\n" for each in wanted}
         check_folder(output)
         require_unread(*texts)
         for path, text in texts.items():
@@ -158,10 +153,6 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
         found = Schema(schema_of(name))
         found.text = "\n".join(_lines(name))
     return found
-
-
-def _text(name: str) -> str:
-    return json.dumps(schema_of(name), indent=1) + "\n"
 
 
 def _lines(name: str) -> Iterator[str]:
@@ -186,10 +177,9 @@ def results() -> dict[str, type[Result]]:
 
 def schema_of(name: str) -> dict[str, Any]:
     """The JSON schema of an input file or result. Raises BadInput when there is no such kind."""
-    if name not in list(FORMATS):
-        if name not in list(results()):
-            known = ", ".join([*FORMATS, *results()])
-            raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected one of: {known}")
+    if name not in (known := [*FORMATS, *results()]):
+        raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected one of: {', '.join(known)}")
+    if name not in FORMATS:
         return results()[name].schema()
     of = FORMATS[name]
     raw = of.model.model_json_schema(by_alias=True)
@@ -208,6 +198,8 @@ def _plain(given: Any, known: dict[str, Any]) -> Any:
     found = {key: value for key, value in given.items() if key not in ("title", "$defs", "$ref", "default")}
     if given.get("default") is not None and given["default"] != []:
         found["default"] = given["default"]
+    if "description" in found:
+        found["description"] = " ".join(found["description"].split())  # of the lines of a docstring
     if "$ref" in given:
         found = {**_plain(known[given["$ref"].rpartition("/")[2]], known), **found}
     members = found.get("anyOf", [])
@@ -269,9 +261,7 @@ class KeyTable(NamedTuple):
 def tables_of(name: str) -> list[KeyTable]:
     """The tables of an input file, each before those inside it. Raises BadInput when there is no such format."""
     of, named = schema_of(name), FORMATS[name].named
-    if named:
-        return list(_tables(of["additionalProperties"], f"name of the {named}", False))
-    return list(_tables(of, "", False))
+    return list(_tables(of["additionalProperties"], f"name of the {named}", False) if named else _tables(of, "", False))
 
 
 def _tables(of: dict[str, Any], name: str, array: bool) -> Iterator[KeyTable]:

@@ -55,10 +55,6 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     study : bool
         Also a study of it, FILE-study.toml, for study run.
 
-    Returns
-    -------
-    NewFiles
-
     Raises
     ------
     BadInput
@@ -68,10 +64,8 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     if path.suffix != ".toml":
         raise BadInput(f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml")
     require_plain_stem(path)
-    wanted = {"stage": True, "case": case, "study": study}
-    paths = {
-        kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in wanted if wanted[kind]
-    }
+    kinds = ["stage", *["case"] * case, *["study"] * study]
+    paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds}
     for each in paths.values():
         check_file(each)
         if each.exists() or each.is_symlink():
@@ -102,7 +96,6 @@ def view(file: Path, *, output: Path | None = None) -> View:
     BadInput
         The file says something wrong or nothing to draw, or the folder takes no file.
     """
-    from flexfem.files.writing import check_folder
     from flexfem.plot import stage as drawing
     from flexfem.plot.write import write_beside
 
@@ -128,18 +121,12 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     output : path
         File to write: .dxf, .svg or .step.
     kerf : float, optional
         Width of the wire's cut, mm: a drawing then also has the path of its middle.
     holes : float, optional
         Diameter of a mounting hole in every pad, mm; in no model.
-
-    Returns
-    -------
-    PartReport
 
     Raises
     ------
@@ -148,7 +135,7 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
     ComputationFailed
         A solid that was read back is not the part; it is not kept.
     """
-    from flexfem.cad.export import export_part
+    from flexfem.cad import export_part
 
     target = checked_path(output)
     kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
@@ -176,8 +163,6 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
     output : path
         File to write: .msh, .vtu or .inp.
     resolution : int, optional
@@ -187,8 +172,6 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
     ------
     BadInput
         The stage cannot be made or is not plane, or the file cannot be written.
-    ComputationFailed
-        The mesh does not pass its checks.
     """
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
@@ -230,7 +213,7 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
     """
     from flexfem.questions.hinges import hinge_review, known_formulas, thickness_review
 
-    written = []
+    written: list[Path] = []
     if output is not None:
         from flexfem.plot.hinge import hinge_chart_figure, thickness_figure
         from flexfem.plot.write import write_beside

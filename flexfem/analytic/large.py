@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexfem.analytic.elastic_bodies import motions, platform_compliance
 from flexfem.analytic.model import AnalyticResult
-from flexfem.analytic.paper import KINDS, JointStiffness, PaperModel, apply, chain_poses, first_order, stiffness
+from flexfem.analytic.paper import KINDS, PaperModel, apply, first_order, resting, stiffness
 from flexfem.analytic.responses import beyond, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
 from flexfem.mechanism.contacts import Follows, Push, Stack
@@ -48,6 +48,7 @@ LARGEST_TURN = 0.1  # rad in one iteration; beyond it Newton may land on another
 BUCKLED = 0.3  # rad, of a joint: beyond it stacks have buckled the stage, or their forces are far too large
 ROUND_OFF = 1e-12  # of the largest
 ONE = np.tile(np.eye(3), (3, 1))
+NONE = np.zeros(0)  # stiffness of no stacks
 
 
 class ChainStack(NamedTuple):
@@ -110,11 +111,23 @@ class Equilibrium(NamedTuple):
     G: Array
     J: Array
 
-    def stiffness(self, stacks: Array) -> Array:
-        """Tangent stiffness (3, 3) of the platform with stacks of stiffness (n,), N/mm, that hold their strokes."""
-        inner = self.inner + (self.J.T * stacks) @ self.J
-        K = ONE.T @ np.linalg.solve(self.G @ np.linalg.solve(inner, self.G.T), ONE)  # (16) to (18)
-        return np.asarray((K + K.T) / 2)
+    def stiffness(self, stacks: Array = NONE) -> Array:
+        """Tangent stiffness (..., 3, 3) of the platform with stacks of stiffness (n,), N/mm, holding their strokes."""
+        inner, G = self.inner + (self.J.T * stacks) @ self.J, self.G
+        K = ONE.T @ inverse(G @ np.linalg.solve(inner, np.swapaxes(G, -1, -2))) @ ONE  # (16) to (18)
+        return np.asarray((K + np.swapaxes(K, -1, -2)) / 2)
+
+    @property
+    def without_terms(self) -> Equilibrium:
+        """The same without the second-order terms of (16), `- tau_p o H_p - F_u o H_u`.
+
+        Notes
+        -----
+        The springs of all joints stay, with the influence coefficients of the displaced stage. Only both terms together
+        mean something: in equilibrium their sum does not depend on which joints are called independent, while each
+        alone does and may be many times the sum.
+        """
+        return self._replace(inner=np.broadcast_to(np.eye(self.inner.shape[-1]), self.inner.shape))
 
     def stable(self, stacks: Array) -> bool:
         """Whether the equilibrium keeps itself: every motion with closed loops takes energy."""
@@ -127,9 +140,7 @@ class Equilibrium(NamedTuple):
 def under_load(of: PaperModel, load: Array) -> Equilibrium:
     """Equilibrium under a dead platform load (..., 3): force at the platform centre, moving with it, and moment.
 
-    Raises
-    ------
-    ComputationFailed: Newton's method does not converge even in the smallest load steps.
+    Raises ComputationFailed when Newton's method does not converge even in the smallest load steps.
     """
     return _of_paper(of, np.asarray(load, dtype=float), hold=False)
 
@@ -137,9 +148,7 @@ def under_load(of: PaperModel, load: Array) -> Equilibrium:
 def at_pose(of: PaperModel, pose: Array) -> Equilibrium:
     """Load that holds the platform exactly at the displacement `pose` (..., 3), mm and rad, and the joints there.
 
-    Raises
-    ------
-    ComputationFailed: as `under_load`; also when the pose is out of reach.
+    Raises ComputationFailed as `under_load`; also when the pose is out of reach.
     """
     return _of_paper(of, np.asarray(pose, dtype=float), hold=True)
 
@@ -158,16 +167,14 @@ def loaded(of: Serial, force: Array, load: Array) -> Equilibrium:
 
 def _of_paper(of: PaperModel, target: Array, hold: bool) -> Equilibrium:
     root = np.sqrt(of.springs)
-    twists = first_order(of.joints, chain_poses(of.frames, of.joints, np.zeros(root.shape[-1])))
     chains = []
-    for G, own in zip(twists, of.joints.chains, strict=True):
+    for G, own in zip(first_order(of.joints, resting(of.frames, of.joints)), of.joints.chains, strict=True):
         t = G / root[..., None, own]
-        place = np.arange(own.start, own.stop)
-        chains.append(ChainJoints(place, t[..., 0, :] + 1j * t[..., 1, :], t[..., 2, :], ()))
+        chains.append(ChainJoints(np.arange(own.start, own.stop), t[..., 0, :] + 1j * t[..., 1, :], t[..., 2, :], ()))
     serial = Serial(0, tuple(chains), np.eye(root.shape[-1]))
     singular = np.asarray(np.isnan(stiffness(of).K_uu).any(axis=(-2, -1)))
     for steps in LOAD_STEPS:
-        found = _equilibrium(serial, np.zeros(0), target, hold, steps)
+        found = _equilibrium(serial, NONE, target, hold, steps)
         lost = np.asarray(np.isnan(found.displacement).any(axis=-1) & ~singular)
         if not lost.any():
             pose, load = (np.where(singular[..., None], np.nan, part) for part in found[:2])
@@ -358,14 +365,6 @@ def _opening(
 PLACES, WEIGHTS = np.polynomial.legendre.leggauss(4)  # between two commands; more change nothing above rounding
 
 
-class Tangents(NamedTuple):
-    """Exact load (..., 3) at poses, and tangent stiffness (..., 3, 3) there with and without the second-order terms."""
-
-    load: Array
-    tangent: Array
-    without: Array
-
-
 class Missed(NamedTuple):
     """Relative values (...), the largest over a box of poses.
 
@@ -375,27 +374,6 @@ class Missed(NamedTuple):
 
     position: Array
     terms: Array
-
-
-def without_terms(of: PaperModel, at: JointStiffness) -> Array:
-    """K_uu (..., 3, 3) at a configuration by (16) without `- tau_p o H_p - F_u o H_u`.
-
-    Notes
-    -----
-    What stays, `K_a + G_p^T K_p G_p` with the influence coefficients of the displaced stage, is `G_a^T k G_a` over all
-    springs k. Only both terms together mean something: in equilibrium their sum does not depend on which joints are
-    called independent, while each alone does and may be many times the sum.
-    """
-    R = np.linalg.qr(np.sqrt(of.springs)[..., :, None] * at.influence.G_a).R
-    half = at.influence.G_u @ inverse(R)
-    return inverse(half @ np.swapaxes(half, -1, -2))
-
-
-def tangents(of: PaperModel, poses: Array) -> Tangents:
-    """Load and tangent stiffness of the pseudo-rigid stage held at poses (..., 3). Raises ComputationFailed."""
-    exact = at_pose(of, poses)
-    at = stiffness(of, exact.displacement, exact.load)
-    return Tangents(exact.load, at.K_uu, without_terms(of, at))
 
 
 def along(commanded: Array, axis: int) -> Array:
@@ -409,10 +387,10 @@ def summed_loads(of: PaperModel, commanded: Array, axis: int) -> dict[str, Array
     Raises ComputationFailed when a pose on the way is not reached.
     """
     half = np.diff(commanded)[:, None] / 2
-    found = tangents(of, along(commanded[:-1, None] + half * (1 + PLACES), axis))
+    found = at_pose(of, along(commanded[:-1, None] + half * (1 + PLACES), axis))
     loads = {}
-    for name in ("without", "tangent"):
-        steps = np.einsum("kq,kqi->ki", half * WEIGHTS, getattr(found, name)[..., axis])
+    for name, each in (("without", found.without_terms), ("tangent", found)):
+        steps = np.einsum("kq,kqi->ki", half * WEIGHTS, each.stiffness()[..., axis])
         total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
         loads[name] = total - total[np.argmin(np.abs(commanded))]
     return loads
@@ -436,8 +414,8 @@ def missed(of: PaperModel, amplitude: Array, lever: ArrayLike) -> Missed:
     far = np.asarray(lever, dtype=float)
     poses = amplitude * np.array([np.subtract(place, 1.0) for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)])
     each, scale = at_every(of), np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)[..., None, :]
-    found = tangents(each, poses)
+    found = at_pose(each, poses)
     off = np.linalg.norm((apply(stiffness(each).C_uu, found.load) - poses) * scale, axis=-1)
-    with_, less = (np.diagonal(inverse(K), axis1=-2, axis2=-1) for K in (found.tangent, found.without))
+    with_, less = (np.diagonal(inverse(one.stiffness()), axis1=-2, axis2=-1) for one in (found, found.without_terms))
     position = np.max(off / np.linalg.norm(poses * scale, axis=-1), axis=-1)
     return Missed(position, np.max(np.abs(with_ / less - 1), axis=(-2, -1)))

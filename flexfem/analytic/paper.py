@@ -137,6 +137,11 @@ def chain_poses(frames: Frames, joints: Joints, displacement: Array) -> Configur
     return Configuration(np.concatenate([moved[..., -1, :], Phi], axis=-1), pivots, axes)
 
 
+def resting(frames: Frames, joints: Joints) -> Configuration:
+    """The configuration of all joints at rest."""
+    return chain_poses(frames, joints, np.zeros(len(joints.kind)))
+
+
 def first_order(joints: Joints, at: Configuration) -> tuple[Array, Array, Array]:
     """Influence coefficients iG of each chain, (..., 3, N_i): u' = iG iphi' (4).
 
@@ -236,7 +241,7 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     from the platform centre: pivots then do not depend on units. Each pivot is the softest joint that the loops still
     hold, so stiff joints stay independent, where (16) adds their springs to the diagonal without rounding the others.
     """
-    at = chain_poses(frames, joints, np.zeros(len(joints.kind)))
+    at = resting(frames, joints)
     W, _ = _loops(at.pose, first_order(joints, at))
     length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]
     W = W * np.where(np.arange(DEPENDENT)[:, None] % 3 == 2, length, 1.0) / np.sqrt(springs)[..., None, :]

@@ -1,9 +1,8 @@
 """The command line, made from the signatures and docstrings of the functions that `import flexfem` offers.
 
-A parameter `stage : Stage` is the argument STAGE, a file; parameters with a default are options; those of a named
-tuple, such as the analytic model, are options each. The text of an option is that of the parameter in the docstring.
-A function that gives a `Result` is printed as tables, or with `--json` as a document; with `--output` the document,
-the figure and the fields are written. Modules are imported when their command is run.
+A parameter `stage : Stage` is the argument STAGE, a file; parameters with a default, and the fields of those that are
+named tuples, are options, with the text of the docstring. A `Result` is printed as tables, or with `--json` as a
+document; with `--output` document, figure and fields are written. Modules are imported when their command is run.
 
 Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n stopped by signal n, of which a closed pipe is one.
 """
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_origin, get_type_hints
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 import flexfem
 from flexfem import terminal as streams
@@ -107,6 +106,18 @@ class Commands(TyperGroup):
         return " ".join(found[1].split()) if found else ""
 
 
+class Command(TyperCommand):
+    """A command whose options of several whole numbers take them behind one flag: --resolutions 4 6 8."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Repeat the flag before every further number."""
+        flags, spread = {flag for each in self.params if each.multiple for flag in each.opts}, list[str]()
+        for each in args:
+            spread += [spread[-2]] if each.isdigit() and spread[-2:-1] and spread[-2] in flags else []
+            spread.append(each)
+        return super().parse_args(ctx, spread)
+
+
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
 app.add_typer(study.app, name="study")
 
@@ -139,7 +150,7 @@ def command(name: str) -> Any:
     """The command of a function that `flexfem` offers."""
     function = getattr(flexfem, MADE[name])
     made = typer.Typer(add_completion=False, rich_markup_mode=None)
-    made.command(name, help=_about(function.__doc__))(_runner(name, function))
+    made.command(name, cls=Command, help=_about(function.__doc__))(_runner(name, function))
     return typer.main.get_command(made)
 
 
@@ -188,8 +199,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
 
 
 def _option(name: str, hint: Any, text: str) -> Any:
-    flag = f"--{name.replace('_', '-')}"
-    return Annotated[hint, typer.Option(flag, help=text)]
+    return Annotated[hint, typer.Option(f"--{name.replace('_', '-')}", help=text)]
 
 
 def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.analytic.model import hinge_compliances
+from flexfem.analytic.model import at_rest, hinge_compliances
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.requirements import MASS, SCATTERED, Free, LoadedRequirements
@@ -20,7 +20,6 @@ from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
 from flexfem.questions.bands import error_matrix
-from flexfem.questions.batch import batch_at_rest
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs
 from flexfem.study.columns import ERRORS, STIFFNESSES
@@ -37,82 +36,61 @@ NEAR = 0.1  # finite elements over the model, and the inverse: beyond it they di
 WHOLE = 6  # dimensions up to which every combination of neighbours is looked at, beyond it pairs of them
 
 
-class FreeDimension(NamedTuple):
-    """One free dimension in file units; `allowed` (k,) are values that can be made, rising, None where all can."""
-
-    name: str
-    low: float
-    high: float
-    log: bool
-    allowed: Array | None
-    listed: bool  # of a list, not of a range with steps
-
-    @classmethod
-    def of(cls, column: Column) -> FreeDimension:
-        """The dimension of a column."""
-        factor = column.factor
-        assert isinstance(factor, Free)
-        allowed = factor.allowed
-        ends = allowed if allowed is not None else np.array([factor.start, factor.end], dtype=float)
-        log = factor.scale == "log"
-        return cls(column.name, float(ends[0]), float(ends[-1]), log, allowed, factor.values is not None)
-
-    def from_unit(self, u: Array) -> Array:
-        """Values (n,) at places `u` (n,) from 0 to 1, those of a list each as likely."""
-        if self.listed and self.allowed is not None:
-            return np.asarray(self.allowed[np.minimum((u * len(self.allowed)).astype(int), len(self.allowed) - 1)])
-        if self.log:
-            return np.asarray(self.low * (self.high / self.low) ** u)
-        return np.asarray(self.low + (self.high - self.low) * u)
-
-    def to_unit(self, x: Array) -> Array:
-        """Places (n,) of values (n,)."""
-        if self.listed and self.allowed is not None:
-            return np.asarray((self._nearest(x) + 0.5) / len(self.allowed))
-        if self.log:
-            return np.asarray(np.log(x / self.low) / np.log(self.high / self.low))
-        return np.asarray((x - self.low) / (self.high - self.low))
-
-    def snapped(self, x: Array) -> Array:
-        """The nearest values (n,) that can be made."""
-        return x if self.allowed is None else np.asarray(self.allowed[self._nearest(x)])
-
-    def beside(self, x: float) -> list[float]:
-        """The nearest value that can be made and those next to it; of a continuous dimension the value alone."""
-        if self.allowed is None:
-            return [x]
-        place = int(self._nearest(np.array([x]))[0])
-        return [float(each) for each in self.allowed[max(place - 1, 0) : place + 2]]
-
-    def _nearest(self, x: Array) -> AnyArray:
-        assert self.allowed is not None
-        return np.asarray(np.argmin(np.abs(self.allowed - x[:, None]), axis=1))
-
-
 class DesignSpace:
-    """All free dimensions; designs are rows (n, d) of values in file units."""
+    """All free dimensions; designs are rows (n, d) of values in file units.
+
+    `allowed` has the values (k,) of each dimension that can be made, rising, none where all can; those `listed` are of
+    a list, not of a range with steps.
+    """
 
     def __init__(self, columns: tuple[Column, ...]) -> None:
-        self.dimensions = tuple(FreeDimension.of(column) for column in columns)
-        self.size = len(self.dimensions)
-        self.continuous = np.array([each.allowed is None for each in self.dimensions])
-        self.listed = np.array([each.listed for each in self.dimensions])
+        factors = [column.factor for column in columns if isinstance(column.factor, Free)]
+        self.size, self.names = len(columns), [column.name for column in columns]
+        self.allowed = [factor.allowed for factor in factors]
+        ends = [made[[0, -1]] if len(made) else (f.start, f.end) for f, made in zip(factors, self.allowed, strict=True)]
+        self.low, self.high = np.array(ends, dtype=float).T
+        self.continuous = np.array([len(made) == 0 for made in self.allowed])
+        self.listed = np.array([factor.values is not None for factor in factors])
+        self.log = np.array([factor.scale == "log" for factor in factors]) & ~self.listed
+        self.ratio = np.divide(self.high, self.low, out=np.ones(self.size), where=self.log)
+
+    def named(self, values: Array) -> dict[str, float]:
+        """A design (d,) by the names of its dimensions."""
+        return dict(zip(self.names, map(float, values), strict=True))
 
     def from_unit(self, u: Array) -> Array:
-        """Designs (n, d) at places (n, d) from 0 to 1."""
-        return np.column_stack([each.from_unit(u[:, k]) for k, each in enumerate(self.dimensions)])
+        """Designs (n, d) at places (n, d) from 0 to 1; values of a list are each as likely."""
+        values = np.where(self.log, self.low * self.ratio**u, self.low + (self.high - self.low) * u)
+        for k in map(int, np.flatnonzero(self.listed)):
+            made = self.allowed[k]
+            values[:, k] = made[np.minimum((u[:, k] * len(made)).astype(int), len(made) - 1)]
+        return np.asarray(values)
 
     def to_unit(self, values: Array) -> Array:
         """Places (n, d), from 0 to 1, of designs (n, d)."""
-        return np.clip(np.column_stack([each.to_unit(values[:, k]) for k, each in enumerate(self.dimensions)]), 0, 1)
+        u = (values - self.low) / np.where(self.high > self.low, self.high - self.low, 1.0)
+        u[:, self.log] = np.log(values[:, self.log] / self.low[self.log]) / np.log(self.ratio[self.log])
+        for k in map(int, np.flatnonzero(self.listed)):
+            u[:, k] = (self._nearest(k, values[:, k]) + 0.5) / len(self.allowed[k])
+        return np.asarray(np.clip(u, 0, 1))
 
     def snapped(self, values: Array) -> Array:
         """The nearest designs (n, d) that can be made."""
-        return np.column_stack([each.snapped(values[:, k]) for k, each in enumerate(self.dimensions)])
+        found = values.copy()
+        for k in map(int, np.flatnonzero(~self.continuous)):
+            found[:, k] = self.allowed[k][self._nearest(k, values[:, k])]
+        return found
+
+    def beside(self, k: int, x: float) -> list[float]:
+        """The nearest value of dimension k that can be made and those next to it; of a continuous one `x` alone."""
+        if self.continuous[k]:
+            return [x]
+        place = int(self._nearest(k, np.array([x]))[0])
+        return [float(each) for each in self.allowed[k][max(place - 1, 0) : place + 2]]
 
     def neighbours(self, values: Array) -> Array:
         """Designs (n, d) one step away from `values` (d,) in any dimensions, in any two where there are many."""
-        beside = [each.beside(float(x)) for each, x in zip(self.dimensions, values, strict=True)]
+        beside = [self.beside(k, float(x)) for k, x in enumerate(values)]
         if sum(len(each) > 1 for each in beside) <= WHOLE:
             return np.array(list(product(*beside)))
         found = [values]
@@ -121,6 +99,9 @@ class DesignSpace:
                 found.append(values.copy())
                 found[-1][list(pair)] = moved
         return np.unique(np.array(found), axis=0)
+
+    def _nearest(self, k: int, x: Array) -> AnyArray:
+        return np.asarray(np.argmin(np.abs(self.allowed[k] - x[:, None]), axis=1))
 
 
 class Correction(NamedTuple):
@@ -174,17 +155,11 @@ class Model:
         self.sizes = np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
         self.room = BETWEEN * (self.high - self.low)  # infinite where there is one end
 
-    def changed(self, **changes: object) -> Model:
-        """The same with other corrections, guards or objective; evaluations go on being counted together."""
-        return replace(self, **changes)  # type: ignore[arg-type]
-
     @cached_property
     def scatter(self) -> NeckScatter | None:
         """Scatter of the nine necks, where a coupling under it is asked."""
         of = self.loaded.requirements
-        if of.tolerance is None or not of.used & {*SCATTERED}:
-            return None
-        return NeckScatter.of(of.tolerance, of.seed)
+        return NeckScatter.of(of.tolerance, of.seed) if of.tolerance and of.used & {*SCATTERED} else None
 
     def found(self, values: Array) -> Found:
         """Answer designs (n, d) in file units."""
@@ -301,16 +276,15 @@ class Model:
         """What must not be negative (n, c): margins end by end, of bounds, and gaps of bodies over the stage's size."""
         low, high = self.ends
         q = quantities[:, self.objectives :]
-        below, above = np.isfinite(low), np.isfinite(high)
-        ends = [((q - low) / self.sizes)[:, below], ((high - q) / self.sizes)[:, above]]
+        ends = [((q - low) / self.sizes)[:, np.isfinite(low)], ((high - q) / self.sizes)[:, np.isfinite(high)]]
         with np.errstate(all="ignore"):
             designs = designs_of(self.loaded.study, values)
-            every, width = conditions(designs), designs.link_width[:, None]
+            every = conditions(designs)
             notch, clear, apart, hub = (
-                np.column_stack([each.room.min(axis=1) for each in every if word in each.reason])
+                np.column_stack([each.room.min(axis=1) for each in every if word in each.wrong])
                 for word in ("notch", "swallows", "closer", "hub larger")
             )
-            gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / width
+            gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]
         return np.hstack([*ends, self.margins(quantities)[:, len(self.sizes) :], gaps])
 
 
@@ -319,9 +293,8 @@ def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
 
     stiffness : (n, 3, 3), of the model that answers; nan where it has none.
     """
-    paper = batch_at_rest(designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)).stiffness
+    paper = at_rest(designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)).stiffness
     found, sound = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))
-    compliance = np.asarray(np.linalg.inv(stiffness[sound]), dtype=np.float64)
-    percent = error_matrix(paper[sound], compliance, np.ones(int(sound.sum())))
+    percent = error_matrix(paper[sound], np.asarray(np.linalg.inv(stiffness[sound])), np.ones(int(sound.sum())))
     found[sound] = np.diagonal(percent, axis1=1, axis2=2)
     return found

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.design.model import MISSED, ROUND_OFF, Model
 from flexfem.design.proof import Mapped, Proof, ProposedElements, mapped, proof, searched
-from flexfem.design.requirements import SCATTERED, LoadedRequirements, Tolerance
+from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
 from flexfem.design.result import (
     Checked,
     Designed,
@@ -28,7 +28,7 @@ from flexfem.design.result import (
 )
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import Say, optimum, silent
-from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, path_of
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
@@ -49,7 +49,7 @@ from flexfem.study.columns import (
     round_off_of,
     row_of,
 )
-from flexfem.study.factors import Column, Factor
+from flexfem.study.factors import Factor, columns_of
 from flexfem.study.loaded import stage_of
 from flexfem.units import unit_of
 
@@ -66,28 +66,22 @@ SHARED = 2000  # stages with scattered necks that the share is of
 def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> Designed:
     """The best stage that meets requirements, or the one that misses least.
 
-    Raises
-    ------
-    ComputationFailed
-        Finite elements of a proposed design fail.
-    BadInput
-        No design has an answer.
+    Raises ComputationFailed where finite elements of a proposed design fail, BadInput where no design has an answer.
     """
-    model = Model(loaded, counts=elements.counts)
-    found = mapped(model, elements, say)
-    last, best, of = found.rounds[-1], found.optima[-1], loaded.requirements
+    found = mapped(Model(loaded, counts=elements.counts), elements, say)
+    model, last, best, of = found.model, found.rounds[-1], found.optima[-1], loaded.requirements
     say("sensitivities")
-    kept, stage = _requirements(found), made(loaded, last.values)
-    alternatives = list[SoleRelaxation]()
+    kept, stage, space = _requirements(found), made(loaded, last.values), model.space
+    alternatives, front = list[SoleRelaxation](), list[FrontDesign]()
     if best.merit >= MISSED and any(each.verdict == "missed" for each in kept):
-        alternatives = relaxations(found.model.changed(guard=None), last.values)
-    front = list[FrontDesign]()
+        alternatives = relaxations(replace(model, guard=None), last.values)
     if model.objectives > 1 and best.merit < MISSED:
-        designs = front_of(found.model, best.relaxed, of.front, elements, say)
-        front = [_front_design(found.model, proof(found.model, elements, each, say)) for each in designs]
-    places = zip(model.space.dimensions, model.space.to_unit(best.relaxed[None])[0], strict=True)
+        designs = front_of(model, best.relaxed, of.front, elements, say)
+        front = [_front_design(model, proof(model, elements, each, say)) for each in designs]
+    places = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
     history = found.optima[0].history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
+    assumed, not_stated = doubts_of(loaded, stage)
     return Designed(
         name=of.name,
         file=str(loaded.path),
@@ -95,35 +89,32 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         hash=stage.hash,
         seed=of.seed,
         accuracy_percent=of.accuracy_percent,
-        design=_named(loaded, last.values),
-        relaxed=_named(loaded, best.relaxed),
+        design=space.named(last.values),
+        relaxed=space.named(best.relaxed),
         stage=stage.to_toml(),
         feasible=all(each.verdict != "missed" for each in kept),
         agreed=found.agreed,
         objectives=[
-            Goal(**_quantity(found, k, each.quantity, each.title), better="larger" if each.sign < 0 else "smaller")
+            Goal(**_quantity(found, k, each), better="larger" if each.sign < 0 else "smaller")
             for k, each in enumerate(of.objective)
         ],
         requirements=kept,
         alternatives=alternatives,
-        at_ends=[each.name for each, u in places if not each.listed and not END < u < 1 - END],
-        sensitivities=_sensitivities(found.model, last),
+        at_ends=[name for name, listed, u in places if not listed and not END < u < 1 - END],
+        sensitivities=_sensitivities(model, last),
         rounds=[
-            Round(design=_named(loaded, r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
+            Round(design=space.named(r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
             for r, o in zip(found.rounds, found.optima, strict=True)
         ],
         front=front,
         scattered=_scattered(found),
-        history=[Step(evaluations=history[k][0], objective=history[k][1], missed=history[k][2]) for k in shown],
+        history=[Step(**dict(zip(Step.model_fields, history[k], strict=True))) for k in shown],
         evaluations=dict(sorted(elements.counts.items())),
         versions=versions(),
         warnings=_warnings(found),
-        **doubts_of(loaded, stage),
+        assumed=assumed,
+        not_stated=not_stated,
     )
-
-
-def _named(loaded: LoadedRequirements, values: Array) -> dict[str, float]:
-    return {column.name: float(value) for column, value in zip(loaded.columns, values, strict=True)}
 
 
 def made(loaded: LoadedRequirements, values: Array) -> Stage:
@@ -131,18 +122,16 @@ def made(loaded: LoadedRequirements, values: Array) -> Stage:
     base, stage, of = loaded.stage, stage_of(loaded.study, values), loaded.requirements
     source = f"designed: {of.name}, seed {of.seed}"
     sources, members = dict(base.provenance), dict[str, list[int]]()
-    for column in loaded.columns:
-        for path in column.keys:
-            place = path_of(path)
-            if isinstance(place[-1], int):
-                members.setdefault(key_path(place[:-1]), []).append(place[-1])
-            else:
-                sources[path] = source
+    for path in (path for column in loaded.columns for path in column.keys):
+        *table, last = path_of(path)
+        if isinstance(last, int):
+            members.setdefault(key_path(tuple(table)), []).append(last)
+        else:
+            sources[path] = source
     for path, indices in members.items():  # one that is assumed in part goes on being assumed
         before = base.sources.get(path) or "not stated"
         lead = "assumed in part" if is_assumed(before) else "in part"
-        designed_here = ", ".join(map(str, sorted(indices)))
-        sources[path] = f"{lead}: [{designed_here}] {source}; the others {before}"
+        sources[path] = f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
     return stage.model_copy(update={"name": of.name, "provenance": sources})
 
 
@@ -158,25 +147,28 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> Checked:
     return "finite elements in three dimensions" if solid else "finite elements"
 
 
-def _quantity(found: Mapped, place: int, text: str, label: str) -> dict[str, Any]:
+def _quantity(found: Mapped, place: int, asked: Objective | Require) -> dict[str, Any]:
     """The fields of `Stated`."""
     loaded, of = found.model.loaded, found.rounds[-1]
-    names = loaded.requirements.names_of(text)
+    names = loaded.requirements.names_of(asked.quantity)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
-    noise = _moved(found, {n: float(x.max()) for n, x in round_off_of(_arrays(of.columns)).items() if n in of.columns})
-    value, uncorrected = (
-        0.0 if abs(x) <= noise[place] else float(x) for x in (of.elements[place], of.uncorrected[place])
-    )
-    spread = None
+    columns = {name: np.array([value]) for name, value in of.columns.items()}
+
+    def moved(steps: Mapping[str, float]) -> float:
+        """By how much the quantity moves when columns of the design move by `steps`."""
+        changed = columns | {name: columns[name] + step for name, step in steps.items() if name in columns}
+        return float(abs(found.model.quantities(changed)[0, place] - of.elements[place]))
+
+    noise, spread = moved({name: float(size.max()) for name, size in round_off_of(columns).items()}), None
     if names & {*ENGAGED}:
-        stage = stage_of(loaded.study, of.values)
-        model = commanding(best_model(stage, []))
+        model = commanding(best_model(stage_of(loaded.study, of.values), []))
         part = push_spread(model) / engaged_stiffness(model.of)
         steps = {name: of.columns[name] * x for name, x in zip(ENGAGED, part, strict=True)}
-        spread = max(float(_moved(found, {n: side * x for n, x in steps.items()})[place]) for side in (-1, 1))
+        spread = max(moved({name: side * x for name, x in steps.items()}) for side in (-1, 1))
+    value, uncorrected = (float(x) if abs(x) > noise else 0.0 for x in (of.elements[place], of.uncorrected[place]))
     return {
-        "name": text,
-        "label": label,
+        "name": asked.quantity,
+        "label": asked.title,
         "value": value,
         "band": float(of.bands[place]) if sampled or by.startswith("finite") else None,
         "sampling": float(of.sampling[place]) if sampled else None,
@@ -186,32 +178,30 @@ def _quantity(found: Mapped, place: int, text: str, label: str) -> dict[str, Any
     }
 
 
-def _arrays(columns: dict[str, float]) -> dict[str, Array]:
-    return {name: np.array([value]) for name, value in columns.items()}
-
-
-def _moved(found: Mapped, steps: dict[str, float]) -> Array:
-    """By how much quantities (q,) of the design move when columns of it move by `steps`."""
-    of = found.rounds[-1]
-    columns = of.columns | {name: of.columns[name] + step for name, step in steps.items()}
-    return np.asarray(np.abs(found.model.quantities(_arrays(columns))[0] - of.elements))
-
-
 def _requirements(found: Mapped) -> list[Requirement]:
     model, proposing, kept = found.model, found.proposing, list[Requirement]()
     guard = np.zeros(len(model.sizes)) if proposing.guard is None else proposing.guard
     tight = 100 * np.minimum(guard, model.room / model.sizes)
     slack = proposing.margins(proposing.found(found.optima[-1].relaxed[None]).quantities)[0]
     for k, each in enumerate(model.loaded.requirements.require):
-        about = _quantity(found, model.objectives + k, each.quantity, each.title)
+        about = _quantity(found, model.objectives + k, each)
         value, band, size = about["value"], about["band"] or 0.0, float(model.sizes[k])
         margin = float(min(value - model.low[k], model.high[k] - value))
         verdict: Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
-        about |= {"at_least": each.at_least, "at_most": each.at_most, "size": size, "verdict": verdict}
-        about |= {"margin": margin, "margin_percent": 100 * margin / size, "active": bool(abs(slack[k]) <= ACTIVE)}
-        about |= {"band_percent": None if about["band"] is None else 100 * band / size}
-        about |= {"relax_to": value if verdict == "missed" else None, "tightened_percent": float(tight[k])}
-        kept.append(Requirement(**about))
+        requirement = Requirement(
+            **about,
+            at_least=each.at_least,
+            at_most=each.at_most,
+            size=size,
+            margin=margin,
+            margin_percent=100 * margin / size,
+            band_percent=None if about["band"] is None else 100 * band / size,
+            verdict=verdict,
+            active=bool(abs(slack[k]) <= ACTIVE),
+            relax_to=value if verdict == "missed" else None,
+            tightened_percent=float(tight[k]),
+        )
+        kept.append(requirement)
     return kept
 
 
@@ -219,7 +209,7 @@ def relaxations(model: Model, near: Array) -> list[SoleRelaxation]:
     """For every requirement the smallest relaxation that is enough when the others are kept, by a search each."""
     found = list[SoleRelaxation]()
     for k, each in enumerate(model.loaded.requirements.require):
-        alone = model.changed(yielding=k)
+        alone = replace(model, yielding=k)
         best = optimum(alone, model.loaded.requirements.seed, near)
         relax_to = percent = None
         if best.merit < MISSED:
@@ -240,7 +230,7 @@ def front_of(model: Model, first: Array, count: int, elements: ProposedElements,
     overlap part what can be made.
     """
     seed, store = model.loaded.requirements.seed, elements.store
-    last = searched(model.changed(objective=1), first, store, say=say)
+    last = searched(replace(model, objective=1), first, store, say=say)
     if last.merit >= MISSED:
         return []
     designs = [_in_turn(model, each, seed) for each in (optimum(model, seed, first, False).values, last.values)]
@@ -257,7 +247,7 @@ def front_of(model: Model, first: Array, count: int, elements: ProposedElements,
         k = int(open_gaps[0])
         closed.add(float(bounds[k]))
         near = designs[k + 1]
-        between = searched(model.changed(bounds={1: float(bounds[k])}), near, store, say=say)
+        between = searched(replace(model, bounds={1: float(bounds[k])}), near, store, say=say)
         if between.merit < MISSED:
             designs.append(between.values)
         say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
@@ -268,7 +258,7 @@ def _in_turn(model: Model, values: Array, seed: int) -> Array:
     """The design (d,) beside `values` that is best in one objective after the other while the other is kept."""
     for k in range(model.objectives):
         own = model.signed(model.found(values[None]).quantities)[0]
-        bounded = model.changed(objective=k, bounds={j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k})
+        bounded = replace(model, objective=k, bounds={j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k})
         best = optimum(bounded, seed, values, False)
         if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
             values = best.values
@@ -287,7 +277,7 @@ def _front_design(model: Model, of: Proof) -> FrontDesign:
     k = model.objectives
     margins = np.minimum(of.elements[k:] - model.low, model.high - of.elements[k:])
     return FrontDesign(
-        design=_named(model.loaded, of.values),
+        design=model.space.named(of.values),
         values=of.elements[:k].tolist(),
         predicted=of.predicted[:k].tolist(),
         margins_percent=(100 * margins / model.sizes).tolist(),
@@ -344,14 +334,13 @@ def share_kept(model: Model, of: Proof, tolerance: Tolerance) -> float:
     """
     study, stage = model.loaded.study, stage_of(model.loaded.study, of.values)
     off = deviations(tolerance, SHARED, (model.loaded.requirements.seed + 1) % 2**63).reshape(-1, 9)
-    names = [(k, hinge) for k in (1, 2, 3) for hinge in HINGE_NAMES]
-    paths = [f"override.{k}.{hinge}.neck_mm" for k, hinge in names]
-    necks = off + [stage.hinge(*place).neck for place in names]
-    columns = tuple(Column(path, (path,), Factor(key=path, values=(0.5,))) for path in paths)
+    places = [(k, hinge) for k in (1, 2, 3) for hinge in HINGE_NAMES]
+    columns = columns_of(Factor(key=f"override.{k}.{hinge}.neck_mm", values=(0.5,)) for k, hinge in places)
+    necks = off + [stage.hinge(*place).neck for place in places]
     rows = answer_designs(replace(study, stage=stage, columns=columns), necks)
     found = dict(zip(study.outputs, rows.values.T, strict=True))
     quantities = model.quantities({n: np.full(SHARED, x) for n, x in of.columns.items()} | model.corrected(found))
-    margins = model.changed(guard=None, bounds={}).margins(quantities)
+    margins = replace(model, guard=None, bounds={}).margins(quantities)
     return float(np.mean((rows.status == "ok") & np.all(margins >= -ROUND_OFF, axis=1)))
 
 
@@ -381,21 +370,15 @@ def _warnings(found: Mapped) -> list[str]:
     return warnings
 
 
-def doubts_of(loaded: LoadedRequirements, stage: Stage) -> dict[str, list[str]]:
-    """Key paths, of the stage and of the requirements, that are assumed or whose source is not stated."""
-    of, study = loaded.requirements, loaded.study.study
-    pairs = [stage.drive_doubts] if study.driven else []
-    pairs += [stage.heat_doubts] if study.drift is not None else []
-    pairs = pairs or [Doubts([*stage.assumed], [*stage.not_stated])]
+def doubts_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list[str]]:
+    """Key paths, of the stage and of the requirements, that are assumed, and those whose source is not stated."""
+    of, study = loaded.requirements, replace(loaded.study, stage=stage)
+    own = [key for key, source in of.provenance.items() if is_assumed(source)], of.not_stated
+    warm = study.study.drift is not None
     assumed, not_stated = (
-        [key for key in dict.fromkeys(chain(*keys)) if study.drift is not None or not of_heat(key)]
-        for keys in zip(*pairs, strict=True)
-    )
-    own = [key for key, source in of.provenance.items() if is_assumed(source)]
-    return {
-        "assumed": [*(f"stage: {key}" for key in assumed), *(f"requirements: {key}" for key in own)],
-        "not_stated": [*(f"stage: {key}" for key in not_stated), *(f"requirements: {key}" for key in of.not_stated)],
-    }
-
-
-# XX
+        [f"stage: {key}" for key in (each.removeprefix("stage: ") for each in said if each.startswith("stage: "))
+         if warm or not of_heat(key)]
+        + [f"requirements: {key}" for key in keys]
+        for said, keys in zip(study.doubts, own, strict=True)
+    )  # fmt: skip
+    return assumed, not_stated

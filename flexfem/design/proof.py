@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -35,6 +35,7 @@ from flexfem.study.workers import Failure, Workers, require_same_versions, versi
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck where nine necks scatter
+BY_ELEMENTS, IN_THREE = "finite elements", "finite elements in three dimensions"  # what solutions count as
 LIMIT = 600.0  # s for one mesh
 LOCAL = 0.01  # gap of both models below which the next search is beside the last design alone
 ROUNDS = 8  # at most
@@ -56,38 +57,38 @@ class Store:
 
     def answer(self, question: Any) -> Any:
         """What is known, None else."""
-        name = self._name(question)
+        name = _name_of(question)
         if name not in self._found and self.folder is not None:
             with suppress(OSError, ValueError):
                 self._found[name] = json.loads((self.folder / name).read_text())
         return self._found.get(name)
 
-    def keep(self, question: Any, answer: Any) -> Any:
+    def keep(self, question: Any, answer: Any) -> None:
         """Add an answer; a folder that takes no file is told of when the results are written."""
-        self._found[self._name(question)] = answer
+        name, content = _name_of(question), json.dumps(answer).encode()
+        self._found[name] = answer
         if self.folder is not None:
-            content = json.dumps(answer).encode()
             with suppress(BadInput):
-                write_atomically(self.folder / self._name(question), lambda file: file.write(content), again=True)
-        return answer
+                write_atomically(self.folder / name, lambda file: file.write(content), again=True)
 
     def searched(self, question: Any, counts: Counter[str], search: Callable[[], Any]) -> Any:
         """What `search`, or one before with this question, found; `counts` grow as in that search."""
-        known, before = self.answer(question), counts.copy()
-        if known is not None:
+        if (known := self.answer(question)) is not None:
             counts.update(known[1])
             return known[0]
+        before = counts.copy()
         found = search()
-        return self.keep(question, [found, dict(counts - before)])[0]
+        self.keep(question, [found, dict(counts - before)])
+        return found
 
     def forget(self) -> None:
         """Remove the folder: the results are written."""
         if self.folder is not None:
             shutil.rmtree(self.folder, ignore_errors=True)
 
-    @staticmethod
-    def _name(question: Any) -> str:
-        return f"{digest([question, dict(versions_of(True))])[:32]}.json"
+
+def _name_of(question: Any) -> str:
+    return f"{digest([question, dict(versions_of(True))])[:32]}.json"
 
 
 class Meshed(NamedTuple):
@@ -123,12 +124,9 @@ class ProposedElements:
 
     def of(self, values: Array, say: Say = silent) -> Meshed:
         """A design (d,) on every mesh. Raises ComputationFailed."""
-        stage = stage_of(self.loaded.study, values)
-        meshes: Iterable[tuple[int, int]] = SOLID
-        if self.loaded.solid:
-            stage = stage.replace(model="plane_stress")
-        else:
-            meshes = [(level, 2) for level in levels(self.loaded.requirements.resolution)]
+        stage, solid = stage_of(self.loaded.study, values), self.loaded.solid
+        meshes = SOLID if solid else tuple((level, 2) for level in levels(self.loaded.requirements.resolution))
+        stage = stage.replace(model="plane_stress") if solid else stage
         studies = [self._study(*mesh) for mesh in meshes]
         rows = self._solved([(study, stage) for study in studies], say)
         found = [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
@@ -140,10 +138,7 @@ class ProposedElements:
         places = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
         necks = [{at: {"neck": stage.hinge(*at).neck + float(each[k, n])} for k, n, at in places} for each in off]
         for resolution in SCATTER:
-            study = self._study(resolution, 2)
-            study = replace(
-                study, study=study.study.model_copy(update=dict.fromkeys(("drive", "frequencies", "life", "drift")))
-            )
+            study = _asking(self._study(resolution, 2), dict.fromkeys(("drive", "frequencies", "life", "drift")))
             rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks], say))
             found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
         return found
@@ -155,18 +150,16 @@ class ProposedElements:
         changes: dict[str, Any] = {"model": model, "resolution": resolution, "layers": layers, "bands": False}
         changes |= {"links": False, "mobility": None, "formula": of.paper_formula, "time_limit": LIMIT, "check": None}
         if self.loaded.solid:
-            strokes = of.drive is not None and of.drive.stroke_um is not None
-            drive = of.drive.model_copy(update={"actuators": False}) if of.drive is not None and strokes else None
+            drive = of.drive if of.drive is not None and of.drive.stroke_um is not None else None
+            drive = drive and drive.model_copy(update={"actuators": False})
             changes |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
-        return replace(study, study=study.study.model_copy(update=changes))
+        return _asking(study, changes)
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage]], say: Say) -> list[list[float]]:
         """Rows of outputs, in the order of the tasks; what is known is not solved again."""
         questions = [[study.study.model_dump(mode="json"), stage.model_dump(mode="json")] for study, stage in tasks]
         names = {digest(question) for question in questions}
-        self.counts[f"finite elements{' in three dimensions' if self.loaded.solid else ''}"] += len(
-            names - self._counted
-        )
+        self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] += len(names - self._counted)
         self._counted |= names
         waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
         for done, (k, row) in enumerate(self._rows(tasks, waiting), 1):
@@ -184,6 +177,10 @@ class ProposedElements:
         ahead = ((k, *tasks[k], dict(versions_of(True))) for k in waiting)
         for (k, *_), row in self.workers.results(solved, lambda: next(ahead, None), lambda task: LIMIT):
             yield k, row
+
+
+def _asking(study: LoadedStudy, changes: dict[str, Any]) -> LoadedStudy:
+    return replace(study, study=study.study.model_copy(update=changes))
 
 
 class Proof(NamedTuple):
@@ -232,7 +229,7 @@ def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mappe
         rounds.append(proof(model, elements, best.values, say))
         last, near = rounds[-1], best.values
         side = -1.0 if model.guard is None and rounds[1:] else 1.0
-        corrected = model.changed(corrections=last.corrections, shifts=last.shifts)
+        corrected = replace(model, corrections=last.corrections, shifts=last.shifts)
         everywhere = last.gap > LOCAL or best.merit >= MISSED
         if last.gap <= accuracy and (best.merit >= MISSED or is_kept(model, last, side)):
             return Mapped(corrected, model, rounds, optima, True)
@@ -253,7 +250,7 @@ def _guarded(
     """
     tried = list[tuple[Model, BestDesign]]()
     for guard in guards:
-        guarded = model.changed(guard=guard)
+        guarded = replace(model, guard=guard)
         best = searched(guarded, near, store, everywhere, say)
         tried.append((guarded, best))
         if best.merit < MISSED:
@@ -295,33 +292,47 @@ def question_of(model: Model) -> list[Any]:
 def proof(model: Model, elements: ProposedElements, values: Array, say: Say = silent) -> Proof:
     """Finite elements of a design (d,), and the corrections that make the model agree with them there."""
     meshed, scattered = elements.of(values, say), scattered_stages(model, elements, values, say)
-    shifts = {} if scattered is None else named(scattered.others / scattered.searched)
-    own = {name: float(column[0]) for name, column in model.changed(shifts=shifts).columns(values[None])[0].items()}
-    found, resolutions = meshed.columns[-1], np.array(meshed.resolutions, dtype=float)
-    found = found | ({} if scattered is None else named(scattered.others * scattered.factors[-1]))
-    bands = _bands(model, resolutions, np.array([_quantities(model, own | found | each) for each in meshed.columns]))
-    q = _quantities(model, own | found)
+    shifts, by_scatter = dict[str, float](), dict[str, float]()
+    if scattered is not None:
+        shifts, by_scatter = named(scattered.others / scattered.searched), named(scattered.elements[-1])
+    own = {name: float(column[0]) for name, column in replace(model, shifts=shifts).columns(values[None])[0].items()}
+    found = meshed.columns[-1] | by_scatter
+
+    def quantities(*columns: dict[str, float]) -> Array:
+        """Quantities (q, sets) by columns that take the place of those found."""
+        every = [own | found | each for each in columns]
+        return model.quantities({name: np.array([each[name] for each in every]) for name in every[0]}).T
+
+    resolutions, of = np.array(meshed.resolutions, dtype=float), model.loaded.requirements
+    by_mesh = zip(of.quantities, quantities(*meshed.columns), strict=True)
+    bands = np.array([quantity_band(of.names_of(text), resolutions, each) for text, each in by_mesh])
+    (q,) = quantities({}).T
     sampling = np.zeros(len(q))
     if scattered is not None:
-        value, half = scattered.others * scattered.factors[-1], scattered.half_widths
-        ends = [_quantities(model, own | found | named(value + side * half)) for side in (-1.0, 1.0)]
-        sampling = np.max(np.abs(np.array(ends) - q), axis=0)
-        by_mesh = [_quantities(model, own | found | named(scattered.others * each)) for each in scattered.factors]
-        if len(by_mesh) > 1:
-            of_scatter = np.array(SCATTER, dtype=float)
-            bands = np.maximum(bands, [_mesh_band(of_scatter, each) for each in np.array(by_mesh).T])
+        half = scattered.half_widths
+        ends = quantities(*(named(scattered.elements[-1] + side * half) for side in (-1.0, 1.0)))
+        sampling = np.max(np.abs(ends - q[:, None]), axis=1)
+        if len(scattered.factors) > 1:
+            scattering = quantities(*map(named, scattered.elements))
+            bands = np.maximum(bands, [_mesh_band(np.array(SCATTER, dtype=float), each) for each in scattering])
     predicted = model.found(values[None]).quantities[0]
     size = np.maximum(np.abs(q), np.concatenate([np.zeros(model.objectives), model.sizes]))
     off = np.abs(predicted - q)
     zero = np.maximum(np.abs(q), off) <= bands  # an objective that meshes do not tell from zero, nor the model
     zero[model.objectives :] = False
-    gap = float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0)))
-    corrections = {name: correction_of(own[name], value) for name, value in found.items() if name in own}
-    columns = own | found
     return Proof(
-        values, predicted, _quantities(model, own), q, bands + sampling, sampling, gap, corrections, shifts, columns,
-        scattered,
-    )  # fmt: skip
+        values=values,
+        predicted=predicted,
+        uncorrected=quantities(own)[:, 0],
+        elements=q,
+        bands=bands + sampling,
+        sampling=sampling,
+        gap=float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0))),
+        corrections={name: correction_of(own[name], value) for name, value in found.items() if name in own},
+        shifts=shifts,
+        columns=own | found,
+        scattered=scattered,
+    )
 
 
 def scattered_stages(
@@ -343,18 +354,6 @@ def scattered_stages(
 def named(couplings: Array) -> dict[str, float]:
     """Couplings under scatter (4,) by their columns."""
     return dict(zip(SCATTERED, map(float, couplings), strict=True))
-
-
-def _quantities(model: Model, columns: Mapping[str, float]) -> Array:
-    """Quantities (q,) of one design by its columns."""
-    return np.asarray(model.quantities({name: np.array([value]) for name, value in columns.items()})[0])
-
-
-def _bands(model: Model, resolutions: Array, values: Array) -> Array:
-    """Half-widths (q,) by meshes of quantities (levels, q)."""
-    of = model.loaded.requirements
-    each = zip(of.quantities, values.T, strict=True)
-    return np.array([quantity_band(of.names_of(text), resolutions, by_mesh) for text, by_mesh in each])
 
 
 def quantity_band(columns: frozenset[str], resolutions: Array, values: Array) -> float:

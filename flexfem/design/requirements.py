@@ -100,13 +100,10 @@ class Free(Factor):
         return self
 
     @property
-    def allowed(self) -> Array | None:
-        """The values (k,) that it may take, rising; None where it is continuous."""
-        if self.values is not None:
-            return np.sort(np.array(self.values))
-        if self.step is None:
-            return None
-        assert self.start is not None and self.end is not None
+    def allowed(self) -> Array:
+        """The values (k,) that it may take, rising; none where it is continuous."""
+        if self.step is None or self.start is None or self.end is None:
+            return np.sort(np.array(self.values or ()))
         steps = int(np.floor((self.end - self.start) / self.step + ROUND_OFF))
         return np.round(self.start + self.step * np.arange(steps + 1), 12)
 

@@ -123,6 +123,11 @@ class ScatteredStages(NamedTuple):
     misfit: Array
 
     @property
+    def elements(self) -> Array:
+        """The couplings (meshes, 4) of the others by finite elements, by the model without them."""
+        return self.factors * self.others
+
+    @property
     def half_widths(self) -> Array:
         """By how much sampling may be off (4,): half the interval of the stages, and the misfit of those checked."""
         half = np.maximum(self.high - self.others, self.others - self.low)

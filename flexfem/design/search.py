@@ -165,12 +165,10 @@ class _Search:
             self.note(merit)
             return relaxed, merit
         self.noted, free, beam = np.inf, ~space.listed, relaxed[None]
-        coarseness = [np.inf if each.allowed is None else len(each.allowed) for each in space.dimensions]
+        coarseness = [len(each) or np.inf for each in space.allowed]
         for k in np.argsort(coarseness, kind="stable")[: np.sum(~space.continuous)]:
             free[k] = False
-            started = {
-                (*each[:k], value, *each[k + 1 :]) for each in beam for value in space.dimensions[k].beside(each[k])
-            }
+            started = {(*each[:k], value, *each[k + 1 :]) for each in beam for value in space.beside(k, each[k])}
             ends = np.array([self.polished(np.array(start), free) for start in sorted(started)])
             beam = ends[np.argsort(self.merit(ends), kind="stable")[:BEAM]]
         starts = space.snapped(np.vstack([beam] if near is None else [beam, near]))

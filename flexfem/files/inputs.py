@@ -11,7 +11,7 @@ from typing import Any
 
 from flexfem.refused import BadInput
 
-_reads: list[dict[str, str]] = []  # names by path, of the command that runs; a session in Python may write what it read
+_reads: list[dict[tuple[int, int] | None, str]] = []  # names by node, of the command that runs; none of a session
 _written: set[str] = set()
 _hooked: list[bool] = []
 
@@ -32,35 +32,10 @@ def noted() -> Iterator[None]:
 
 def _note(event: str, about: tuple[Any, ...]) -> None:
     if event == "open" and _reads:
-        with suppress(OSError, TypeError, ValueError, LookupError):  # such as the number of a file that is open already
+        with suppress(TypeError, ValueError, LookupError):  # such as the number of a file that is open already
             path, _, flags = about
             if not flags & (os.O_WRONLY | os.O_RDWR):
-                name = os.fsdecode(path)
-                _reads[-1].setdefault(os.path.abspath(name), name)
-
-
-def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
-    """Raise BadInput when the command has read a file to write, also by a link, or it is one of `read`."""
-    from flexfem.files.refusals import place_of  # heavy
-
-    names = {place: name for each in _reads for place, name in list(each.items()) if place not in _written}
-    names |= {os.path.abspath(path): str(path) for path in read}
-    for path in paths:
-        node = _node(path) if os.path.abspath(path) not in _written else None
-        if node is None:
-            continue
-        found = names.get(os.path.abspath(path)) or next(
-            (name for at, name in names.items() if _node(at) == node), None
-        )
-        if found is not None:
-            same = "" if found == str(path) else f"the same file as {place_of(found)}, which "
-            raise BadInput(f"{place_of(path)}: {same}is read for what is to be written, expected another file")
-
-
-def wrote(path: Path) -> None:
-    """Say that the command has written a file: it may read it back, and write it again."""
-    if _reads:
-        _written.add(os.path.abspath(path))
+                _reads[-1].setdefault(_node(os.fsdecode(path)), os.fsdecode(path))
 
 
 def _node(path: str | Path) -> tuple[int, int] | None:
@@ -69,3 +44,22 @@ def _node(path: str | Path) -> tuple[int, int] | None:
     except (OSError, ValueError):
         return None
     return status.st_dev, status.st_ino
+
+
+def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
+    """Raise BadInput when the command has read a file to write, also by a link, or it is one of `read`."""
+    from flexfem.files.refusals import place_of  # heavy
+
+    names = {node: name for each in _reads for node, name in list(each.items())}
+    names |= {_node(path): str(path) for path in read}
+    for path in paths:
+        node = _node(path)
+        if node in names and node is not None and os.path.abspath(path) not in _written:
+            same = "" if names[node] == str(path) else f"the same file as {place_of(names[node])}, which "
+            raise BadInput(f"{place_of(path)}: {same}is read for what is to be written, expected another file")
+
+
+def wrote(path: Path) -> None:
+    """Say that the command has written a file: it may read it back, and write it again."""
+    if _reads:
+        _written.add(os.path.abspath(path))

@@ -14,12 +14,9 @@ from flexfem.files.toml import Label, Table
 class Sourced(Table):
     """A file with a `[provenance]`: the source of its numbers, by key path of the number or of a table above it."""
 
-    provenance: Mapping[str, Label] = Field(
-        default_factory=dict,
-        description="Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin "
-        'with "assumed" what is assumed. A number that it does not cover is reported as not stated',
-        examples=[{"name": "assumed: an example"}],
-    )
+    provenance: Mapping[str, Label] = Field(default_factory=dict, examples=[{"name": "assumed: an example"}])
+    """Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin with "assumed"
+    what is assumed. A number that it does not cover is reported as not stated"""
 
     @field_validator("provenance", mode="before")
     @classmethod
@@ -34,7 +31,8 @@ class Sourced(Table):
         known = key_paths(self)
         for key in self.provenance:
             if key not in known:
-                close = _as_written_now(self, key, known) or suggestion(key, known)
+                now = _as_written_now(self, key)
+                close = f", did you mean {now}?" if now in known else suggestion(key, known)
                 raise refusal(f"a key path of this file{close}", "provenance", key)
         return self
 
@@ -85,7 +83,7 @@ def is_assumed(source: str) -> bool:
 
 
 def key_paths(file: Table) -> tuple[str, ...]:
-    """Return the key path of every table and value the file gives, provenance excepted, an array counting as one."""
+    """The key path of every table and value the file gives, provenance excepted, an array counting as one."""
     return tuple(path for path, _ in _walk(file))
 
 
@@ -95,17 +93,16 @@ def values_by_key(file: Table) -> dict[str, Any]:
 
 
 def numeric_key_paths(file: Table) -> tuple[str, ...]:
-    """Return the key paths of all measured numbers the file gives; the chain of an override is none."""
+    """The key paths of all measured numbers the file gives; the chain of an override is none."""
     return tuple(path for path, value in _walk(file) if _is_number(value))
 
 
-def _as_written_now(file: Table, key: str, known: Iterable[str]) -> str:
-    """What to write instead of a key path that goes by a place where its member goes by what it is about."""
+def _as_written_now(file: Table, key: str) -> str:
+    """The key path in place of one that goes by a place where its member goes by what it is about."""
     try:
-        now = key_path(path_of(key), file)
+        return key_path(path_of(key), file)
     except ValueError:
         return ""
-    return f", did you mean {now}?" if now in known else ""
 
 
 def _walk(file: BaseModel) -> Iterator[tuple[str, Any]]:

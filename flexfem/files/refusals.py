@@ -28,7 +28,8 @@ ABOUT = {  # by array: the keys of a member that say which it is
     "actuator": ("name",),
     "neck": ("chain", "hinge"),
 }
-LONGEST = 60  # characters of a key
+SHOWN = 60  # characters of a value or key in a message
+COMPARED = 32  # unknown keys that missing ones are compared with
 _BARE = re.compile(r"[A-Za-z0-9_-]+")  # as TOML has it
 _PLAIN = re.compile(r'[^.\[\]"]{1,60}')  # needs no quotes to be read back
 _PART = re.compile(r'\[(?P<place>\d+)\]|(?:^|\.)(?:(?P<bare>[^.\[\]"]+)|(?P<quoted>"(?:[^"\\]|\\.)*"))')
@@ -63,14 +64,11 @@ def path_of(text: str, data: Any = None) -> KeyPath:
             raise ValueError(f"{text}: no key path")
         end = found.end()
         parts.append(int(found["place"]) if found["place"] else found["bare"] or json.loads(found["quoted"]))
-    return tuple(parts) if data is None else _placed(parts, data)
-
-
-def _placed(parts: list[str | int], data: Any) -> KeyPath:
-    for index, part in enumerate(parts):
-        data = _inside(data, part)
-        arrayed = str(part) in ABOUT and isinstance(data, list | tuple)
-        for place, member in enumerate(data if arrayed else ()):
+    inside = data
+    for index, part in enumerate(parts if data is not None else ()):
+        inside = _inside(inside, part)
+        arrayed = str(part) in ABOUT and isinstance(inside, list | tuple)
+        for place, member in enumerate(inside if arrayed else ()):
             about = _about(str(part), member)
             if about and about == tuple(parts[index + 1 : index + 1 + len(about)]):
                 return (*parts[: index + 1], place, *parts[index + 1 + len(about) :])
@@ -97,11 +95,7 @@ def _inside(data: Any, part: str | int) -> Any:
 def as_key(key: str) -> str:
     """A key as TOML writes it, clipped where it is long."""
     text = key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=not key.isprintable())
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
-
-
-SHOWN = 60  # characters of a value or key in a message
-COMPARED = 32  # unknown keys that missing ones are compared with
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
 
 
 def refusal(expected: str, *at: str | int) -> PydanticCustomError:
@@ -140,10 +134,8 @@ def place_of(path: str | os.PathLike[str], line: int | None = None) -> str:
     return name if line is None else f"{name}, line {line}"
 
 
-_EXPECTED = {
+_EXPECTED = {  # by pydantic's kind of mistake
     "refused": "{expected}",
-    "missing": "",
-    "extra_forbidden": "",
     "greater_than": "> {gt}",
     "greater_than_equal": ">= {ge}",
     "less_than": "< {lt}",
@@ -206,13 +198,9 @@ def _value_at(path: KeyPath, data: Any) -> Any:
 
 
 def merged(problems: list[Problem]) -> list[Problem]:
-    """Keep one problem a mistake.
-
-    A short array is one, so are a misspelt key and the key then missing, and an array that pydantic takes for too short
-    because it does not count its broken members.
-    """
+    """Keep one problem a mistake: of a misspelt key and the key then missing, and of a short array."""
     inner = {problem.path[:length] for problem in problems for length in range(len(problem.path))}
-    problems = [problem for problem in problems if problem.kind != "too_short" or problem.path not in inner]
+    problems = [each for each in problems if each.kind != "too_short" or each.path not in inner]  # broken members
     unknown = [problem.path for problem in problems if problem.kind == "extra_forbidden"][:COMPARED]
     kept: dict[tuple[str, KeyPath], Problem] = {}
     for problem in problems:
@@ -225,24 +213,16 @@ def merged(problems: list[Problem]) -> list[Problem]:
 def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[str]:
     """The keys that a missing key stands for: itself, or all that its table needs."""
     inside = _model_at(model, problem.path)
-    if inside is None:
-        return [key_path(problem.path, data)]
-    fields = {known.alias or name: known for name, known in inside.model_fields.items() if known.is_required()}
-    keys = [key for name in fields for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
-    return keys or [key_path(problem.path, data)]  # a table of which no single key is a must
-
-
-def missing_sentence(keys: list[str]) -> str:
-    """Say which keys are missing."""
-    return f"{keys[0]} is missing" if len(keys) == 1 else f"{', '.join(keys[:-1])} and {keys[-1]} are missing"
+    fields = inside.model_fields.items() if inside is not None else ()
+    names = [field.alias or name for name, field in fields if field.is_required()]
+    keys = [key for name in names for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
+    return keys or [key_path(problem.path, data)]  # also a table of which no single key is a must
 
 
 def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
     """The model of the table at a key path, None where a value or an array belongs."""
     annotation: Any = model
-    for part in path:
-        if isinstance(part, int):
-            continue
+    for part in (each for each in path if isinstance(each, str)):
         table = next(_models_in(annotation), None)
         fields = {known.alias or name: known for name, known in table.model_fields.items()} if table else {}
         if part not in fields:

@@ -1,13 +1,11 @@
 """TOML files, checked as they are read: every refusal is one line that names file, line, key, value and expectation.
 
-Stage, case and study files all come through here. A model of such a file is built from `Table`; `validate` reads and
-checks in one step. The text is split into statements before `tomllib` sees it: that gives the line of every key, and
-refuses nesting and dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
+The text is split into statements before `tomllib` sees it: that gives the line of every key, and refuses nesting and
+dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
 """
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import stat
@@ -27,7 +25,6 @@ from flexfem.files.refusals import (
     KeyPath,
     checked_path,
     merged,
-    missing_sentence,
     needed,
     one_line,
     place_of,
@@ -37,7 +34,10 @@ from flexfem.files.refusals import (
 )
 from flexfem.refused import BadInput
 
+MAX_BYTES = 2**20
 MAX_DEPTH = 32  # brackets about a value, parts of a dotted key; the deepest shipped file has four
+LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
+DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
 _STRING = r"""
     (?: \"{3} (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z ) | \'{3} (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
       | " (?: [^"\\\n] | \\[^\n]? )*+ "? | ' [^'\n]*+ '? )"""  # possessive, also unclosed: linear time on any text
@@ -50,9 +50,6 @@ _TOKEN = re.compile(
 
 class DepthError(Exception):
     """Nesting deeper than `MAX_DEPTH`, at a character offset."""
-
-    def __init__(self, offset: int) -> None:
-        self.offset = offset
 
 
 def _ends(text: str) -> Iterator[int]:
@@ -124,12 +121,6 @@ def _paths(content: Any, above: KeyPath) -> Iterator[KeyPath]:
         yield from _paths(value, (*above, part))
 
 
-MAX_BYTES = 2**20
-
-LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
-
-DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
-
 Path: TypeAlias = str | os.PathLike[str]
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -172,7 +163,9 @@ class Table(BaseModel):
     `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them.
     """
 
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(
+        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -188,26 +181,19 @@ class TomlFile(NamedTuple):
 
 
 def read_toml(path: Path) -> TomlFile:
-    """Read a TOML file of at most `MAX_BYTES`.
-
-    Raises
-    ------
-    BadInput
-        The file is missing, not a regular file (a directory, pipe or device is never read), unreadable, too large, not
-        UTF-8 without a byte order mark, nested deeper than `MAX_DEPTH`, or not TOML.
-    """
+    """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for any other file."""
     text = read_text(path)
     try:
         lines = Lines(text, [*_ends(text)])
         return TomlFile(tomllib.loads(text), lines)
     except DepthError as error:
-        place = place_of(path, line_of(text, error.offset))
+        place = place_of(path, line_of(text, error.args[0]))
         raise BadInput(f"{place}: nested deeper than {MAX_DEPTH} levels") from None
     except tomllib.TOMLDecodeError as error:
         reason, _, at = str(error).rpartition(" (at ")
         found = re.match(r"line (\d+)", at)
-        place = place_of(path, int(found[1]) if found else text.count("\n", 0, len(text.rstrip())) + 1)
-        reason = "this is JSON, such as flexfem writes" if _is_json(text) else reason
+        place = place_of(path, int(found[1]) if found else line_of(text, len(text.rstrip())))
+        reason = "this is JSON, such as flexfem writes" if text.startswith("{") else reason
         raise BadInput(f"{place}: not TOML: {one_line(reason, 2 * SHOWN)}") from None
     except ValueError:  # tomllib passes on what int() says of more than 4300 digits, without a line
         digits = re.search(r"[0-9_]{4000}", text)
@@ -217,7 +203,7 @@ def read_toml(path: Path) -> TomlFile:
         raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
 
-def bad_key(path: Path, key: tuple[str | int, ...], said: str) -> BadInput:
+def bad_key(path: Path, key: KeyPath, said: str) -> BadInput:
     """What is said of a key of a file, after the file and the line of it."""
     return BadInput(f"{place_of(path, read_toml(path).lines.line(key))}: {said}")
 
@@ -227,11 +213,8 @@ def validate(
 ) -> Model:
     """Read a TOML file into a model of it; `completed` adds what the file says by naming another file.
 
-    Raises
-    ------
-    BadInput
-        As `read_toml`, the file is of another kind, or a key is missing, unknown or has a value the model refuses: the
-        first such value in the file is named, the others are counted; missing keys are named all.
+    Raises BadInput as `read_toml`, and for a file of another kind, keys that are missing, unknown or have a value that
+    the model refuses: the first such value in the file is named, the others are counted; missing keys are named all.
     """
     data, lines = read_toml(path)
     require_plain_stem(path)
@@ -248,16 +231,10 @@ def validate(
     keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     said = [sentence(wrong[0], model_class, data) + more] if wrong else []
-    said += [missing_sentence(keys)] if keys else []
+    if keys:
+        said.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
     first = wrong[0] if wrong else min(problems, key=lambda problem: lines.place(problem.path))
     raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {'; '.join(said)}"))
-
-
-def _is_json(text: str) -> bool:
-    try:
-        return isinstance(json.loads(text), dict)
-    except (ValueError, RecursionError):
-        return False
 
 
 def require_plain_stem(path: Path) -> None:

@@ -66,10 +66,7 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: st
 
 
 def check_folder(folder: Path, written: bool = True) -> None:
-    """Raise BadInput when something else is in a folder's place, or it takes no file and is to be `written`.
-
-    Nothing is made.
-    """
+    """Raise BadInput when something else is in a folder's place, or it takes no file and is to be `written`."""
     with _refused(folder):
         for place in (folder, *folder.parents):
             if place.is_dir():
@@ -83,11 +80,7 @@ def check_folder(folder: Path, written: bool = True) -> None:
 def check_file(path: Path, *read: Path) -> None:
     """Raise BadInput for a file to write that a user has named: a folder, or in one that is not there or takes none.
 
-    Folders that users name for what is written are made; those about a file are not, as a wrong one is a mistake.
-
-    Parameters
-    ----------
-    read : files that are read for it, beside those of the command; it may replace none of them.
+    It may replace none of the files that are `read` for it, nor one that the command has read.
     """
     with _refused(path):
         if path.is_dir():
@@ -102,7 +95,7 @@ def check_file(path: Path, *read: Path) -> None:
 
 @contextmanager
 def _refused(path: Path) -> Iterator[None]:
-    """Raise BadInput for a path that the system cannot look at, such as one too long."""
+    """Raise BadInput for what the system refuses to do with a path, such as one too long."""
     try:
         yield
     except OSError as error:
@@ -122,23 +115,19 @@ def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Ite
     """
     if not again:
         require_unread(path)
-    temporary = None
-    try:
+    beside = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{suffix or path.suffix}")
+    with _refused(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-        beside = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{suffix or path.suffix}")
-        temporary = beside  # first, so that a stop while it is made leaves none behind
-        os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
-        yield temporary
-        _sync(temporary)
-        temporary.replace(path)
-        wrote(path)
-        if os.name == "posix":  # elsewhere folders cannot be opened
-            _sync(path.parent)
-    except OSError as error:
-        raise BadInput(f"{place_of(path)}: cannot be written: {error.strerror or error}") from None
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+        try:
+            os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
+            yield beside
+            _sync(beside)
+            beside.replace(path)
+            wrote(path)
+            if os.name == "posix":  # elsewhere folders cannot be opened
+                _sync(path.parent)
+        finally:
+            beside.unlink(missing_ok=True)
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: bool = False) -> None:

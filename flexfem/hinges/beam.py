@@ -22,8 +22,6 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R 
 def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
     """Integral of (x/R)^m (h/R)^-n d(x/R) over the notch by Gauss quadrature; shape of `tau`.
 
-    Notes
-    -----
     x = R sin(theta) and theta = sqrt(tau) sinh(w): the first removes the vertical tangent of h at the ends, the
     second moves the poles of 1/h, which close in on the neck as +- i sqrt(tau), to the fixed distance pi/2.
     """
@@ -58,8 +56,6 @@ def axial_paros_weisbord(tau: Array) -> Array:
 def bending_closed(tau: Array) -> Array:
     """E b int x^2 dx/(E I) in closed form; our own algebra.
 
-    Notes
-    -----
     With h = 2 R (c - cos theta), c = 1 + beta, and J_n = int (c - cos theta)^-n d theta over -pi/2..pi/2, integration
     by parts of sin theta * sin theta cos theta / (c - cos theta)^3 leaves J_1 and J_2. It loses two digits to
     cancellation at t/R = 2 and none for thin necks.

@@ -1,22 +1,14 @@
 """Charts of finite elements of one hinge, interpolated: compliances over beam integrals, and what thickness changes.
 
-The files `flexfem/data/hinge_chart.json` and `hinge_chart_high.json` hold the compliances in plane stress on grids of
-t/R and H/h (H the height of the blocks beside the notch, h = 2R + t the notch's), H/h 1 to 3 and 3 to 60, made by
-`python -m flexfem.fem.chart`; they say with which versions, meshes and uncertainties. Read here, every sample is
-divided by the beam integral at its t/R: the quotient is near one and smooth in sqrt(t/R), in whose powers the two
-differ for thin necks, and in log(H/h).
+`python -m flexfem.fem.chart` makes the files in `flexfem/data`; they say with which versions, meshes and uncertainties.
+`hinge_chart.json` and `hinge_chart_high.json` hold compliances in plane stress on grids of t/R and H/h (H the height of
+the blocks beside the notch, h = 2R + t the notch's), H/h 1 to 3 and 3 to 60. Over the beam integrals they are smooth in
+sqrt(t/R) and in log(H/h). As H/h grows the notch sees two half-planes: the rotation has a limit, axial and shear
+compliance grow by `SPREADING ln(H/h) / (E b)` (Flamant; K. L. Johnson, Contact Mechanics, 1985, sections 2.2 and 2.3),
+and what remains is a polynomial in h/H, which holds for every H/h from 3 on.
 
-As H/h grows, the notch sees two half-planes. A moment's field there fades as 1/r^2, so the rotation has a limit; a
-force's fades as 1/r, and the point where it acts moves by `2 F ln(r) / (pi E b)` more, whether it pulls or shears
-(Flamant; K. L. Johnson, Contact Mechanics, 1985, sections 2.2 and 2.3), so that axial and shear compliance grow by
-`SPREADING ln(H/h) / (E b)`. What remains is smooth in h/H down to zero: a polynomial in h/H through the samples of the
-second file holds for every H/h from 3 on.
-
-The file `flexfem/data/thickness_chart.json` holds, on a grid of t/R, b/t and Poisson's ratio, the position p of a
-hinge of thickness b between plane stress and plane strain, C = C_ps (1 - nu^2 p), made by
-`python -m flexfem.fem.chart`; `flexfem/fem/hinge.py` defines it. It hardly depends on nu, is near 0 where the
-neck is thin out of plane and near 1 where it is wide, in rotation; a pulled neck stays much nearer to plane stress.
-On the same grid it holds the highest von Mises stress in the notch over that in plane stress, by a moment and a pull.
+`thickness_chart.json` holds, over t/R, b/t and Poisson's ratio, the position p of a hinge of thickness b between plane
+stress and plane strain, C = C_ps (1 - nu^2 p), and the highest von Mises stress over that in plane stress.
 """
 
 from __future__ import annotations
@@ -151,8 +143,6 @@ def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, 
 
     nan where t/R, b/t or nu is not on the chart.
 
-    Notes
-    -----
     Shear is taken as far from plane stress to plane strain as rotation. Its plane-strain limit follows from its
     plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/hinge.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
     and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.

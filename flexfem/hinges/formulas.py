@@ -291,16 +291,3 @@ def formula(name: str) -> Formula:
     if not isinstance(name, str) or name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]
-
-
-def over_calibrated(ratio: Array, height: float, poissons_ratio: float) -> dict[str, Compliance]:
-    """Compliances of every formula, by name, over the calibrated ones of a full notch (H = h) at t/R (n,); fields (n,).
-
-    Those of the calibrated formula itself are at H/h = `height`: what the height of the blocks does. nan off the chart.
-    """
-    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)
-    found = {}
-    for name, entry in FORMULAS.items():
-        own = entry.compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
-        found[name] = Compliance(*(a / b for a, b in zip(own, full, strict=True)))
-    return found

@@ -41,8 +41,6 @@ class Wrench(NamedTuple):
 def concentration(ratio: Array) -> Concentration:
     """Stress concentration at a notch of t/R = `ratio` (...).
 
-    Notes
-    -----
     The deep hyperbolic notch of H. Neuber, Kerbspannungslehre, Springer (1937): with `a = t/2R`, in bending
     `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))`, in tension
     `2 (a + 1) sqrt a / ((a + 1) arctan sqrt a + sqrt a)`, both recalled, not copied from a print. In shear our algebra,
@@ -65,8 +63,6 @@ def concentration(ratio: Array) -> Concentration:
 def stress_raised(designs: Designs) -> Concentration:
     """Largest von Mises stress at the necks of n designs over that of a straight bar as thick, (n, 3, 3) or smaller.
 
-    Notes
-    -----
     `concentration` times what is out of the plane: `von_mises_along` in plane strain; in a "corrected" plane, which has
     hinges of three dimensions, the charted factors of bending and of tension at t/R, b/t and nu. There the highest
     stress of the whole thickness is meant, and bending and tension may have theirs at different heights. The factor of
@@ -88,8 +84,6 @@ def neck_stress(wrench: Wrench, neck: Array, thickness: Array, raised: Concentra
 
     neck : (..., 3, 3), mm.   thickness : (...), mm.   raised : (..., 3, 3), of `stress_raised`.
 
-    Notes
-    -----
     `|6 M K_b / (b t^2)| + |N K_t / (b t)|` at the more strained side of the neck. Shear is left out: it is zero at that
     surface, and its own maximum beside the neck is 1 % of the bending stress in the shipped stages.
     """
@@ -144,8 +138,6 @@ def amplitude_at(cycles: ArrayLike, coefficient: ArrayLike, exponent: ArrayLike)
 def counted(ratio: Array, sensitivity: float) -> Array:
     """Part of the stress at a notch of t/R = `ratio` (...) that counts for fatigue, by the notch sensitivity q, 0 to 1.
 
-    Notes
-    -----
     `(1 + q (K - 1)) / K`, R. E. Peterson's definition of q as in Dowling, Mechanical Behavior of Materials, Sec. 10.2,
     with the concentration K of bending, by which nearly all of the stress comes; that of tension is 4 % larger at
     t/R = 1/3.
@@ -240,8 +232,6 @@ def required_law(material: Material, instead: str = "") -> Basquin:
 def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:
     """Fully reversed amplitude (...) of the same life as amplitudes and means (...), MPa; zero without tension.
 
-    Notes
-    -----
     `sigma_max^(1 - gamma) sigma_a^gamma`, K. Walker, ASTM STP 462 (1970) 1; with gamma = 0.5 K. N. Smith, P. Watson,
     T. H. Topper, J. Materials 5 (1970) 767. As in N. E. Dowling, C. A. Calhoun, A. Arcari, Fatigue Fract. Eng. Mater.
     Struct. 32 (2009) 163.

@@ -75,8 +75,6 @@ def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike,
 def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tuple[Any, ...]) -> Array:
     """Stiffness (...), N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
 
-    Notes
-    -----
     The approach is `(9 F^2 / (16 R E*^2))^(1/3)`, its slope `(6 R E*^2 F)^(1/3)`, with
     `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics, 1985, (4.23).
     """
@@ -134,113 +132,52 @@ Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 class Actuator(Dimensioned):
     """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad."""
 
-    name: Label = Field(
-        description="By which it is named: `actuator.base.preload_n`; no other has it", examples=["base"]
-    )
-    between: tuple[Body, Body] = Field(
-        description="The body that carries the stack, and the one that it pushes",
-        examples=[["frame", "link 1"]],
-        json_schema_extra={"uniqueItems": True},
-    )
-    hinge: HingeName | None = Field(
-        default=None, description="Of a contact on a link: the hinge at one of its ends from which `arm_mm` counts"
-    )
-    arm: Length | None = Field(
-        default=None,
-        alias="arm_mm",
-        description="How far along the middle of the link, from the neck of `hinge`, the contact is; it goes where "
-        "the link goes",
-        examples=[10.0],
-    )
-    side: Literal["left", "right"] | None = Field(
-        default=None, description="Of the link, seen from the base, on which the contact is"
-    )
-    tilt: Tilt | None = Field(
-        default=None,
-        alias="tilt_deg",
-        description="By which the push is turned out of the inward normal of the link, counter-clockwise; by default "
-        "none",
-        examples=[5.0],
-    )
-    point: tuple[Coordinate, Coordinate] | None = Field(
-        default=None,
-        alias="point_mm",
-        description="Instead of `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, "
-        "in the frame of chain 1, whose origin is the platform centre",
-        examples=[[-40.0, 12.0]],
-    )
-    direction: Angle | None = Field(
-        default=None,
-        alias="direction_deg",
-        description="With `point_mm`: where the body is pushed, counter-clockwise from the x axis of chain 1",
-        examples=[90.0],
-    )
-    pair: bool = Field(
-        default=False,
-        description="Whether a partner on the opposite side of the body pushes back along the same line; the two are "
-        "commanded against each other, about half their stroke",
-    )
-    stack: StackName | None = Field(default=None, description="A name of the catalogue", examples=["AE0505D16"])
-    stroke: Stroke | None = Field(
-        default=None,
-        alias="stroke_um",
-        description="Instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`: free stroke at the highest "
-        "voltage",
-        examples=[17.4],
-    )
-    stiffness: Rate | None = Field(
-        default=None,
-        alias="stiffness_n_per_um",
-        description="Of the stack: blocking force over stroke",
-        examples=[53.7],
-    )
-    blocking_force: Force | None = Field(
-        default=None, alias="blocking_force_n", description="Of the stack at the highest voltage", examples=[935.0]
-    )
-    contact_stiffness: Rate | None = Field(
-        default=None,
-        alias="contact_stiffness_n_per_um",
-        description="Of the contact, instead of a ball; without either the contact is rigid",
-        examples=[40.0],
-    )
-    ball_radius: Length | None = Field(
-        default=None,
-        alias="ball_radius_mm",
-        description="Of a ball between stack and body, by Hertz at the preload on the stage's metal",
-        examples=[2.0],
-    )
-    ball_loose: bool | None = Field(
-        default=None,
-        description="Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in "
-        "series, that of the end reported as assumed. By default it is fixed to the stack, as the dome of its tip: one "
-        "contact, which is reported as assumed where it is not stated",
-        examples=[True],
-    )
-    ball_youngs_modulus: Modulus | None = Field(
-        default=None,
-        alias="ball_youngs_modulus_gpa",
-        description="Of the ball; of steel, which is reported as assumed, where it is not stated",
-        examples=[206.0],
-    )
-    ball_poissons_ratio: Poisson | None = Field(
-        default=None,
-        description="Of the ball; of steel, which is reported as assumed, where it is not stated",
-        examples=[0.3],
-    )
-    preload: Preload = Field(
-        default=0.0,
-        alias="preload_n",
-        description="Force of every stack at rest, at most its blocking force: a contact can push only, and is lost "
-        "when it is used up. The two stacks of a pair bear it between them; that of a single stack stresses the "
-        "necks",
-        examples=[50.0],
-    )
-    friction: Friction | None = Field(
-        default=None,
-        description="Coefficient of Coulomb's friction at the contact: `flexfem drive` says what it leaves of the "
-        "pose. Not stated: nothing is said",
-        examples=[0.15],
-    )
+    name: Label = Field(examples=["base"])
+    """By which it is named: `actuator.base.preload_n`; no other has it"""
+    between: tuple[Body, Body] = Field(examples=[["frame", "link 1"]], json_schema_extra={"uniqueItems": True})
+    """The body that carries the stack, and the one that it pushes"""
+    hinge: HingeName | None = None
+    """Of a contact on a link: the hinge at one of its ends from which `arm_mm` counts"""
+    arm: Length | None = Field(default=None, alias="arm_mm", examples=[10.0])
+    """How far along the middle of the link, from the neck of `hinge`, the contact is; it goes where the link goes"""
+    side: Literal["left", "right"] | None = None
+    """Of the link, seen from the base, on which the contact is"""
+    tilt: Tilt | None = Field(default=None, alias="tilt_deg", examples=[5.0])
+    """By which the push is turned out of the inward normal of the link, counter-clockwise; by default none"""
+    point: tuple[Coordinate, Coordinate] | None = Field(default=None, alias="point_mm", examples=[[-40.0, 12.0]])
+    """Instead of `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, in the frame of
+    chain 1, whose origin is the platform centre"""
+    direction: Angle | None = Field(default=None, alias="direction_deg", examples=[90.0])
+    """With `point_mm`: where the body is pushed, counter-clockwise from the x axis of chain 1"""
+    pair: bool = False
+    """Whether a partner on the opposite side of the body pushes back along the same line; the two are commanded against
+    each other, about half their stroke"""
+    stack: StackName | None = Field(default=None, examples=["AE0505D16"])
+    """A name of the catalogue"""
+    stroke: Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
+    """Instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`: free stroke at the highest voltage"""
+    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
+    """Of the stack: blocking force over stroke"""
+    blocking_force: Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
+    """Of the stack at the highest voltage"""
+    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_per_um", examples=[40.0])
+    """Of the contact, instead of a ball; without either the contact is rigid"""
+    ball_radius: Length | None = Field(default=None, alias="ball_radius_mm", examples=[2.0])
+    """Of a ball between stack and body, by Hertz at the preload on the stage's metal"""
+    ball_loose: bool | None = Field(default=None, examples=[True])
+    """Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in series, that of
+    the end reported as assumed. By default it is fixed to the stack, as the dome of its tip: one contact, which is
+    reported as assumed where it is not stated"""
+    ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa", examples=[206.0])
+    """Of the ball; of steel, which is reported as assumed, where it is not stated"""
+    ball_poissons_ratio: Poisson | None = Field(default=None, examples=[0.3])
+    """Of the ball; of steel, which is reported as assumed, where it is not stated"""
+    preload: Preload = Field(default=0.0, alias="preload_n", examples=[50.0])
+    """Force of every stack at rest, at most its blocking force: a contact can push only, and is lost when it is used
+    up. The two stacks of a pair bear it between them; that of a single stack stresses the necks"""
+    friction: Friction | None = Field(default=None, examples=[0.15])
+    """Coefficient of Coulomb's friction at the contact: `flexfem drive` says what it leaves of the pose. Not stated:
+    nothing is said"""
 
     @field_validator("stack")
     @classmethod

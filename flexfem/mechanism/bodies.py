@@ -1,18 +1,10 @@
 """The bodies of a stage, pads, links, platform and the notches between them: outlines of lines and arcs, and masses.
 
 Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
-
-Drawing rules (the stage file gives lines between hinges, these the bodies about them; `geometry/README.md` shows them):
-
-- Every body is as wide as the link. Pads are as long as they are wide, and clamped along their back edge.
-- A link is a strip along the shortest path of lines and arcs from neck to neck; its inner bends are rounded, because
-  a sharp re-entrant corner would spoil the convergence of the finite elements.
-- A notch is two quarter arcs on each side of the neck, cut through to the edge of the link.
-- The platform is a disc with a lug at each platform hinge. A side of a lug follows the hinge's own face where that
-  face meets the disc, else runs on along the neck into the disc, else goes tangentially to it.
-
-The hub is a disc of the stage's metal: it is left out of the meshed sectors because it is rigid, not because it is a
-hole. Masses are in tonne, so that N, mm and s go together: `1 kg/m^3 = 1e-12 tonne/mm^3`.
+`geometry/README.md` shows the rules: every body is as wide as the link, pads are as long as they are wide. Inner bends
+of links are rounded, because a sharp re-entrant corner would spoil the convergence of the finite elements. A side of a
+lug follows the hinge's own face where that face meets the disc, else runs on along the neck into the disc, else goes
+tangentially to it. The hub is a disc of the stage's metal, left out of the meshed sectors because it is rigid.
 """
 
 from __future__ import annotations
@@ -161,8 +153,6 @@ class Pose(NamedTuple):
 def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
     """Shortest arc-line-arc path between two poses with arcs of one radius; None when every one makes a loop.
 
-    Notes
-    -----
     L. E. Dubins, Am. J. Math. 79 (1957) 497: of its candidates the four with a straight middle piece, which turn first
     and last to the left (1) or to the right (-1).
     """
@@ -362,8 +352,6 @@ class Payload(NamedTuple):
 def area_moments(loop: Sequence[Segment]) -> Array:
     """Area, first moments in x and y, polar second moment about the origin (4,), mm^2 to mm^4, of a closed loop.
 
-    Notes
-    -----
     By the divergence theorem with `z = x + i y` and `w = x dy - y dx` round the counter-clockwise loop: the integral
     over the area of 1, z and |z|^2 is that of `w / 2`, `z w / 3` and `|z|^2 w / 4`.
     """
@@ -415,8 +403,6 @@ def carried(stage: StageContent, payload: Payload) -> Array:
 def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
     """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and y.
 
-    Notes
-    -----
     Of a disc of radius r and thickness b about a diameter `m (r^2 / 4 + b^2 / 12)`.
     """
     mass, _, second = np.diag(inertia_of(hub_moments(stage), mass_per_area(stage)))

@@ -2,13 +2,9 @@
 
 A ball dents the metal under it in three dimensions: that is the stiffness of its contact, which the plane stage must
 not hold a second time. Both models therefore load a link, and read its motion, on the cross-sections of one length of
-its strip about the contact, `Station`, with the moment of the true line of action. On the platform they load and read
-the hub, which is rigid; the frame does not move.
-
-A hinge turns by the mean rotation of the cross-sections directly beyond its notch, less that of those directly before
-it: on a short station of pad and links, weighted as the stresses of a beam in bending are. A unit couple on the same
-stations, opposite on the two bodies, is conjugate to that rotation: as a stack is to its opening. The platform, which
-is read at its rigid hub, has no station.
+its strip, `Station`, with the moment of the true line of action. Of the platform they load and read the rigid hub. A
+hinge turns by the mean rotation of a short station directly beyond its notch, less that of one directly before it; a
+unit couple on the same stations is conjugate to it.
 """
 
 from __future__ import annotations
@@ -94,8 +90,6 @@ def spread(of: Station, points: Array) -> Array:
 
     Frame of chain 1; zero off the station.
 
-    Notes
-    -----
     Every section of the station takes its share of the whole wrench, with the stresses of a beam: in a straight strip
     even, parabolic and linear, in a bend those of `bend_stresses`. Under this load the
     stresses of a beam are in equilibrium everywhere.
@@ -133,8 +127,6 @@ def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array]:
 
     Moment about the centre of curvature, pull and shear by forces through it.
 
-    Notes
-    -----
     Golovin's solutions, S. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., 1970, sections 29 and 33; their
     integrals: of the moment's stress times r, of the pull's and of the shear's, are one.
     """
@@ -191,8 +183,6 @@ class Stack(NamedTuple):
     def pivot(self, follows: Follows) -> complex:
         """Point, mm, frame of chain 1, that the force goes through whichever way the bodies turn.
 
-        Notes
-        -----
         pushed : the centre of the ball, which is fixed to the carrier; the force is normal to a smooth flat of the
             pushed body and turns with it.
         carrier : the contact, a point of the pushed body; the force keeps the direction that the carrier has.

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexfem.arrays import Array, Index
 from flexfem.mechanism.actuators import Numbers
 from flexfem.mechanism.dimensioned import once
-from flexfem.mechanism.materials import SWT, Material
-from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Plane, StageContent, actuators_of
+from flexfem.mechanism.materials import SWT
+from flexfem.mechanism.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
 
 CHAIN_TURN = 2.0 * np.pi / 3.0
 SHARED = ("plane", "prismatic")  # fields that all designs have in common
@@ -105,44 +105,26 @@ class Designs:
 @once
 def lower(stage: StageContent) -> Designs:
     """One stage as n = 1 designs, its arrays read-only."""
-    material, chain, platform = stage.material, stage.chain, stage.platform
-    hinges = [[stage.hinge(place, name) for name in HINGE_NAMES] for place in CHAINS]
-    arrays = {
-        "thickness": stage.thickness,
-        "youngs_modulus": material.youngs_modulus,
-        "poissons_ratio": material.poissons_ratio,
-        "yield_strength": material.yield_strength,
-        "density": material.density,
-        "expansion": _numbers(material.expansion, stage.frame.expansion),
-        "fatigue": _fatigue(material),
-        "link_width": chain.link_width,
-        "platform_radius": platform.radius,
-        "hub_radius": platform.hub_radius,
-        "link_lengths": chain.link_lengths,
-        "joint_angles": chain.joint_angles,
-        "radius": [[hinge.radius for hinge in row] for row in hinges],
-        "neck": [[hinge.neck for hinge in row] for row in hinges],
-        "axis": [[np.nan if hinge.axis is None else hinge.axis for hinge in row] for row in hinges],
+    material, hinges = stage.material, hinges_of(stage)
+    owners = {
+        "thickness": stage,
+        **dict.fromkeys(("youngs_modulus", "poissons_ratio", "yield_strength", "density"), material),
+        **dict.fromkeys(("link_width", "link_lengths", "joint_angles"), stage.chain),
     }
-    found = {name: np.array([value], dtype=float) for name, value in arrays.items()}
+    values = {name: getattr(owner, name) for name, owner in owners.items()}
+    values |= {name: [[getattr(hinge, name) for hinge in row] for row in hinges] for name in ("radius", "neck", "axis")}
+    values |= {"platform_radius": stage.platform.radius, "hub_radius": stage.platform.hub_radius}
+    values["expansion"] = material.expansion, stage.frame.expansion
+    walker = SWT if material.walker_exponent is None else material.walker_exponent
+    values["fatigue"] = material.fatigue_strength_coefficient, material.fatigue_strength_exponent, walker
     numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
-    found["actuator"] = np.array([numbers], dtype=float).reshape(1, len(CHAINS), -1, len(Numbers._fields))
-    prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges], dtype=bool)
+    values["actuator"] = np.reshape(numbers, (len(CHAINS), -1, len(Numbers._fields)))
+    found = {name: np.array([value], dtype=float) for name, value in values.items()}  # nan for None
+    prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges])
     made = Designs(stage.model, prismatic, **found)
     for each in (prismatic, *found.values(), *made.frames):
         each.setflags(write=False)
     return made
-
-
-def _fatigue(material: Material) -> list[float]:
-    constants = material.fatigue_strength_coefficient, material.fatigue_strength_exponent
-    walker = SWT if material.walker_exponent is None else material.walker_exponent
-    return [*_numbers(*constants), walker]
-
-
-def _numbers(*values: float | None) -> list[float]:
-    """Values, nan for those not stated."""
-    return [np.nan if value is None else value for value in values]
 
 
 def stage_frames(stage: StageContent) -> Frames:
@@ -154,8 +136,6 @@ def stage_frames(stage: StageContent) -> Frames:
 def elastic(plane: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) -> Elastic:
     """Elastic constants (...) of a material in a plane; the arguments broadcast, MPa.
 
-    Notes
-    -----
     Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors on
     the hinges alone (`hinges/chart.py`): links are about as wide as thick.
     """
@@ -172,8 +152,6 @@ def out_of_plane(plane: Plane, poissons_ratio: ArrayLike) -> Array:
 def envelope(designs: Designs) -> Array:
     """Diameter (n,), mm, of the circle about the platform centre that holds platform, hinges and pads.
 
-    Notes
-    -----
     The farthest corner: each notch is a box 2R long and as wide as the link, the pad behind a base hinge is as long as
     it is wide. Only the outside of a link's bend can lie farther out, when it does not lead to a farther hinge.
     """
@@ -191,33 +169,25 @@ def envelope(designs: Designs) -> Array:
 def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) -> Frames:
     """Place the hinges of three chains, 120 degrees apart, around a platform centred at the origin.
 
-    Parameters
-    ----------
     link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform centre.
     joint_angles : (..., 3), rad: relative angles at rest, as in (19).
     axes : (..., 3, 3), rad, in the frame of chain 1 and turned with each chain; nan where the default holds: base
         and elbow along link 1, platform along link 2. A neck has no arrow, so an axis and its opposite are the same.
 
-    Notes
-    -----
     With (19) and (20) and the platform centre at the origin, `x_B = -(l1 e1 + l2 e2 + l3 e3)`.
     """
     heading = np.cumsum(np.asarray(joint_angles, dtype=float), axis=-1)
-    links = np.asarray(link_lengths, dtype=float)[..., None] * direction(heading)
-    centres = -np.flip(np.cumsum(np.flip(links, axis=-2), axis=-2), axis=-2)  # (19), (20)
     towards = direction(heading)
-    towards = np.stack(
-        [towards[..., 0, :], towards[..., 0, :] + towards[..., 1, :], towards[..., 1, :] + towards[..., 2, :]], axis=-2
-    )
-    default = np.stack([heading[..., 0], heading[..., 0], heading[..., 1]], axis=-1)[..., None, :]
+    links = np.asarray(link_lengths, dtype=float)[..., None] * towards
+    centres = -np.flip(np.cumsum(np.flip(links, axis=-2), axis=-2), axis=-2)  # (19), (20)
+    towards[..., 1:, :] += direction(heading[..., :-1])  # of both links at a hinge
+    default = heading[..., None, [0, 0, 1]]
     given = np.full(3, np.nan) if axes is None else np.asarray(axes, dtype=float)
     axis = np.where(np.isnan(given), default, given) + np.zeros((3, 3))
     backwards = np.sum(direction(axis) * towards[..., None, :, :], axis=-1) < -1e-9
     turns = CHAIN_TURN * np.arange(3.0)
-    return Frames(
-        turned(centres[..., None, :, :], turns[:, None]),
-        axis + np.where(backwards, np.pi, 0.0) + turns[:, None],
-    )
+    axis = axis + np.where(backwards, np.pi, 0.0) + turns[:, None]
+    return Frames(turned(centres[..., None, :, :], turns[:, None]), axis)
 
 
 def direction(angle: Array) -> Array:

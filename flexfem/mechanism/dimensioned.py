@@ -1,7 +1,6 @@
 """Tables with units, validated at every construction and every copy, and results that are kept with them.
 
-`Dimensioned.model_validate` reads a table of a file: keys that end in their unit. Calling the class reads what Python
-says: names without a unit, in mm, N, MPa and rad. Both hold the numbers to the same limits and give the same object.
+`model_validate` reads keys of files, which end in their unit; calling the class reads names, in mm, N, MPa and rad.
 """
 
 from __future__ import annotations
@@ -93,8 +92,6 @@ Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *in_unit("deg")]
 class Dimensioned(Table):
     """A table with two doors: `model_validate` for what a file says, the class itself for what Python says.
 
-    Notes
-    -----
     What files state in another unit (GPa, degrees) is rounded to what a file can state, by at most one unit in the
     last place, so that every table can be written and read back bit for bit.
 

@@ -68,28 +68,20 @@ def part_of(stage: Stage, mounting: float | None = None) -> Part:
         raise BadInput(
             f"mounting holes of {mounting:g} mm, expected less than the pads: chain.link_width_mm = {width:g}"
         )
-    left, right = ([_side(stage, chain, side) for chain in CHAINS] for side in (1, -1))
-    outer = list[Segment]()
-    for k, following in enumerate((1, 2, 0)):
+    left, right = (  # sides of the chains, from the back of a pad to the platform's rim
+        [turn([segment for body in body_sides(stage, chain, side) for segment in body], chain) for chain in CHAINS]
+        for side in (1, -1)
+    )
+    outer, pads = list[Segment](), list[list[Segment]]()
+    for k in range(3):
         back = Segment(left[k][0].start, right[k][0].start)
-        rim = Segment(right[k][-1].end, left[following][-1].end, 0j)
+        rim = Segment(right[k][-1].end, left[(k + 1) % 3][-1].end, 0j)
         outer += [*reverse(left[k]), back, *right[k], rim]
-    pads = [_pad(stage, chain) for chain in CHAINS]
+        across = (back.start - back.end) / 2
+        front = (back.start + back.end) / 2 - 1j * across / abs(across) * width
+        pads.append(polyline(back.start, back.end, front - across, front + across, back.start))
     drilled = [] if mounting is None else [Hole((pad[0].start + pad[2].start) / 2, mounting / 2) for pad in pads]
     return Part(outer, Hole(0j, stage.platform.hub_radius), drilled, pads)
-
-
-def _side(stage: Stage, chain: int, side: int) -> list[Segment]:
-    """One side (1 left, -1 right) of a chain, from the back of its pad to the platform's rim."""
-    return turn([segment for body in body_sides(stage, chain, side) for segment in body], chain)
-
-
-def _pad(stage: Stage, chain: int) -> list[Segment]:
-    base, width = necks(stage, chain)[0], stage.chain.link_width
-    depth = stage.hinge(chain, "base").radius
-    across = 0.5j * (base.ahead(width).point - base.point)
-    back, front = base.ahead(-depth - width).point, base.ahead(-depth).point
-    return turn(polyline(back + across, back - across, front - across, front + across, back + across), chain)
 
 
 def cut_path(part: Part, kerf: float) -> Part:
@@ -192,8 +184,13 @@ def dimensions_of(stage: Stage, part: Part) -> Dimensions:
     height = TEXT * max(east - west, north - south)
     poses, width = necks(stage, 1), stage.chain.link_width
     ends = [pose.point for pose in poses] + [0j]
-    spans = [_span(f"l{k + 1}", ends[k], ends[k + 1], width, metal) for k in range(3)]
-    spans.append(_rightwards(Span("w", part.pads[0][0].start, part.pads[0][0].end, -2.5 * height)))
+    spans = list[Span]()
+    for k in range(3):  # on the side and at the distance where the line is clear of the metal, or nearly
+        aside = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
+        tried = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in aside]
+        spans.append(max(tried, key=lambda span: min(metal.distance(_middle(span)), width / 3)))
+    spans.append(Span("w", part.pads[0][0].start, part.pads[0][0].end, -2.5 * height))
+    spans = [_rightwards(span) for span in spans]
     rims = [shapely.Point(hole.centre.real, hole.centre.imag).buffer(hole.radius).boundary for hole in part.holes]
     taken, labels = [metal.boundary, *rims, *(_line(*span.line) for span in spans)], list[Label]()
     texts = [_middle(span) for span in spans]
@@ -219,12 +216,6 @@ def _noted(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
         yield f"3 holes R {hole.radius:.6g}", hole.centre
 
 
-def _span(name: str, start: complex, end: complex, width: float, metal: shapely.Polygon) -> Span:
-    """A length on the side and at the distance where its line is clear of the metal, or nearly."""
-    found = [Span(name, start, end, side * reach * width) for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
-    return _rightwards(max(found, key=lambda span: min(metal.distance(_middle(span)), width / 3)))
-
-
 def _middle(span: Span) -> shapely.LineString:
     """The line of a length without its ends, which may well lie over a neighbouring body."""
     start, end = span.line
@@ -240,10 +231,7 @@ def _rightwards(span: Span) -> Span:
 
 
 def _clear(anchor: complex, half: float, height: float, taken: list[Any], texts: list[Any]) -> complex:
-    """The place for a text, so far to both sides of it, that is clearest of what is there; near ones first.
-
-    Its line is to be clear of the other texts, too.
-    """
+    """The place for a text that is clearest of what is there, its line clear of other texts; near ones first."""
     places = np.concatenate([anchor + reach * height * TURNS for reach in (4.0, 6.0, 8.0, 11.0)])
     found = shapely.linestrings(np.stack([_points(places - half), _points(places + half)], axis=1))
     lines = shapely.linestrings(np.stack([_points(np.full_like(places, anchor)), _points(places)], axis=1))

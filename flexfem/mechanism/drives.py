@@ -1,8 +1,7 @@
 """The drive of one stage or of many designs of it: every stack in its place, what it can do and how it is commanded.
 
-Contacts of one stage are placed on its drawn outlines. Those of many designs are placed in closed form on straight
-links; a contact on a bent link, at the end of one or anywhere by its point is placed and checked on the drawn outlines,
-once for every geometry among the designs.
+Contacts of one stage are placed on its drawn outlines; those of many designs in closed form on straight links, others
+on the outlines, once for every geometry among the designs.
 """
 
 from __future__ import annotations
@@ -201,8 +200,6 @@ def drives_of(
 ) -> StageDrive:
     """The drives of n designs, stacks without stations.
 
-    Parameters
-    ----------
     stage : with actuators; of it come what stacks there are, and what they act between.
     reason : (n,), why a design is refused, "" where it is not so far; the drive's own reasons are put in.
     stage_at : a design as a stage.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from itertools import combinations, combinations_with_replacement, product
 from typing import NamedTuple
 
@@ -36,101 +35,67 @@ class Broken(NamedTuple):
 class Condition(NamedTuple):
     """What must hold of n designs at p places, such as the hinges of one name on three chains.
 
-    reason : the key, and what is wrong.   room : (n, p), mm, what is left; negative where the condition is broken.
-    said : of a stage, the place and its room there, the refusal.
+    key : of the file.   wrong : in words.   expected : in words, with the limit of the value.
+    value : (n, p), mm, of the key, of pairs of hinges the sum of their radii.   room : (n, p), mm, up to the limit.
+    pairs : places in `PAIRS`, of conditions on pairs of hinges.
     """
 
-    reason: str
-    holds: Holds
+    key: str
+    wrong: str
+    expected: str
+    value: Array
     room: Array
-    said: Callable[[StageContent, int, float], str]
+    pairs: tuple[int, ...] = ()
+
+    @property
+    def broken(self) -> Broken:
+        """Which designs break it."""
+        return Broken(f"{self.key}: {self.wrong}", ~np.all(self.room > 0, axis=-1))
 
 
 def conditions(designs: Designs) -> list[Condition]:
     """Evaluate all conditions of n designs, in the order in which one stage is refused for them."""
-    radius, neck, disc, centres = designs.radius, designs.neck, designs.platform_radius, designs.frames.centres
+    radius, neck, disc, centres = designs.radius, designs.neck, designs.platform_radius[:, None], designs.frames.centres
     width = designs.link_width[:, None, None]
-    deepest = (width - neck) / 2
     x, y = centres[..., 0], centres[..., 1]
-    clear = np.hypot(x, y) - (disc[:, None, None] + radius + neck / 2)
-    gap = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND])
-    apart = gap - (radius[..., *_FIRST] + radius[..., *_SECOND])
-    narrow, fits, found = width - neck, radius <= deepest * (1 + _ROUND_OFF), list[Condition]()
+    deeper = (width - neck) / 2 * (1 + _ROUND_OFF) - radius
+    clear = np.hypot(x, y) - (disc[..., None] + radius + neck / 2)
+    radii = radius[..., *_FIRST] + radius[..., *_SECOND]
+    apart = np.hypot(x[..., *_FIRST] - x[..., *_SECOND], y[..., *_FIRST] - y[..., *_SECOND]) - radii
+    hub, discs, found = designs.hub_radius[:, None], np.repeat(disc, 3, axis=1), list[Condition]()
     for k, name in enumerate(HINGE_NAMES):
-        key, at = f"hinges.{name}", (..., k)
-        said = partial(_neck, name), partial(_notch, name)
-        found.append(Condition(f"{key}.neck_mm: neck as wide as the link", narrow[at] > 0, narrow[at], said[0]))
-        reason = f"{key}.radius_mm: notch deeper than the link"
-        found.append(Condition(reason, fits[at], (deepest - radius)[at], said[1]))
-    hub = (disc - designs.hub_radius)[:, None]
-    found.append(Condition("platform.hub_radius_mm: hub larger than the platform", hub > 0, hub, _hub))
+        key, wrong, limit = f"hinges.{name}.neck_mm", "neck as wide as the link", "< chain.link_width_mm = {:g}"
+        found.append(Condition(key, wrong, limit, neck[..., k], (width - neck)[..., k]))
+        key, wrong, limit = f"hinges.{name}.radius_mm", "notch deeper than the link", "<= (link_width - neck)/2 = {:g}"
+        found.append(Condition(key, wrong, limit, radius[..., k], deeper[..., k]))
+    wrong, limit = "hub larger than the platform", "< platform.radius_mm = {:g}"
+    found.append(Condition("platform.hub_radius_mm", wrong, limit, hub, disc - hub))
     for k, name in enumerate(HINGE_NAMES):
-        reason, room = f"platform.radius_mm: the platform swallows the {name} hinge", clear[..., k]
-        found.append(Condition(reason, room > 0, room, partial(_swallows, name)))
+        wrong = f"the platform swallows the {name} hinge"
+        limit = "< {:g} (distance of the hinge from the platform centre less its notch)"
+        found.append(Condition("platform.radius_mm", wrong, limit, discs, clear[..., k]))
     for one, other in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
-        pairs = [k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other}]
-        names = f"{HINGE_NAMES[one]} and {HINGE_NAMES[other]} hinges" if one != other else f"{HINGE_NAMES[one]} hinges"
-        reason, room = f"chain.link_lengths_mm: {names} closer than their radii", apart[:, pairs]
-        found.append(Condition(reason, room > 0, room, partial(_closer, pairs)))
+        pairs = tuple(k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {one, other})
+        wrong = f"{' and '.join(dict.fromkeys((HINGE_NAMES[one], HINGE_NAMES[other])))} hinges closer than their radii"
+        found.append(Condition("chain.link_lengths_mm", wrong, "> {:g}", radii[:, pairs], apart[:, pairs], pairs))
     return found
-
-
-def broken(found: list[Condition]) -> list[Broken]:
-    """Every condition by its reason, and which designs break it."""
-    return [Broken(each.reason, ~np.all(each.holds, axis=-1)) for each in found]
-
-
-def _neck(name: str, stage: StageContent, chain: int, room: float) -> str:
-    said = f"{key_of(stage, chain + 1, name, 'neck_mm')} = {stage.hinge(chain + 1, name).neck:g}"
-    return f"{said}, neck as wide as the link, expected < chain.link_width_mm = {stage.chain.link_width:g}"
-
-
-def _notch(name: str, stage: StageContent, chain: int, room: float) -> str:
-    hinge = stage.hinge(chain + 1, name)
-    return (
-        f"{key_of(stage, chain + 1, name, 'radius_mm')} = {hinge.radius:g}, notch deeper than the link, "
-        f"expected <= (link_width - neck)/2 = {hinge.radius + room:g}"
-    )
-
-
-def _hub(stage: StageContent, _: int, room: float) -> str:
-    disc, hub = stage.platform.radius, stage.platform.hub_radius
-    return f"platform.hub_radius_mm = {hub:g}, hub larger than the platform, expected < platform.radius_mm = {disc:g}"
-
-
-def _swallows(name: str, stage: StageContent, chain: int, room: float) -> str:
-    disc = stage.platform.radius
-    return (
-        f"platform.radius_mm = {disc:g}, the platform swallows the {name} hinge of chain {chain + 1}, expected < "
-        f"{disc + room:g} (distance of the hinge from the platform centre less its notch)"
-    )
-
-
-def _closer(pairs: list[int], stage: StageContent, place: int, room: float) -> str:
-    ends = [(chain + 1, HINGE_NAMES[position]) for chain, position in PAIRS[pairs[place]]]
-    radii = sum(stage.hinge(*end).radius for end in ends)
-    return (
-        f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, hinges closer than their radii: "
-        f"{' and '.join(f'{name} hinge of chain {chain}' for chain, name in ends)} are {radii + room:.4g} mm apart, "
-        f"expected > {radii:g}"
-    )
 
 
 def check_feasible(stage: StageContent) -> None:
     """Refuse a stage that cannot be made, looked at once. Raises BadInput with key, value and what was expected."""
     check_closed_form(stage)
-    _raise(_refused(stage, _check_bodies))
+    _raise_refused(stage, _check_bodies)
 
 
 def check_closed_form(stage: StageContent) -> None:
     """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
     if not isinstance(stage, StageContent):
         raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load gives it for a file")
-    _raise(_refused(stage, _check_conditions))
+    _raise_refused(stage, _check_conditions)
 
 
-def _raise(refused: BadInput | None) -> None:
-    if refused:
+def _raise_refused(stage: StageContent, check: Callable[[StageContent], None]) -> None:
+    if refused := _refused(stage, check):
         raise refused
 
 
@@ -147,8 +112,17 @@ def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadI
 
 def _check_conditions(stage: StageContent) -> None:
     for each in conditions(lower(stage)):
-        for place in np.flatnonzero(~each.holds[0]):
-            raise BadInput(each.said(stage, int(place), float(each.room[0, place])))
+        for place in np.flatnonzero(~(each.room[0] > 0)).tolist():
+            value, limit = each.value[0, place], each.value[0, place] + each.room[0, place]
+            if each.pairs:
+                ends = PAIRS[each.pairs[place]]
+                names = " and ".join(f"{HINGE_NAMES[position]} hinge of chain {chain + 1}" for chain, position in ends)
+                said = f"{list(stage.chain.link_lengths)}, {each.wrong}: {names} are {limit:.4g} mm apart"
+                raise BadInput(f"{each.key} = {said}, expected {each.expected.format(value)}")
+            table, *hinge, key = each.key.split(".")
+            path = key_of(stage, place + 1, hinge[0], key) if hinge else each.key
+            chain = f" of chain {place + 1}" if table == "platform" and len(each.room[0]) > 1 else ""
+            raise BadInput(f"{path} = {value:g}, {each.wrong}{chain}, expected {each.expected.format(limit)}")
 
 
 def _check_bodies(stage: StageContent) -> None:

@@ -1,8 +1,4 @@
-"""The material of a stage, and those that are known by name: shipped ones and the user's own, each with its source.
-
-A table `[material]` with the name of a registered material alone has the numbers of that one; beside `file`, those of
-the material of that name in a TOML file of the user's own.
-"""
+"""The material of a stage, and those that are known by name: shipped ones, the user's own, and those of a file."""
 
 from __future__ import annotations
 
@@ -63,44 +59,33 @@ class Material(Dimensioned):
 
     model_config = ConfigDict(json_schema_extra=lambda schema: _as_files_say(schema))
 
-    name: Label = Field(
-        description="Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, "
-        "with the numbers beside it",
-        examples=["al-7075-t6"],
-    )
-    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", description="Young's modulus E", examples=[71.7])
-    poissons_ratio: Poisson = Field(description="Poisson's ratio", examples=[0.33])
-    density: Density = Field(alias="density_kg_m3", description="Mass density", examples=[2810.0])
-    yield_strength: Strength = Field(alias="yield_strength_mpa", description="Yield strength", examples=[503.0])
-    expansion: Expansion | None = Field(
-        default=None,
-        alias="expansion_um_per_m_k",
-        description="Coefficient of linear thermal expansion. Drift alone asks for it: no other answer, and no hash "
-        "of one, follows it",
-        examples=[23.6],
-    )
+    name: Label = Field(examples=["al-7075-t6"])
+    """Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, with the numbers
+    beside it"""
+    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[71.7])
+    """Young's modulus E"""
+    poissons_ratio: Poisson = Field(examples=[0.33])
+    """Poisson's ratio"""
+    density: Density = Field(alias="density_kg_m3", examples=[2810.0])
+    """Mass density"""
+    yield_strength: Strength = Field(alias="yield_strength_mpa", examples=[503.0])
+    """Yield strength"""
+    expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[23.6])
+    """Coefficient of linear thermal expansion. Drift alone asks for it: no other answer, and no hash of one, follows
+    it"""
     fatigue_strength_coefficient: Strength | None = Field(
-        default=None,
-        alias="fatigue_strength_coefficient_mpa",
-        description="sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, of unnotched specimens at zero mean stress. "
-        "Lives alone ask for it: `flexfem life`, and studies with `[life]`",
-        examples=[900.0],
+        default=None, alias="fatigue_strength_coefficient_mpa", examples=[900.0]
     )
-    fatigue_strength_exponent: Exponent | None = Field(
-        default=None, description="b of Basquin's law", examples=[-0.102], json_schema_extra=COUNT
-    )
-    walker_exponent: Walker | None = Field(
-        default=None,
-        description="Walker's gamma for mean stress; by default 0.5, with which his equation is that of Smith, "
-        "Watson and Topper",
-        examples=[0.5],
-    )
+    """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, of unnotched specimens at zero mean stress. Lives alone ask
+    for it: `flexfem life`, and studies with `[life]`"""
+    fatigue_strength_exponent: Exponent | None = Field(default=None, examples=[-0.102], json_schema_extra=COUNT)
+    """b of Basquin's law"""
+    walker_exponent: Walker | None = Field(default=None, examples=[0.5])
+    """Walker's gamma for mean stress; by default 0.5, with which his equation is that of Smith, Watson and Topper"""
     fatigue_range: tuple[Cycles, Cycles] | None = Field(
-        default=None,
-        alias="fatigue_range_cycles",
-        description="From and to how many cycles Basquin's law was fitted; by default 1e3 to 1e6, assumed",
-        examples=[[1e3, 1e6]],
+        default=None, alias="fatigue_range_cycles", examples=[[1e3, 1e6]]
     )
+    """From and to how many cycles Basquin's law was fitted; by default 1e3 to 1e6, assumed"""
 
     @model_validator(mode="before")
     @classmethod
@@ -283,14 +268,10 @@ class Entry(Material):
     model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
 
     name: Label = "of a file"  # replaced by that of its table
-    source: Label = Field(
-        description='Where its numbers come from; begins with "assumed" when they are', examples=["works certificate 7"]
-    )
-    sources: Mapping[str, Label] = Field(
-        default_factory=dict,
-        description="Of single numbers by their key, where they have another source",
-        examples=[{"poissons_ratio": "assumed: as of others"}],
-    )
+    source: Label = Field(examples=["works certificate 7"])
+    """Where its numbers come from; begins with "assumed" when they are"""
+    sources: Mapping[str, Label] = Field(default_factory=dict, examples=[{"poissons_ratio": "assumed: as of others"}])
+    """Of single numbers by their key, where they have another source"""
 
     @model_validator(mode="after")
     def _sources_are_of_keys(self) -> Entry:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -98,11 +98,10 @@ link, expected < chain.link_width_mm = 9
 
     def _sources_of(self, changed: Stage) -> dict[str, str]:
         """The provenance of a changed stage: values that differ have no source of this one's."""
-        before, after = values_by_key(self), values_by_key(changed)
-        different = [key for key, value in after.items() if before.get(key) != value]
-        stated = changed.sources
-        replaced = {key: "replaced in Python" for key in different if stated[key] is not None}
-        found, sources = dict(changed.provenance) | replaced, sources_of(changed.material.name)
+        before, stated = values_by_key(self), changed.sources
+        different = [key for key, value in values_by_key(changed).items() if before.get(key) != value]
+        found = dict(changed.provenance) | {key: "replaced in Python" for key in different if stated[key] is not None}
+        sources = sources_of(changed.material.name)
         if not sources or changed.material == self.material:
             return found
         return sources | {key: text for key, text in found.items() if not key.startswith("material")}
@@ -189,11 +188,9 @@ link, expected < chain.link_width_mm = 9
     @property
     def heat_doubts(self) -> Doubts:
         """What is assumed and what is not stated, expansion included; a frame of none is assumed as the stage's."""
-        sources, kept = self.sources, [key for key in super().numbers if not of_drive(key)]
-        found = [key for key in super().assumed if not of_drive(key)]
-        if self.frame.expansion is None:
-            found.append("frame.expansion_um_per_m_k")
-        return Doubts(found, [key for key in kept if sources[key] is None])
+        assumed, not_stated = ([key for key in keys if not of_drive(key)] for keys in self.drive_doubts)
+        frame = ["frame.expansion_um_per_m_k"] if self.frame.expansion is None else []
+        return Doubts(assumed + frame, not_stated)
 
     @property
     def drive_doubts(self) -> Doubts:
@@ -208,15 +205,12 @@ link, expected < chain.link_width_mm = 9
 
 
 def load_stage(path: Path) -> Stage:
-    """Read a stage file.
+    """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for what no stage can have."""
+    return _read(path, partial(with_material_of_file, path))
 
-    Raises
-    ------
-    BadInput
-        The file cannot be read, is not TOML, or says something no stage can have; one line naming file, line, key,
-        value and expectation.
-    """
-    stage = validate(Stage, path, partial(with_material_of_file, path))
+
+def _read(path: Path, completed: Callable[[dict[str, Any], Lines], dict[str, Any]]) -> Stage:
+    stage = validate(Stage, path, completed)
     stage.__dict__["origin"] = Origin(os.fspath(path))
     return stage
 
@@ -253,10 +247,8 @@ class PartialStage(NamedTuple):
     @property
     def doubts(self) -> Doubts:
         """What of the numbers that are given is assumed, and what has no stated source."""
-        assumed, not_stated = (
-            [key for key in keys if key not in self.missing] for keys in (self.stage.assumed, self.stage.not_stated)
-        )
-        return Doubts(assumed, not_stated)
+        both = self.stage.assumed, self.stage.not_stated
+        return Doubts(*([key for key in keys if key not in self.missing] for keys in both))
 
     def given(self, *keys: str) -> bool:
         """Whether the file gives all of some keys."""
@@ -285,9 +277,7 @@ def load_partly(path: Path) -> PartialStage:
                 missing.append(key)
         return data
 
-    stage = validate(Stage, path, completed)
-    stage.__dict__["origin"] = Origin(os.fspath(path))
-    found = PartialStage(stage, missing)
+    found = PartialStage(_read(path, completed), missing)
     if found.whole:
-        check_feasible(stage)
+        check_feasible(found.stage)
     return found

@@ -30,68 +30,54 @@ CHAINS = (1, 2, 3)
 class Chain(Dimensioned):
     """Chain 1; the others are turned by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
 
-    link_lengths: tuple[Length, Length, Length] = Field(
-        alias="link_lengths_mm",
-        description="l1 base to elbow hinge, l2 elbow to platform hinge, l3 platform hinge to platform centre",
-        examples=[[30.0, 32.0, 24.0]],
-    )
-    joint_angles: tuple[Angle, Angle, Angle] = Field(
-        alias="joint_angles_deg",
-        description="phi_1, phi_2, phi_3 at rest, counter-clockwise, each relative to the link before it; the first to "
-        "the x axis",
-        examples=[[180.0, -90.0, 90.0]],
-    )
-    link_width: Length = Field(
-        alias="link_width_mm", description="Width of links, clamped pads and lugs of the platform", examples=[9.0]
-    )
+    link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm", examples=[[30.0, 32.0, 24.0]])
+    """l1 base to elbow hinge, l2 elbow to platform hinge, l3 platform hinge to platform centre"""
+    joint_angles: tuple[Angle, Angle, Angle] = Field(alias="joint_angles_deg", examples=[[180.0, -90.0, 90.0]])
+    """phi_1, phi_2, phi_3 at rest, counter-clockwise, each relative to the link before it; the first to the x axis"""
+    link_width: Length = Field(alias="link_width_mm", examples=[9.0])
+    """Width of links, clamped pads and lugs of the platform"""
 
 
 class Hinge(Dimensioned):
     """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
 
-    radius: Length = Field(alias="radius_mm", description="R of the two circular cuts", examples=[4.0])
-    neck: Length = Field(
-        alias="neck_mm", description="t, the narrowest width, which the two cuts leave", examples=[0.5]
-    )
-    prismatic: bool = Field(default=False, description="Whether the model lets it stretch as well as turn")
-    axis: Angle | None = Field(
-        default=None,
-        alias="axis_deg",
-        description="Direction of the neck in the frame of chain 1, turned with each chain; by default of base and "
-        "elbow hinge along link 1, of the platform hinge along link 2",
-        examples=[180.0],
-    )
+    radius: Length = Field(alias="radius_mm", examples=[4.0])
+    """R of the two circular cuts"""
+    neck: Length = Field(alias="neck_mm", examples=[0.5])
+    """t, the narrowest width, which the two cuts leave"""
+    prismatic: bool = False
+    """Whether the model lets it stretch as well as turn"""
+    axis: Angle | None = Field(default=None, alias="axis_deg", examples=[180.0])
+    """Direction of the neck in the frame of chain 1, turned with each chain; by default of base and elbow hinge along
+    link 1, of the platform hinge along link 2"""
 
 
 class Hinges(Dimensioned):
     """The three hinges every chain has unless an override says otherwise."""
 
-    base: Hinge = Field(description="The hinge at the clamped pad; link 1 starts here")
-    elbow: Hinge = Field(description="The hinge between link 1 and link 2")
-    platform: Hinge = Field(description="The hinge between link 2 and the platform")
+    base: Hinge
+    """The hinge at the clamped pad; link 1 starts here"""
+    elbow: Hinge
+    """The hinge between link 1 and link 2"""
+    platform: Hinge
+    """The hinge between link 2 and the platform"""
 
 
 class Platform(Dimensioned):
     """The platform disc and its rigid hub, where the load acts and the pose is read; radii in mm."""
 
-    radius: Length = Field(alias="radius_mm", description="Of the disc", examples=[17.0])
-    hub_radius: Length = Field(
-        alias="hub_radius_mm",
-        description="Of the hole in it, taken as filled by a rigid disc: loads act there, the pose is read there",
-        examples=[8.0],
-    )
+    radius: Length = Field(alias="radius_mm", examples=[17.0])
+    """Of the disc"""
+    hub_radius: Length = Field(alias="hub_radius_mm", examples=[8.0])
+    """Of the hole in it, taken as filled by a rigid disc: loads act there, the pose is read there"""
 
 
 class Frame(Dimensioned):
     """What the pads are clamped to: coefficient of linear thermal expansion, 1/K; None for that of the stage."""
 
-    expansion: FrameExpansion | None = Field(
-        default=None,
-        alias="expansion_um_per_m_k",
-        description="Coefficient of linear thermal expansion of the frame. Where it is not stated the frame is "
-        "assumed to expand as the stage does",
-        examples=[12.0],
-    )
+    expansion: FrameExpansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[12.0])
+    """Coefficient of linear thermal expansion of the frame. Where it is not stated the frame is assumed to expand as
+    the stage does"""
 
 
 OF_HINGES = tuple(Hinge.model_fields)  # attributes that may be given without naming the table
@@ -201,11 +187,12 @@ def scopes_of(doubted: Iterable[str]) -> str:
 class _About(Dimensioned):
     """The part of an override that says what it is about."""
 
-    chain: int = Field(ge=1, le=3, description="The chain that it is about", examples=[2])
-    hinge: HingeName | None = Field(default=None, description="The hinge of that chain that it is about")
-    actuator: Label | None = Field(
-        default=None, description="Instead of `hinge`: the name of the actuator that it is about", examples=["base"]
-    )
+    chain: int = Field(ge=1, le=3, examples=[2])
+    """The chain that it is about"""
+    hinge: HingeName | None = None
+    """The hinge of that chain that it is about"""
+    actuator: Label | None = Field(default=None, examples=["base"])
+    """Instead of `hinge`: the name of the actuator that it is about"""
 
     @model_validator(mode="after")
     def _changes_one_thing(self) -> Self:
@@ -274,35 +261,31 @@ class StageContent(Dimensioned, Sourced):
 
     kind: ClassVar[str] = "stage file"
 
-    name: Label = Field(description="Shown in tables and figures", examples=["my stage"])
-    model: Plane = Field(
-        default="plane_stress",
-        description="How the stage is made a plane problem, in both models: `plane_stress`, the paper's; "
-        "`plane_strain`; or `corrected`: plane stress with the hinges' compliances and neck stresses corrected for "
-        "their thickness by three-dimensional finite elements, in the analytic model alone, because the finite "
-        "elements of the stage are plane",
-    )
-    thickness: Length = Field(alias="thickness_mm", description="b, out of plane", examples=[10.0])
-    material: Material = Field(description="What the stage is made of, isotropic")
-    chain: Chain = Field(description="Chain 1; the others are the same, turned by 120 and 240 degrees")
-    hinges: Hinges = Field(description="The hinges of every chain, from the base to the platform")
-    platform: Platform = Field(description="The disc that is moved")
-    frame: Frame = Field(
-        default_factory=Frame,
-        description="What the pads are clamped to. Drift alone asks for it: `flexfem drift`, and studies with "
-        "`[drift]`",
-    )
-    override: tuple[Override, ...] = Field(
-        default=(),
-        description="What differs at one of the nine hinges alone, or at an actuator on one chain: beside what it is "
-        "about, keys of that hinge or actuator with their values there. As many as wanted, in any order, each about "
-        "something else",
-    )
-    actuator: tuple[Actuator, ...] = Field(
-        default=(),
-        description="A piezo stack, or a pair of them, at the same place of every chain; as many as wanted. They "
-        "make the stage a driven one; what is asked of the passive stage does not depend on them",
-    )
+    name: Label = Field(examples=["my stage"])
+    """Shown in tables and figures"""
+    model: Plane = "plane_stress"
+    """How the stage is made a plane problem, in both models: `plane_stress`, the paper's; `plane_strain`; or
+    `corrected`: plane stress with the hinges' compliances and neck stresses corrected for their thickness by
+    three-dimensional finite elements, in the analytic model alone, because the finite elements of the stage are
+    plane"""
+    thickness: Length = Field(alias="thickness_mm", examples=[10.0])
+    """b, out of plane"""
+    material: Material
+    """What the stage is made of, isotropic"""
+    chain: Chain
+    """Chain 1; the others are the same, turned by 120 and 240 degrees"""
+    hinges: Hinges
+    """The hinges of every chain, from the base to the platform"""
+    platform: Platform
+    """The disc that is moved"""
+    frame: Frame = Field(default_factory=Frame)
+    """What the pads are clamped to. Drift alone asks for it: `flexfem drift`, and studies with `[drift]`"""
+    override: tuple[Override, ...] = ()
+    """What differs at one of the nine hinges alone, or at an actuator on one chain: beside what it is about, keys of
+    that hinge or actuator with their values there. As many as wanted, in any order, each about something else"""
+    actuator: tuple[Actuator, ...] = ()
+    """A piezo stack, or a pair of them, at the same place of every chain; as many as wanted. They make the stage a
+    driven one; what is asked of the passive stage does not depend on them"""
 
     @model_validator(mode="before")
     @classmethod

@@ -10,22 +10,20 @@ The names below are loaded when they are first used.
 from importlib import import_module
 from typing import Any
 
-_HOMES = {
-    "design": ("plot_history", "plot_margins", "plot_sensitivity", "plot_tradeoff"),
-    "drive": (
-        *("plot_across", "plot_along", "plot_drive", "plot_forces", "plot_open_loop", "plot_section"),
-        *("plot_solid", "plot_strokes", "plot_tangents"),
-    ),
-    "errors": ("plot_budget", "plot_convergence", "plot_displaced", "plot_errors"),
-    "experiment": ("plot_push", "plot_region", "plot_remains"),
-    "fields": ("plot_displacement", "plot_drift"),
-    "hinge": ("plot_formulas", "plot_hinge", "plot_hinge_table", "plot_thickness"),
-    "life": ("plot_life",),
-    "modes": ("plot_mode", "plot_response"),
-    "stage": ("plot_dimensions", "plot_mesh", "plot_model", "plot_neck", "plot_notch", "plot_stage"),
-    "study": ("plot_front", "plot_histogram", "plot_map", "plot_shares"),
+_NAMES = {
+    "design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
+    "drive": "plot_drive plot_forces plot_large plot_open_loop plot_section plot_solid plot_strokes",
+    "errors": "plot_budget plot_convergence plot_displaced plot_errors",
+    "experiment": "plot_push plot_region plot_remains",
+    "fields": "plot_displacement plot_drift",
+    "hinge": "plot_formulas plot_hinge plot_hinge_table plot_thickness",
+    "life": "plot_life",
+    "modes": "plot_mode plot_response",
+    "stage": "plot_dimensions plot_mesh plot_model plot_neck plot_notch plot_stage",
+    "study": "plot_front plot_histogram plot_map plot_shares",
 }
-__all__ = sorted(name for names in _HOMES.values() for name in names)
+_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_HOMES)
 
 
 def figures_of(result: Any) -> dict[str, Any]:
@@ -36,9 +34,8 @@ def figures_of(result: Any) -> dict[str, Any]:
 
 
 def __getattr__(name: str) -> Any:
-    for home, names in _HOMES.items():
-        if name in names:
-            return getattr(import_module(f"flexfem.plot.{home}"), name)
+    if name in _HOMES:
+        return getattr(import_module(f"flexfem.plot.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'flexfem.plot' has no attribute {name!r}")
 
 

@@ -4,36 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Polygon
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import Array
 from flexfem.files.refusals import shown
-from flexfem.mechanism.bodies import draw_sector, turn
+from flexfem.mechanism.bodies import draw_sector, polygon_points, turn
+from flexfem.mechanism.drawing import part_of
 from flexfem.mechanism.stage import CHAINS, Stage
-from flexfem.plot.stage import draw_outline, fit, outline_of, place_label, write
-from flexfem.plot.style import (
-    COLOURS,
-    DASHES,
-    GREY,
-    HATCHES,
-    INK,
-    NAMES,
-    NOTE_COLOUR,
-    PALE,
-    below_header,
-    boxed,
-    in_house_style,
-    legend_below,
-    panels,
-    titled,
-    wrapped,
-)
+from flexfem.plot import style
+from flexfem.plot.stage import STEP, draw_outline, fit, place_label, write
+from flexfem.plot.style import COLOURS, GREY, INK, NAMES, NOTE_COLOUR, PALE, titled
 from flexfem.plot.text import minus, round_factor, scientific, significant
 from flexfem.questions.drive import Drive, StackPlace
 from flexfem.questions.driven import CRITERIA, Criterion
@@ -53,38 +41,35 @@ SIGNS = (  # of strokes
 )
 MOST_LABELLED = 12  # stacks that have their stroke and force beside them; of more only the numbers
 VISIBLE = 0.06  # largest drawn displacement of the platform, per size of the stage
-STEP = np.pi / 24  # rad of arc between two drawn points
 
 
-@in_house_style
+@style.in_house_style
 def command_figure(found: Drive) -> Figure:
     """Draw a driven stage at a pose: stacks in their places, strokes and forces by criterion, open-loop errors."""
-    errors = len(found.error) if "error" in found.values else 0
-    rows = [len(found.command), len(found.stroke), errors]
-    heights = [min(max(0.34 * count + 0.75, 1.9), 9.0) for count in rows if count]
+    errors = [len(found.error)] if "error" in found.values else []
+    heights = [min(max(0.34 * n + 0.75, 1.9), 9.0) for n in (len(found.command), len(found.stroke), *errors)]
     heights[1] = max(heights[1], 5.8 - heights[0])
-    doubts, moved = (found.about.assumed, found.about.not_stated), bool(np.any(found.pose))
-    shown_by = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found), 1)}."
+    factor = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found), 1)}."
     load = f" under a load of {_numbers(found.load, FORCES)}" if np.any(found.load) else ""
     said = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.settings['strokes by']}."
-    lines = [
-        f"{said}{shown_by if moved else ''} Stacks are not to scale.",
-        *(text for text in found.warnings if "this pose" in text),
-    ]
+    lines = [f"{said}{factor if np.any(found.pose) else ''} Stacks are not to scale."]
+    lines += [text for text in found.warnings if "this pose" in text]
     title = f"{found.about.name}: strokes and forces for a pose"
-    figure = below_header((WIDTH, sum(heights) + 0.7), title, lines, doubts)
-    parts = figure.subfigures(len(heights) - 1, squeeze=False, height_ratios=[sum(heights[:2]), *heights[2:]])[:, 0]
-    grid = {"width_ratios": [1.5, 1.0], "height_ratios": heights[:2]}
-    axes = parts[0].subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], gridspec_kw=grid)
+    figure = style.below_header((WIDTH, sum(heights) + 0.7), title, lines, found.about)
+    parts = figure.subfigures(1 + len(errors), squeeze=False, height_ratios=[sum(heights[:2]), *heights[2:]])[:, 0]
+    ratios: dict[str, Any] = {"width_ratios": [1.5, 1.0], "height_ratios": heights[:2]}
+    axes: dict[str, Axes] = parts[0].subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], **ratios)
+    axes |= dict(zip(DIRECTIONS, parts[1].subplots(1, 3), strict=True)) if errors else {}
     titled(plot_strokes(axes["strokes"], found), "b", "strokes by actuator")
     titled(plot_forces(axes["forces"], found), "c", "forces by stack; right: blocking forces")
-    shown_errors = parts[1].subplots(1, 3) if errors else ()
-    for letter, ax, direction in zip("def", shown_errors, DIRECTIONS, strict=False):
-        titled(plot_open_loop(ax, found, direction), letter, f"error of finite elements in {NAMES[direction]}")
-        ax.tick_params(labelleft=direction == "x")
+    for letter, direction in zip("def", DIRECTIONS if errors else (), strict=False):
+        titled(
+            plot_open_loop(axes[direction], found, direction), letter, f"error of finite elements in {NAMES[direction]}"
+        )
+        axes[direction].tick_params(labelleft=direction == "x")
     figure.draw_without_rendering()  # labels of the drawing are placed at the size that its axes have then
     titled(plot_drive(axes["stage"], found), "a", f"strokes beyond rest, and forces, by {CRITERIA[0]}")
-    legend_below(figure, list(axes.values()), 4)
+    style.legend_below(figure, list(axes.values()), 4)
     return figure
 
 
@@ -99,10 +84,8 @@ def plot_strokes(ax: Axes, found: Drive) -> Axes:
     look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
     ax.barh(np.arange(len(low)), high - low, left=low, label="strokes it has", **look)
     _bars(ax, dict(zip(found.axes["criterion"], um * found.command.T, strict=True)))
-    stacks = [
-        ", ".join(str(k) for k, place in enumerate(places, 1) if place.actuator == row) for row in range(len(low))
-    ]
-    _label_rows(ax, [f"{name} ({own})" for name, own in zip(found.axes["actuator"], stacks, strict=True)])
+    stacks = [[str(k) for k, place in enumerate(places, 1) if place.actuator == row] for row in range(len(low))]
+    _label_rows(ax, [f"{name} ({', '.join(own)})" for name, own in zip(found.axes["actuator"], stacks, strict=True)])
     ax.set_xlabel(f"stroke beyond rest ({MICROMETRE})")
     return ax
 
@@ -143,11 +126,8 @@ def plot_open_loop(ax: Axes, found: Drive, direction: Direction) -> Axes:
     error = np.where(np.abs(error) <= 1e-12 * np.max(np.abs(found.pose)), 0.0, error)  # as in the printed table
     unit = unit_for(direction, float(np.max(np.abs(error))))
     values, reach = unit.factor * error, unit.factor * float(np.max(np.abs(error))) or 1.0
-    ax.barh(np.arange(len(error)), values, height=0.6, color=COLOURS[0], edgecolor=INK, linewidth=0.5)
-    for row, value in enumerate(values.tolist()):
-        side = -1 if value < 0 else 1
-        style: dict[str, Any] = {"va": "center", "ha": "right" if side < 0 else "left", "size": 8.0}
-        ax.text(value + 0.03 * side * reach, row, significant(value, 3), **style)
+    bars = ax.barh(np.arange(len(error)), values, height=0.6, color=COLOURS[0], edgecolor=INK, linewidth=0.5)
+    ax.bar_label(bars, [significant(value, 3) for value in values.tolist()], padding=4, size=8.0)
     own = found.settings["strokes by"]
     _label_rows(ax, [name.removeprefix(f"{own}, ") for name in found.axes["commanding model"]])
     ax.set(xlabel=f"error ({unit})", xlim=(-1.5 * reach, 1.5 * reach))
@@ -159,16 +139,12 @@ def _bars(ax: Axes, values: dict[Any, Any]) -> None:
     height = 0.8 / len(values)
     for k, (name, value) in enumerate(values.items()):
         index, rows = CRITERIA.index(name), np.arange(len(value)) + (k - (len(values) - 1) / 2) * height
-        look: Any = {"color": COLOURS[index], "hatch": HATCHES[index], "edgecolor": "white", "linewidth": 0.4}
+        look: Any = {"color": COLOURS[index], "hatch": style.HATCHES[index], "edgecolor": "white", "linewidth": 0.4}
         ax.barh(rows, value, height=height, label=name, zorder=3, **look)
 
 
 def _label_rows(ax: Axes, names: list[str]) -> None:
-    size = 8.5 if len(names) <= 24 else 6.0
-    ax.set_yticks(range(len(names)), [wrapped(name, 1.6, size) for name in names], size=size)
-    ax.set_ylim(len(names) - 0.5, -0.5)
-    ax.axvline(0.0, color=GREY, linewidth=0.9, zorder=4)
-    ax.grid(axis="x")
+    style.name_rows(ax, names, 1.6, 8.5 if len(names) <= 24 else 6.0)
 
 
 def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") -> Axes:
@@ -179,39 +155,41 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     Returns `ax`. Raises BadInput for a criterion that has no strokes.
     """
     stage, places = found.fields
-    outline, width = outline_of(stage), stage.chain.link_width
+    width, few = stage.chain.link_width, len(places) <= MOST_LABELLED
     stroke, force = found.at("stroke", criterion=criterion), found.at("force", criterion=criterion)
     contact, push = (np.array([getattr(place, name) for place in places]) for name in ("contact", "push"))
-    boxes = [_box(place, width) for place in places]
-    draw_outline(ax, outline)
-    size = fit(ax, np.concatenate([*outline.bodies, *boxes]), 0.16)
+    boxes = np.array([_box(place, width) for place in places])
+    rim = draw_outline(ax, stage)
+    size = fit(ax, np.concatenate([rim, *boxes]), 0.22)
     sign = np.sign(np.where(np.abs(stroke) > ROUND_OFF * np.max(np.abs(stroke)), stroke, 0.0))
     for label, colour, hatch, wanted in SIGNS:
-        mine = [box for box, own in zip(boxes, sign, strict=True) if own == wanted]
         look: dict[str, Any] = {"facecolors": colour, "hatch": hatch, "edgecolors": INK, "linewidths": 0.7, "zorder": 4}
-        if mine:
-            ax.add_collection(PolyCollection(mine, label=label, **look), autolim=False)
+        if np.any(sign == wanted):
+            ax.add_collection(PolyCollection(list(boxes[sign == wanted]), label=label, **look), autolim=False)
     ax.plot(*(contact - GAP / 2 * width * push).T, "o", color=INK, markersize=3.0, zorder=5)
     for place, box in zip(places, boxes, strict=True):  # what carries the stack
-        held, middle = place.between[0] == "frame", box[2:].mean(axis=0)
-        carrier = box[2:] if held else np.array([middle, _carrier(stage, place, middle)])
-        ax.plot(*carrier.T, color=INK if held else GREY, linewidth=2.4 if held else 1.2, zorder=3.5)
+        body, carrier, middle = place.between[0], box[2:], box[2:].mean(axis=0)
+        if body != "frame":
+            outline = _body(stage, body, CHAINS if body == "platform" else (place.chain,))
+            carrier = shapely.get_coordinates(shapely.shortest_line(shapely.Point(middle), outline))
+        look = {"color": INK, "linewidth": 2.4} if body == "frame" else {"color": GREY, "linewidth": 1.2}
+        ax.plot(carrier[:, 0], carrier[:, 1], zorder=3.5, **look)
     shaft = ARROW * width * push * force[:, None] / (np.max(np.abs(force)) or 1.0)
     label = f"force on the pushed body, the longest {np.max(np.abs(force)):.4g} {FORCES[0]}"
     scaled: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "zorder": 6}
     ax.quiver(*contact.T, *shaft.T, color=NOTE_COLOUR, label=label, **scaled)
-    x, y, theta = platform_factor(found) * found.pose
     if np.any(found.pose):
-        rim = [x + 1j * y + line * np.exp(1j * theta) for line in _free_lines(stage, "platform", CHAINS, True)]
-        lines = LineCollection([np.column_stack([line.real, line.imag]) for line in rim], zorder=5)
-        lines.set(colors="#007A58", linewidths=1.4, linestyles="dashed", label="platform at the pose")
-        ax.add_collection(lines, autolim=False)
-    taken = [*outline.bodies, *(np.linspace(box, np.roll(box, -1, axis=0), 5).reshape(-1, 2) for box in boxes)]
+        x, y, theta = (platform_factor(found) * found.pose).tolist()
+        c, s = np.cos(theta), np.sin(theta)
+        rings = shapely.get_parts(_body(stage, "platform", CHAINS).boundary)
+        moved = [shapely.get_coordinates(each) @ np.array([[c, s], [-s, c]]) + [x, y] for each in rings]
+        look = {"colors": "#007A58", "linewidths": 1.4, "linestyles": "dashed", "label": "platform at the pose"}
+        ax.add_collection(LineCollection(moved, zorder=5, **look), autolim=False)
+    taken = [shapely.LinearRing(rim), *map(shapely.Polygon, boxes)]
     frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
     for k, box in enumerate(boxes):
         said = f": {MICROMETRE.factor * stroke[k]:+.3g} {MICROMETRE}\n{force[k]:.4g} {FORCES[0]}"
-        text = minus(f"{k + 1}{said if len(boxes) <= MOST_LABELLED else ''}")
-        far = 0.13 if len(boxes) <= MOST_LABELLED else 0.06
+        text, far = minus(f"{k + 1}{said if few else ''}"), 0.13 if few else 0.06
         spot = place_label(ax, box.mean(axis=0), text, taken, far * size, size=7.0, bbox=frame)
         ax.plot(*np.transpose([box.mean(axis=0), spot]), color=GREY, linewidth=0.6, zorder=3.2)
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
@@ -221,23 +199,16 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
 def platform_factor(found: Drive) -> float:
     """The round factor by which the platform's displacement is drawn; 1 when it does not move."""
     (x, y, theta), stage = found.pose, found.fields.stage
-    rim = np.concatenate(_free_lines(stage, "platform", CHAINS, True))
-    largest = float(np.max(np.abs(x + 1j * y + rim * 1j * theta)))
-    size = float(np.ptp(np.concatenate(outline_of(stage).bodies), axis=0).max())
+    rim = shapely.get_coordinates(_body(stage, "platform", CHAINS))
+    largest = float(np.max(np.hypot(x - theta * rim[:, 1], y + theta * rim[:, 0])))
+    size = float(np.ptp(polygon_points(part_of(stage).outer), axis=0).max())
     return round_factor(VISIBLE * size / largest) if largest > 0 else 1.0
 
 
-def _free_lines(stage: Stage, body: Any, chains: Sequence[int], hub: bool = False) -> list[AnyArray]:
-    """Lines, complex, of the free rims of a body in chains, and of its hub, in short pieces."""
-    found = []
-    for chain in chains:
-        face = draw_sector(stage, chain)[body]
-        for segment, label in zip(turn(face.loop, chain), face.labels, strict=True):
-            if label == "free" or (hub and label == "hub"):
-                straight = segment.start + np.linspace(0.0, 1.0, 33) * (segment.end - segment.start)
-                curved = segment.centre is not None
-                found.append(np.append(segment.points(STEP), segment.end) if curved else straight)
-    return found
+def _body(stage: Stage, body: Any, chains: Sequence[int]) -> Any:
+    """The outline of a body of some chains as one shape, mm."""
+    loops = [turn(draw_sector(stage, chain)[body].loop, chain) for chain in chains]
+    return shapely.union_all([shapely.Polygon(polygon_points(loop, STEP)) for loop in loops], grid_size=1e-6)
 
 
 def _box(place: StackPlace, width: float) -> Array:
@@ -248,27 +219,16 @@ def _box(place: StackPlace, width: float) -> Array:
     return np.array([front + aside, front - aside, rear - aside, rear + aside])
 
 
-def _carrier(stage: Stage, place: StackPlace, point: Array) -> Array:
-    """The point (2,) nearest to one of the outline of the body that carries a stack."""
-    body = place.between[0]
-    outline = np.concatenate(_free_lines(stage, body, CHAINS if body == "platform" else (place.chain,)))
-    nearest = outline[np.argmin(np.abs(outline - complex(*point)))]
-    return np.array([nearest.real, nearest.imag])
-
-
 LISTED = 12  # edges whose limits are written out: the longest ones
-TURNED, RAISED = np.deg2rad(-62.0), np.deg2rad(24.0)  # of the eye, from the X axis and from the plane
+AZIMUTH, ELEVATION = -62.0, 24.0  # degrees, of the eye, from the X axis and from the plane
 FILLS = dict(zip(KINDS, ("#E4E8EC", "#9DC3E0", "#C9B458", "#D98A6A"), strict=True))  # of the rarest kind of limit there
 LIMIT_HATCHES = dict(zip(KINDS, ("", "////", "\\\\\\\\", "...."), strict=True))
 
 
-@in_house_style
+@style.in_house_style
 def reach_figure(found: Reach) -> Figure:
-    """Draw the section at theta = 0 with the limits of its edges, and the solid with the limits of its faces.
-
-    The solid is seen from afar: parallel lines stay parallel, rotations are drawn as long as their translation at l3.
-    """
-    um, doubts, model = MICROMETRE, (found.about.assumed, found.about.not_stated), found.settings["analytic model"]
+    """Draw the section at theta = 0 with the limits of its edges, and the solid with the limits of its faces."""
+    um, model = MICROMETRE, found.settings["analytic model"]
     ranges = ", ".join(f"{NAMES[axis]} {_ends(found, k)}" for k, axis in enumerate(NAMES))
     load = f"load {_numbers(found.load, FORCES)}" if np.any(found.load) else "no load"
     lines = [
@@ -279,18 +239,18 @@ def reach_figure(found: Reach) -> Figure:
         f"l₃ = {found.about.lever:g} {LENGTH}.",
     ]
     title = f"{found.about.name}: the poses that the drive reaches within all its limits"
-    figure, every = panels((WIDTH, 7.6), title, lines, 2, 2, doubts, height_ratios=(3.2, 1.0))
-    titled(plot_section(every[0], found), "a", "at θ = 0")
-    titled(plot_solid(every[1], found), "b", "all poses, rotations drawn as l₃ θ")
+    figure = style.below_header((WIDTH, 7.6), title, lines, found.about)
+    spatial: Any = {"b": {"projection": "3d"}}
+    axes = figure.subplot_mosaic([["a", "b"], ["c", "d"]], height_ratios=(3.2, 1.0), per_subplot_kw=spatial)
+    titled(plot_section(axes["a"], found), "a", "at θ = 0")
+    titled(plot_solid(axes["b"], found), "b", "all poses, rotations drawn as long as l₃ θ")
     edges = listed(found)
     half = (len(edges) + 1) // 2
-    for axes, part in zip(every[2:], (edges[:half], edges[half:]), strict=True):
-        axes.axis("off")
-        said = [
-            (k, str(edge.by).replace(", longest", " +").replace(", shortest", " \N{MINUS SIGN}")) for k, edge in part
-        ]
-        text = "\n".join(wrapped(f"{k}  {limits}", WIDTH / 2 - 0.8, 7.5) for k, limits in said)
-        axes.text(0.0, 1.0, text, transform=axes.transAxes, va="top", size=7.5, color=INK, linespacing=1.3)
+    for ax, part in zip((axes["c"], axes["d"]), (edges[:half], edges[half:]), strict=True):
+        said = [f"{k}  {edge.by}".replace(", longest", " +").replace(", shortest", " −") for k, edge in part]
+        text = "\n".join(style.wrapped(each, WIDTH / 2 - 0.8, 7.5) for each in said)
+        ax.axis("off")
+        ax.text(0.0, 1.0, text, transform=ax.transAxes, va="top", size=7.5, color=INK, linespacing=1.3)
     return figure
 
 
@@ -321,7 +281,8 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
     ax.add_patch(Polygon(list(corners), facecolor=FILLS["stroke"], edgecolor="none", zorder=1))
     for index, each in enumerate(_in_order({edge.by.kinds for edge in section})):
         lines = [line for line, edge in zip(ends, section, strict=True) if edge.by.kinds == each]
-        look: Any = {"linestyles": DASHES[index % len(DASHES)], "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
+        dashes = style.DASHES[index % len(style.DASHES)]
+        look: Any = {"linestyles": dashes, "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
         ax.add_collection(LineCollection(lines, label=" and ".join(each) or "no limit", zorder=3, **look))
     middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
     for k, edge in listed(found):
@@ -341,84 +302,61 @@ def _in_order(found: set[tuple[str, ...]]) -> list[tuple[str, ...]]:
     return sorted(found, key=lambda each: [KINDS.index(kind) for kind in reversed(each)])
 
 
-def plot_solid(ax: Axes, found: Reach) -> Axes:
-    """Draw all poses as a solid seen from outside, each face by the kinds of its limits; returns `ax`."""
-    ax.set(aspect="equal", xticks=[], yticks=[])
-    ax.spines[:].set_visible(False)
-    solid, V = found.fields.solid, MICROMETRE.factor * np.array([1.0, 1.0, found.about.lever]) * found.vertices
+def plot_solid(ax: Any, found: Reach) -> Any:
+    """Draw all poses as a solid on axes of projection 3d, each face by the kinds of its limits; returns `ax`.
+
+    Parallel lines stay parallel; rotations are drawn as long as their translation at l3.
+    """
+    solid, factors = found.fields.solid, np.array([unit.factor for unit in COMMANDS])
+    corners, axes = factors * solid.vertices, zip((ax.xaxis, ax.yaxis, ax.zaxis), NAMES.values(), COMMANDS, strict=True)
+    for axis, name, unit in axes:
+        axis.set_label_text(f"{name} ({unit})")
+        axis.labelpad = 8.0
+    ax.set_proj_type("ortho")
+    ax.view_init(ELEVATION, AZIMUTH)
     if not solid.faces:
-        ax.text(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
+        ax.text2D(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
         return ax
-    _box_of_poses(ax, found, V)
-    towards = np.array([np.cos(TURNED) * np.cos(RAISED), np.sin(TURNED) * np.cos(RAISED), np.sin(RAISED)])
-    for face, normal, by in zip(solid.faces, solid.normals, solid.by, strict=True):
-        corners, kind, visible = _seen(V[list(face)]).T, by.kinds, bool(normal @ towards > 0)
-        hidden: dict[str, Any] = {"fill": False, "edgecolor": GREY, "linewidth": 0.5, "linestyle": (0, (2, 3))}
-        look = {**_look(kind), "alpha": 0.93, "zorder": 3} if visible else {**hidden, "zorder": 2}
-        ax.add_patch(Polygon(list(corners), **look))
-    handles = [Patch(label=" and ".join(each), **_look(each)) for each in _in_order({by.kinds for by in solid.by})]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    ax.set(**{f"{which}lim": ends for which, ends in zip("xyz", np.transpose([low, high]), strict=True)})
+    ax.locator_params(nbins=5)
+    ax.set_box_aspect((high - low) / factors * [1.0, 1.0, found.about.lever], zoom=0.85)
+    up, turned = np.deg2rad([ELEVATION, AZIMUTH])
+    eye = np.array([np.cos(turned) * np.cos(up), np.sin(turned) * np.cos(up), np.sin(up)])
+    seen, handles = solid.normals @ eye > 0, list[Patch]()
+    for kinds in _in_order({by.kinds for by in solid.by}):
+        fill, hatch = FILLS[kinds[-1]] if kinds else "white", "".join(LIMIT_HATCHES[kind] for kind in kinds)
+        look: dict[str, Any] = {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
+        mine = [face for face, by, one in zip(solid.faces, solid.by, seen, strict=True) if one and by.kinds == kinds]
+        ax.add_collection3d(Poly3DCollection([corners[list(face)] for face in mine], **look))
+        handles.append(Patch(label=" and ".join(kinds), **look))
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
 
 
-def _look(of: Sequence[str]) -> dict[str, Any]:
-    fill, hatch = FILLS[of[-1]] if of else "white", "".join(LIMIT_HATCHES[kind] for kind in of)
-    return {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
-
-
-def _seen(points: Array) -> Array:
-    """Points (n, 3) as they are seen, (2, n): to the right and up."""
-    c, s = np.cos(TURNED), np.sin(TURNED)
-    up = np.array([-c * np.sin(RAISED), -s * np.sin(RAISED), np.cos(RAISED)])
-    return np.asarray(np.stack([points @ np.array([-s, c, 0.0]), points @ up]))
-
-
-def _box_of_poses(ax: Axes, found: Reach, V: Array) -> None:
-    """The box that holds the poses, with the ends of its sides; the side of each axis that faces the eye, below."""
-    exact = np.array([V.min(axis=0), V.max(axis=0)])
-    size = float(np.ptp(exact, axis=0).max()) or 1.0
-    low, high = exact[0] - 0.04 * size, exact[1] + 0.04 * size
-    corners = np.array(list(product(*zip(low, high, strict=True))))
-    for a, b in product(range(8), repeat=2):
-        if a < b and np.sum(corners[a] != corners[b]) == 1:
-            ax.plot(*_seen(corners[[a, b]]), color=GREY, linewidth=0.4, zorder=1)
-    sides = ((np.nan, low[1], low[2]), (high[0], np.nan, low[2]), (low[0], low[1], np.nan))
-    aligned, shifts = (("center", "top"), ("left", "top"), ("right", "center")), ((-0.3, -1), (0.6, -0.8), (-1, 0))
-    for axis, (side, unit) in enumerate(zip(sides, COMMANDS, strict=True)):
-        scale = unit.factor / (MICROMETRE.factor * (found.about.lever if axis == 2 else 1.0))
-        ends = [(value, minus(f"{scale * value:z.3g}"), 0.03) for value in exact[:, axis]]
-        for value, text, pad in [*ends, (exact[:, axis].mean(), f"{list(NAMES.values())[axis]} ({unit})", 0.1)]:
-            at = _seen(np.where(np.isnan(side), value, side)[None])[:, 0] + pad * size * np.array(shifts[axis])
-            style: dict[str, Any] = {"ha": aligned[axis][0], "va": aligned[axis][1], "size": 7.5 if pad < 0.1 else 8.5}
-            ax.text(at[0], at[1], text, color=INK, **style)
-    seen = _seen(corners)
-    ax.set(xlim=(seen[0].min() - 0.25 * size, seen[0].max() + 0.15 * size))
-    ax.set(ylim=(seen[1].min() - 0.2 * size, seen[1].max() + 0.3 * size))
-
-
-MODELS: dict[int, tuple[str, dict[str, Any]]] = {
+COLUMNS: dict[Any, str] = {
+    "tangent": "tangent stiffness",
+    "along": "error of linear theory along",
+    "across": "error of linear theory across",
+}
+MARKS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
+THEORIES: dict[int, tuple[str, dict[str, Any]]] = {
     WITHOUT: ("(16) without its second-order terms", {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.9}),
     TANGENT: ("(16)", {"color": COLOURS[0], "linewidth": 2.6}),
     EXACT: ("exact equilibrium", {"color": INK, "linestyle": "none", "marker": ".", "markevery": 4}),
-}
-MARKS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
-ELEMENTS: dict[int, tuple[str, dict[str, Any]]] = {
     HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
     LOADED: ("finite elements under the load of exact equilibrium", MARKS | {"marker": "v", "color": COLOURS[3]}),
 }
-COLUMNS = ("tangent stiffness", "error of linear theory along", "error of linear theory across")
 HONEST = 1e-4  # per cent: half the axis of a panel that has nothing but round-off to show
 
 
-@in_house_style
+@style.in_house_style
 def large_figure(found: Large) -> Figure:
     """Draw tangent stiffness and errors of linear theory over the command, one row a direction.
 
-    Notes
-    -----
     Every model is shown against its own linear answer, so that all curves leave rest at zero.
     """
-    doubts, asked = (found.about.assumed, found.about.not_stated), found.settings
+    asked = found.settings
     near, far = (" and ".join(_both_sides(found, axis, share) for axis in ("x", "theta")) for share in (0.1, 1.0))
     mesh = f", and nonlinear finite elements ({asked['unknowns']} unknowns)" if "unknowns" in asked else ""
     lines = [
@@ -431,10 +369,10 @@ def large_figure(found: Large) -> Figure:
         f"{found.terms[0]:.2f} and {found.terms[1]:.2f} %.",
     ]
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"
-    figure, every = panels((WIDTH, 8.5), title, lines, 3, 3, doubts)
-    for index, (direction, column) in enumerate(product(DIRECTIONS, COLUMNS)):
-        titled(_plot_way(every[index], found, direction, column), "abcdefghi"[index], f"{NAMES[direction]}: {column}")
-    legend_below(figure, every[1:2], 3, fontsize=9.5, handlelength=3.6)
+    figure, every = style.panels((WIDTH, 8.5), title, lines, 3, 3, found.about)
+    for ax, letter, (direction, column) in zip(every, "abcdefghi", product(DIRECTIONS, COLUMNS), strict=True):
+        titled(plot_large(ax, found, direction, column), letter, f"{NAMES[direction]}: {COLUMNS[column]}")
+    style.legend_below(figure, every[1:2], 3, fontsize=9.5, handlelength=3.6)
     return figure
 
 
@@ -444,55 +382,42 @@ def _both_sides(found: Large, axis: Direction, share: float) -> str:
     return f"±{unit.factor * share * float(found.at('amplitude', direction=axis)):g} {unit}"
 
 
-def plot_tangents(ax: Axes, found: Large, direction: Direction) -> Axes:
-    """Draw the change of the tangent stiffness along the way in one direction, by every model; returns `ax`."""
-    return _plot_way(ax, found, direction, COLUMNS[0])
+def plot_large(
+    ax: Axes, found: Large, direction: Direction, column: Literal["tangent", "along", "across"] = "tangent"
+) -> Axes:
+    """Draw what every model says over the command in one direction; returns `ax`.
 
-
-def plot_along(ax: Axes, found: Large, direction: Direction) -> Axes:
-    """Draw the error of linear theory along the command, by every model; returns `ax`."""
-    return _plot_way(ax, found, direction, COLUMNS[1])
-
-
-def plot_across(ax: Axes, found: Large, direction: Direction) -> Axes:
-    """Draw the errors of linear theory across the command, by every model; returns `ax`."""
-    return _plot_way(ax, found, direction, COLUMNS[2])
-
-
-def _plot_way(ax: Axes, found: Large, direction: Direction, column: str) -> Axes:
-    far = float(found.at("amplitude", direction=direction))
+    `column` : the change of the tangent stiffness, or the error of linear theory along or across the command.
+    """
+    far, aside = float(found.at("amplitude", direction=direction)), column == "across"
     unit = unit_for(direction, far)
-    commanded, aside = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS, column == COLUMNS[2]
+    commanded = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS
     ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})")
-    ax.set_ylabel("change from rest (%)" if column == COLUMNS[0] else "error (% of the command)")
+    ax.set_ylabel("change from rest (%)" if column == "tangent" else "error (% of the command)")
     ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
     ax.grid()
     components = [each for each in DIRECTIONS if (each != direction) == aside]
     every = [found.at("errors", direction=direction, component=each) for each in components]
-    if column == COLUMNS[0]:
+    if column == "tangent":
         every = [found.at("tangent", direction=direction)]
-    for curves in every:
-        for theory, (label, style) in (MODELS | ELEMENTS).items():
-            known = np.isfinite(curves[:, theory])
-            if known.any() and not (aside and theory == LOADED):
-                ax.plot(commanded[known], curves[known, theory], label=label, **style)
-    if not aside:
-        _write_terms(ax, every[0])
-        return ax
-    if max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
+    for curves, (theory, (label, look)) in product(every, THEORIES.items()):
+        known = np.isfinite(curves[:, theory])
+        if known.any() and not (aside and theory == LOADED):
+            ax.plot(commanded[known], curves[known, theory], label=label, **look)
+    if not aside:  # what the second-order terms change at both ends, in the corner that the curves leave free
+        ends = [float(every[0][k, TANGENT] - every[0][k, WITHOUT]) for k in STEPS + STATED[[0, -1]]]
+        text = minus("the two terms at the ends:\n" + ", ".join(f"{end:+.2f}" for end in ends))
+        y, va = (0.06, "bottom") if ends[1] > ends[0] else (0.94, "top")
+        ax.text(0.96, y, text, transform=ax.transAxes, ha="right", va=va, color=INK, size=8.5)
+    elif max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
         ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
-        boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
-        return ax
-    for other, curves in zip(components, every, strict=True):
-        beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
-        ax.annotate(f"in {NAMES[other]}", (float(commanded[-1]), float(curves[-1, EXACT])), (7, 0), **beside)
-    ax.set_xlim(right=1.4 * float(commanded[-1]))
+        style.boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
+    else:
+        last = np.array([curves[-1, EXACT] for curves in every])
+        near = np.ptp(last) < 0.1 * np.ptp(ax.get_ylim())
+        for other, end in zip(components, last.tolist(), strict=True):
+            beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
+            up = 6.0 * np.sign(end - last.mean()) if near else 0.0
+            ax.annotate(f"in {NAMES[other]}", (float(commanded[-1]), end), (7, up), **beside)
+        ax.set_xlim(right=1.4 * float(commanded[-1]))
     return ax
-
-
-def _write_terms(ax: Axes, curves: Array) -> None:
-    """What the second-order terms change at both ends, in the corner that the curves leave free."""
-    ends = [float(curves[k, TANGENT] - curves[k, WITHOUT]) for k in STEPS + STATED[[0, -1]]]
-    text = minus("the two terms at the ends:\n" + ", ".join(f"{end:+.2f}" for end in ends))
-    y, va = (0.06, "bottom") if ends[1] > ends[0] else (0.94, "top")
-    ax.text(0.96, y, text, transform=ax.transAxes, ha="right", va=va, color=INK, size=8.5)

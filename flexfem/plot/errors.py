@@ -9,21 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from flexfem.files.refusals import shown
-from flexfem.plot.style import (
-    COLOURS,
-    DASHES,
-    GREY,
-    HATCHES,
-    INK,
-    MARKERS,
-    NAMES,
-    boxed,
-    in_house_style,
-    legend_beside,
-    panels,
-    titled,
-    wrapped,
-)
+from flexfem.plot import style
+from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import BANDS, BRIEF, OF_STAGE, banded, minus, scientific
 from flexfem.questions.bands import MeshConvergence
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
@@ -75,7 +62,7 @@ def normalisation(result: Verification) -> str:
     return f"Percentages at the largest command. {command}: relative to the command; cross directions: {cross}."
 
 
-@in_house_style
+@style.in_house_style
 def error_figure(result: Verification, displacement: bool = False) -> Figure:
     """Draw a verification as one page of three panels, X, Y and theta: Figs. 5 to 7 of the paper.
 
@@ -122,7 +109,7 @@ def plot_errors(ax: Axes, result: Verification, freedom: Direction) -> Axes:
         ax.set_ylim(-panel.half, panel.half)
     ax.locator_params(axis="y", nbins=7)
     if panel.round_off:
-        boxed(ax, 0.8, f"round-off only: largest {scientific(panel.largest)} {panel.unit}")
+        style.boxed(ax, 0.8, f"round-off only: largest {scientific(panel.largest)} {panel.unit}")
     return ax
 
 
@@ -148,13 +135,13 @@ def _draw_curves(
     ax.margins(x=0.03)
     ax.grid()
     ax.set(ylabel=ylabel, xlabel=f"commanded {NAMES[result.direction]} ({command})")
-    legend_beside(ax, handles=lines, labels=texts, fontsize=size, handlelength=4.4, labelspacing=0.6)
+    style.legend_beside(ax, handles=lines, labels=texts, fontsize=size, handlelength=4.4, labelspacing=0.6)
 
 
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     """Colour, dashes, marker and breadth of one of so many curves; markers are staggered where curves coincide."""
     step = max(1, points // 7)
-    kinds = {"color": COLOURS, "linestyle": DASHES, "marker": MARKERS}
+    kinds = {"color": COLOURS, "linestyle": style.DASHES, "marker": style.MARKERS}
     return {key: each[index % len(each)] for key, each in kinds.items()} | {
         "markevery": (index * max(1, step // 2) % step, step),
         "markersize": 6.0,
@@ -165,7 +152,7 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
     }
 
 
-@in_house_style
+@style.in_house_style
 def budget_figure(budget: Budget) -> Figure:
     """Draw the shares of the error in the commanded direction, one panel a direction."""
     lines = [
@@ -203,27 +190,22 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
     if direction not in DIRECTIONS:
         raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
     values, names = budget.at("share", direction=direction), [*budget.axes["share"][:-1], "total"]
-    band, ends = float(budget.band("share", share=TOTAL, direction=direction)), np.cumsum(values[:-1])
-    starts, total = ends - values[:-1], float(values[-1])
-    reach = float(np.max(np.abs([*starts, *ends, total])))
-    for place, (start, end, value) in enumerate(zip(starts, ends, values[:-1], strict=True)):
-        look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "hatch": HATCHES[place % len(HATCHES)]}
-        ax.barh(place, value, left=start, height=0.62, edgecolor="white", **look)
-        ax.plot([end] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
-        ax.text(max(start, end) + 0.015 * reach, place, minus(f"{value:+.3f}"), va="center", color=INK)
-    ax.barh(len(ends), total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
-    text = minus(f"{total:.3f} ± {band:.3f} %")
-    ax.text(max(total, 0.0) + band + 0.015 * reach, len(ends), text, va="center", color=INK)
-    ax.set_yticks(range(len(names)), [wrapped(name, NAME, 8.5) for name in names])
-    ax.invert_yaxis()
-    low = min(0.0, float(np.min([*starts, *ends])))
-    ax.set(xlim=(1.05 * low, 1.3 * reach), xlabel="error in the commanded direction (per cent of the command)")
-    ax.axvline(0.0, color=GREY, linewidth=0.8)
-    ax.grid(axis="x")
+    band, total = float(budget.band("share", share=TOTAL, direction=direction)), float(values[-1])
+    ends = np.concatenate([[0.0], np.cumsum(values[:-1])])
+    reach = float(np.max(np.abs([*ends, total])))
+    for place, value in enumerate(values[:-1]):
+        look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "hatch": style.HATCHES[place % 7]}
+        ax.barh(place, value, left=ends[place], height=0.62, edgecolor="white", **look)
+        ax.plot([ends[place + 1]] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
+        ax.text(max(ends[place : place + 2]) + 0.015 * reach, place, minus(f"{value:+.3f}"), va="center", color=INK)
+    bar = ax.barh(len(values) - 1, total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
+    ax.bar_label(bar, [minus(f"{total:.3f} ± {band:.3f} %")], padding=3, color=INK)
+    style.name_rows(ax, names, NAME)
+    ax.set(xlim=(1.05 * min(0.0, *ends), 1.3 * reach), xlabel="error in the commanded direction (% of the command)")
     return ax
 
 
-@in_house_style
+@style.in_house_style
 def convergence_figure(study: MeshConvergence) -> Figure:
     """Draw the relative distance of each diagonal compliance from its extrapolated value over the triangle size."""
     lines = [
@@ -246,12 +228,12 @@ def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
         distance = np.abs(study.at("along", direction=axis) / limit - 1)
         spread = float(study.band("along", direction=axis)[-1]) / limit
         largest = max(largest, float(distance[0]))
-        style = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
+        look = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
         said = "no order" if np.isnan(order) else f"order {order:.2f}"
         text = f"{NAMES[axis]}: {study.verdicts[index]}, {said}, band {spread:.1e}"
-        ax.plot(size, distance, label=wrapped(text, LEGEND, 8.5), **style)
+        ax.plot(size, distance, label=wrapped(text, LEGEND, 8.5), **look)
         above = [[max(0.0, spread - distance[-1])], [0.0]]
-        ax.errorbar(size[-1:], [spread], above, color=style["color"], capsize=3 + 2 * index)
+        ax.errorbar(size[-1:], [spread], above, color=look["color"], capsize=3 + 2 * index)
     slope = 2 * largest * (size / size[0]) ** ORDER
     ax.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
     ax.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")
@@ -259,5 +241,5 @@ def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
     ax.yaxis.set_major_formatter(lambda value, _: scientific(value))
     ax.minorticks_off()
     ax.grid()
-    legend_beside(ax, handlelength=4.4)
+    style.legend_beside(ax, handlelength=4.4)
     return ax

@@ -7,17 +7,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
-from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, in_house_style, legend_below, panels
+from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, in_house_style, legend_below, panels, titled
 from flexfem.plot.text import significant
 from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
 from flexfem.questions.identify import Identification
-from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, Direction, Unit, unit_for
+from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, Direction, unit_for
 
-WIDTH, HEIGHT = 11.69, 6.4  # in
-REGION = (8.27, 5.2)  # in
 FIT: Any = {"color": INK, "linewidth": 1.3}
 MODEL: Any = {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.5}
 STAGE: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
@@ -33,12 +30,11 @@ def experiment_figure(found: Experiment) -> Figure:
         f"Simulated readings, {asked['fixture']}; the stage is by {asked['stage']}. Slopes by regression of both "
         f"readings on the commanded stroke, intervals of {asked['confidence']} by Fieller's theorem. {NOT_THE_PAPERS}"
     ]
-    figure, every = panels((WIDTH, HEIGHT), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
+    figure, every = panels((11.69, 6.4), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
     for k, direction in enumerate(DIRECTIONS):
-        plot_push(every[k], found, direction)
-        every[k].set_title(f"({'abc'[k]}) {NAMES[direction]}", loc="left")
+        titled(plot_push(every[k], found, direction), "abc"[k], NAMES[direction])
         plot_remains(every[3 + k], found, direction)
-    legend_below(figure, every[:6], 5, handlelength=3.4)
+    legend_below(figure, every, 5, handlelength=3.4)
     return figure
 
 
@@ -46,21 +42,18 @@ def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the readings of one push, their line, and those of the model and of the stage; returns `ax`."""
     k = DIRECTIONS.index(direction)
     model, stage, slope, _ = found.slope[k]
-    load, moved = found.load[k], found.displacement[k]
-    unit, of_load = _frame(ax, moved, direction, "force" if direction != "theta" else "moment")
-    _readings(ax, moved, unit, load)
-    far = np.array([0.0, float(np.max(moved))])
-    for value, start, label, style in (
+    load, far = found.load[k], np.array([0.0, float(np.max(found.displacement[k]))])
+    factor = _readings(ax, found, direction, "force" if direction != "theta" else "moment", load)
+    for value, start, label, look in (
         (model, 0.0, f"model: {found.settings['model']}", MODEL),
         (stage, 0.0, found.settings["stage"], STAGE),
         (slope, found.intercept[k], "line through the readings", FIT),
     ):
-        ax.plot(unit.factor * far, start + value * far, label=label, **style)
+        ax.plot(factor * far, start + value * far, label=label, **look)
     ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}" if found.low[k] > 0 else "no interval"
     said = f"{significant(slope)} {STIFFNESSES[k]}\n{found.settings['confidence']}: {ends}"
     ax.text(0.04, 0.95, said, transform=ax.transAxes, va="top", size=9.0)
     ax.set_ylim(top=1.12 * max(model * far[1], float(np.max(load))))
-    ax.set_ylabel(f"{ax.get_ylabel()} ({of_load})")
     return ax
 
 
@@ -68,32 +61,29 @@ def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the readings of one push less their line, and the ends of the slope's interval; returns `ax`."""
     k = DIRECTIONS.index(direction)
     moved, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
-    unit, of_load = _frame(ax, moved, direction, "load less the line")
-    _readings(ax, moved, unit, found.load[k] - found.intercept[k] - slope * moved)
+    remains = found.load[k] - found.intercept[k] - slope * moved
+    factor = _readings(ax, found, direction, "load less the line", remains)
     ax.axhline(0.0, **FIT)
     middle, far = float(np.mean(moved)), np.array([0.0, float(np.max(moved))])
     for end in (found.low[k], found.high[k]):
         if np.isfinite(end):
-            label = "ends of the interval of the slope"
-            ax.plot(unit.factor * far, (end - slope) * (far - middle), label=label, **ENDS)
-    ax.set_ylabel(f"{ax.get_ylabel()} ({of_load})")
+            ax.plot(factor * far, (end - slope) * (far - middle), label="ends of the interval of the slope", **ENDS)
     return ax
 
 
-def _frame(ax: Axes, moved: Array, direction: Direction, what: str) -> tuple[Unit, Unit]:
-    unit, load = unit_for(direction, float(np.max(moved))), FORCES[DIRECTIONS.index(direction)]
+def _readings(ax: Axes, found: Experiment, direction: Direction, what: str, values: Array) -> float:
+    """Readings of one push, each repeat by its own mark up to the fourth; returns the factor of the unit across."""
+    k = DIRECTIONS.index(direction)
+    moved = found.displacement[k]
+    unit = unit_for(direction, float(np.max(moved)))
+    for run, (at, value) in enumerate(zip(moved, values, strict=True)):
+        look: Any = {"marker": MARKERS[run % 4], "color": SHADES[run % 4], "markersize": 4.5, "linestyle": "none"}
+        label = f"readings, run {run + 1}" if run < 4 else None
+        ax.plot(unit.factor * at, value, markerfacecolor="none", label=label, **look)
     name = "rotation" if direction == "theta" else "displacement in"
-    ax.set(xlabel=f"{name} {NAMES[direction]} ({unit.name})", ylabel=what)
+    ax.set(xlabel=f"{name} {NAMES[direction]} ({unit.name})", ylabel=f"{what} ({FORCES[k]})")
     ax.grid()
-    return unit, load
-
-
-def _readings(ax: Axes, moved: Array, unit: Unit, values: Array) -> None:
-    """Readings, each repeat by its own mark up to the fourth."""
-    for k, (at, value) in enumerate(zip(moved, values, strict=True)):
-        look: Any = {"marker": MARKERS[k % 4], "color": SHADES[k % 4], "markersize": 4.5, "linestyle": "none"}
-        named = f"readings, run {k + 1}" if k < 4 else None
-        ax.plot(unit.factor * at, value, markerfacecolor="none", label=named, **look)
+    return unit.factor
 
 
 @in_house_style
@@ -105,7 +95,7 @@ def identification_figure(found: Identification) -> Figure:
         if np.isfinite(found.sd[k])
     )
     lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
-    figure, (ax,) = panels(REGION, f"{found.about.name}: what fits the slopes", lines, 1, 1, found.about)
+    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, doubts=found.about)
     plot_region(ax, found)
     legend_below(figure, [ax], 2)
     return figure
@@ -127,8 +117,7 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
         ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
     ax.axvline(0.0, **ENDS)
     if name == "pole":
-        ax.axhline(1.0, **ENDS)
-        ax.add_line(Line2D([], [], label="as drawn, as described", **ENDS))
+        ax.axhline(1.0, label="as drawn, as described", **ENDS)
     units = {"translation": COMPLIANCES[0], "rotation": COMPLIANCES[2]}
     said = "pole, times as soft as described" if name == "pole" else f"fixture in {name} ({units[name]})"
     ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive wider", ylabel=said)

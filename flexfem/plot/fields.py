@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from matplotlib.tri import Triangulation
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.bodies import BODIES
-from flexfem.plot.stage import arrow, boundary_of, draw_boundary, draw_hub, fit, place_label, quarters
+from flexfem.plot.stage import QUARTERS, arrow, boundary_of, draw_boundary, draw_hub, fit
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
 from flexfem.plot.text import SHOWN_OF_SOLID, round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
@@ -27,7 +28,7 @@ DECADES = 4  # of stress; what is below has the last colour
 ALIKE = 1e-6  # relative difference of stresses that symmetry makes equal: far above round-off, far below mesh noise
 ROUND_OFF = 1e-9  # of the largest component of a pose: zero by symmetry
 COLOURS = "viridis"
-PANEL, TITLE, SCALE = 5.0, 0.6, 0.8  # in, width of a panel, heights of its title and of the scale of stress
+PANEL = 5.0  # in, width
 WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stress is per, arrow per size of the axes
     "uniform": ("1 K everywhere", "K", (0.0, 0.0)),
     "gradient in x": ("1 K/mm along X", "K/mm", (0.1, 0.0)),
@@ -37,7 +38,10 @@ WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stre
 
 def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize) -> None:
     """Draw a mesh with its nodes moved, coloured by values at them; in grey its outline at rest."""
-    boundary, grid = boundary_of(triangles), Triangulation(moved[:, 0], moved[:, 1], quarters(triangles))
+    boundary, grid = (
+        boundary_of(triangles),
+        Triangulation(moved[:, 0], moved[:, 1], triangles[:, QUARTERS].reshape(-1, 3)),
+    )
     ax.tripcolor(grid, values, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
     draw_boundary(ax, nodes, boundary, "#8A8A8A", 0.9, zorder=1)
     draw_boundary(ax, moved, boundary, INK, 0.5)
@@ -64,11 +68,6 @@ def plot_displacement(
         Exaggeration and scale of stress; by default those that suit these fields.
     hub_radius : float
         Of the rigid disc at the platform centre, mm, which is filled; 0 leaves its hole.
-
-    Returns
-    -------
-    Axes
-        Those that were drawn on.
     """
     ax = ax or new_axes()
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
@@ -81,9 +80,8 @@ def plot_displacement(
 
 def exaggeration(*fields: Fields) -> float:
     """A round factor by which the largest displacement becomes visible but does not spoil the shape."""
-    largest = max(float(np.linalg.norm(field.displacement, axis=1).max() / np.ptp(field.nodes, axis=0).max())
-                  for field in fields)  # fmt: skip
-    return round_factor(VISIBLE / largest) if largest > 0 else 1.0
+    sizes = [np.linalg.norm(each.displacement, axis=1).max() / np.ptp(each.nodes, axis=0).max() for each in fields]
+    return round_factor(VISIBLE / float(max(sizes))) if max(sizes) > 0 else 1.0
 
 
 def stress_scale(*fields: Fields) -> LogNorm:
@@ -102,21 +100,22 @@ def draw_scale(figure: Figure, axes: Any, norm: Normalize, label: str, **place: 
     bar.set_label(label)
 
 
+@in_house_style
+def stress_figure(fields: Mapping[str, Fields], hub_radius: float) -> Figure:
+    """Draw the stage under every load, by what is said of it."""
+    return _displaced("", ["Displacements"], fields, [hub_radius] * len(fields), len(fields))[0]
+
+
 def _displaced(
-    title: str, lines: list[str], fields: dict[str, Fields], hubs: list[float], columns: int, doubts: Any
+    title: str, lines: list[str], fields: Mapping[str, Fields], hubs: Sequence[float], columns: int, doubts: Any = None
 ) -> tuple[Figure, list[Axes], float]:
     """A panel for each stage, all with one exaggeration and one scale of stress; figure, panels and exaggeration."""
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
     tallest = max(float(np.divide(*np.ptp(field.nodes, axis=0)[::-1])) for field in fields.values())
-    size = (columns * PANEL + 0.3, rows * (PANEL * min(max(tallest, 0.6), 1.5) + TITLE) + SCALE)
-    lines = [
-        f"{lines[0]} × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale.",
-        *lines[1:],
-    ]
-    figure, found = panels(size, title, lines, rows, columns, doubts)
-    for spare in found[len(fields) :]:
-        spare.remove()
-    for axes, (label, each), hub in zip(found, fields.items(), hubs, strict=False):
+    size = (columns * PANEL + 0.3, rows * (PANEL * min(max(tallest, 0.6), 1.5) + 0.6) + 0.8)
+    said = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
+    figure, found = panels(size, title, [lines[0] + said, *lines[1:]], rows, columns, doubts, len(fields))
+    for axes, (label, each), hub in zip(found, fields.items(), hubs, strict=True):
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
         plot_displacement(axes, each, factor=factor, norm=norm, hub_radius=hub)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
@@ -124,24 +123,23 @@ def _displaced(
 
 
 @in_house_style
-def stress_figure(fields: dict[str, Fields], hub_radius: float) -> Figure:
-    """Draw the stage under every load, by what is said of it."""
-    return _displaced("", ["Displacements"], fields, [hub_radius] * len(fields), len(fields), ((), ()))[0]
-
-
-@in_house_style
-def deformed_figure(result: Verification, fields: dict[str, Fields]) -> Figure:
+def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figure:
     """Draw the deformed stage of every curve at full command, with von Mises stress and the largest one named."""
     models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
     lines = [f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command}, displacements"]
     lines += [f"Three dimensions. {SHOWN_OF_SOLID}"] if result.elements == "three_dimensional" else []
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
-    shown = {label: fields[label] for label in result.curves}
-    hubs = [models[label].hub_radius for label in shown]
-    figure, found, factor = _displaced(result.name, lines, shown, hubs, columns, result)
-    for axes, (label, each) in zip(found, shown.items(), strict=False):
-        _name_largest(axes, models[label], each, factor)
+    drawn = {label: fields[label] for label in result.curves}
+    hubs = [models[label].hub_radius for label in drawn]
+    figure, found, factor = _displaced(result.name, lines, drawn, hubs, columns, result)
+    for axes, (label, each) in zip(found, drawn.items(), strict=True):
+        moved, (node, place) = each.nodes + factor * each.displacement, largest_stress(models[label], each)
+        text = f"largest {significant(float(each.stress[node]), 3)} {STRESS} at {place}"
+        axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
+        outwards = 0.12 * np.ptp(moved) * moved[node] / np.linalg.norm(moved[node])
+        arrow(axes, moved[node] + outwards, moved[node], colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)
+        axes.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor=NOTE_COLOUR, zorder=6)
     return figure
 
 
@@ -163,23 +161,10 @@ def name_of_place(model: CurveModels, fields: Fields, node: int) -> str:
     return BODIES[body] if BODIES[body] == "platform" else f"{BODIES[body]} of chain {chain + 1}"
 
 
-def _name_largest(axes: Axes, model: CurveModels, fields: Fields, factor: float) -> None:
-    """Point at the largest stress and write value and place below the stage."""
-    moved = fields.nodes + factor * fields.displacement
-    node, place = largest_stress(model, fields)
-    text = f"largest {significant(float(fields.stress[node]), 3)} {STRESS} at {place}"
-    axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
-    around, reach = [moved[::4], fields.nodes[::4]], 0.09 * float(np.ptp(moved))
-    spot = place_label(axes, moved[node], "max", around, reach, colour=NOTE_COLOUR, weight="bold")
-    arrow(axes, spot, moved[node], colour=NOTE_COLOUR, width=1.2, shrinkA=14.0, shrinkB=4.0)
-    axes.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor=NOTE_COLOUR, zorder=6)
-
-
 @in_house_style
 def drift_figure(found: Drift) -> Figure:
     """Draw the three cases, each with its own exaggeration and scale of stress."""
-    of, fields, stated = found.about, _warm(found).cases, found.settings
-    width = 0.88 * PANEL
+    of, fields, stated, width = found.about, _warm(found).cases, found.settings, 0.88 * PANEL
     height = width * float(np.divide(*np.ptp(fields["uniform"].nodes, axis=0)[::-1])) + 1.25
     lines = [
         f"Expansion {stated['expansion']}, frame {stated['frame']}; both have the same temperature at every place, "
@@ -213,8 +198,8 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     warm = _warm(found)
     if case not in warm.cases:
         raise BadInput(f"case {case!r}, expected one of: {', '.join(warm.cases)}")
-    ax, fields = ax or new_axes(), warm.cases[case]
-    plot_displacement(ax, fields, hub_radius=warm.hub_radius)
+    fields = warm.cases[case]
+    ax = plot_displacement(ax, fields, hub_radius=warm.hub_radius)
     moved = fields.nodes + exaggeration(fields) * fields.displacement
     draw_boundary(ax, moved, warm.ground, INK, 3.0, zorder=4)
     x, y = WARM[case][2]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,40 +12,26 @@ from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import Stage
+from flexfem.plot import style
 from flexfem.plot.stage import arrow, hinges_of, write
-from flexfem.plot.style import (
-    COLOURS,
-    DASHES,
-    GREY,
-    INK,
-    MARKERS,
-    NOTE_COLOUR,
-    in_house_style,
-    legend_beside,
-    panels,
-    titled,
-    wrapped,
-)
+from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, panels, wrapped
 from flexfem.plot.text import SPACE, significant
 from flexfem.questions.errors import CurveModels
 from flexfem.questions.hinges import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.units import LENGTH
 
-FREEDOMS = ("rotation", "axial", "shear")
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}
+FREEDOMS = tuple(SYMBOLS)
 PALETTE = tuple(colour for colour in COLOURS if colour != "#000000")  # black are the finite elements
 SAME = 1e-6  # of a ratio: two exact forms of one integral
-ROOM = 0.06  # of the ratio's range, above and below
 FLOOR = 0.4  # least ratio shown: below it a formula is of no use
 WIDTH = 8.27  # in
 LEGEND, LETTERS = 1.85, 8.0  # width of the legend's text, in, and its size, points
-TICKS = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
-THICKNESSES = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # ticks of b/t
 NECK = 0.42  # t/R of the sketch, whatever the stage's
 BLOCK = 1.5  # length of the blocks beside the notch, per R
 
 
-@in_house_style
+@style.in_house_style
 def hinge_chart_figure(review: HingeReview) -> Figure:
     """Draw the ratio of every formula to the finite elements, a panel for each freedom.
 
@@ -60,13 +46,9 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
         review.source,
     ]
     figure, found = panels((WIDTH, 8.2), "Circular hinge: formulas against finite elements", lines, 3)
-    return _titled(figure, found, plot_formulas, review)
-
-
-def _titled(figure: Figure, found: list[Axes], draw: Callable[[Axes, Any, str], Axes], review: Any) -> Figure:
-    """Draw a panel for each freedom."""
-    for letter, axes, freedom in zip("abc", found, FREEDOMS, strict=False):
-        titled(draw(axes, review, freedom), letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
+    for letter, axes, freedom in zip("abc", found, FREEDOMS, strict=True):
+        plot_formulas(axes, review, freedom)
+        style.titled(axes, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
         axes.label_outer()
     return figure
 
@@ -98,22 +80,20 @@ def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
     shade = ax.fill_between(x, 1.0, higher, color="#DADDE1", linewidth=0, zorder=1, label=label)
     ax.plot(x, higher, color=GREY, linewidth=0.8, zorder=1.2)
     ax.axhline(1.0, color=INK, linewidth=1.6, zorder=1.5)
-    drawn = [
-        _draw_curve(ax, x, names, one.valid, values, looks.index(names[0]))
-        for names, one, values in merged(review, freedom)
-    ]
+    curves = merged(review, freedom)
+    drawn = [_draw_curve(ax, x, names, one.valid, values, looks.index(names[0])) for names, one, values in curves]
     every = np.concatenate([[1.0], higher, *(np.asarray(line.get_ydata()) for line in drawn)])
     low, high = max(float(every.min()), FLOOR), float(every.max())
-    _logarithmic(ax, x, TICKS, (low, high), ROOM)
+    _over(ax, x, (0.02, 0.05, 0.1, 0.2, 0.5, 1.0), low, high)
     ax.set(xlabel="t/R", ylabel="formula / finite elements")
-    legend_beside(ax, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
+    style.legend_beside(ax, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
     return ax
 
 
-def _logarithmic(ax: Axes, x: Array, ticks: tuple[float, ...], ends: tuple[float, float], room: float) -> None:
-    """A logarithmic axis with plain numbers, and room, over the height between the ends, above and below them."""
-    pad = room * (ends[1] - ends[0])
-    ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(ends[0] - pad, ends[1] + pad))
+def _over(ax: Axes, x: Array, ticks: Sequence[float], low: float, high: float) -> None:
+    """A logarithmic axis with plain numbers, and the values between two ends with room above and below."""
+    room = 0.08 * (high - low)
+    ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(low - room, high + room))
     ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     ax.minorticks_off()
     ax.grid()
@@ -128,16 +108,16 @@ def _draw_curve(axes: Axes, x: Array, names: list[str], valid: tuple[float, floa
     within = np.interp(np.log(at), np.log(x), y)
     text = wrapped(", ".join(names), LEGEND, LETTERS)
     text += f"\n{np.min(within):.2f} to {np.max(within):.2f} for t/R {low:.2g} to {high:.2g}"
-    style: dict[str, Any] = {"color": colour, "linewidth": 1.8, "markersize": 6.0, "markerfacecolor": "white"}
-    style |= {"marker": MARKERS[index % len(MARKERS)], "markeredgewidth": 1.3, "zorder": 3 + index / 100}
+    look: dict[str, Any] = {"color": colour, "linewidth": 1.8, "markersize": 6.0, "markerfacecolor": "white"}
+    look |= {"marker": style.MARKERS[index % len(style.MARKERS)], "markeredgewidth": 1.3, "zorder": 3 + index / 100}
     step = max(1, len(at) // 6)
-    (line,) = axes.plot(at, within, markevery=(step // 2 + 2 * (index % 4), step), label=text, **style)
+    (line,) = axes.plot(at, within, markevery=(step // 2 + 2 * (index % 4), step), label=text, **look)
     bars = [k for k in (0, -1) if x[0] < at[k] < x[-1]]
     axes.plot(at[bars], within[bars], "|", color=colour, markersize=11, markeredgewidth=1.8, zorder=4)
     return line
 
 
-@in_house_style
+@style.in_house_style
 def thickness_figure(review: ThicknessReview) -> Figure:
     """Draw the factor out of plane over b/t, a panel for rotation and one for the axial freedom."""
     lines = [
@@ -147,7 +127,11 @@ def thickness_figure(review: ThicknessReview) -> Figure:
         review.source,
     ]
     figure, found = panels((WIDTH, 6.6), "Circular hinge: compliance over its thickness", lines, 2)
-    return _titled(figure, found, plot_thickness, review)
+    for letter, axes, freedom in zip("ab", found, FREEDOMS, strict=False):
+        plot_thickness(axes, review, freedom)
+        style.titled(axes, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
+        axes.label_outer()
+    return figure
 
 
 def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
@@ -158,20 +142,20 @@ def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
         ax.axhline(value, color=INK, linewidth=1.4, zorder=1.5)
         ax.annotate(name, (0.985, value), (0, shift), size=8.5, color=GREY, **place)
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
-        style: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": DASHES[index % len(DASHES)]}
-        ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **style)
+        look: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": style.DASHES[index % 7]}
+        ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **look)
     for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
         value = found[FREEDOMS.index(freedom)]
         text = wrapped(f"{name}: t/R = {ratio:.3g}, b/t = {width:.3g}, factor {value:.3f}", 1.45, 8.5)
-        look: dict[str, Any] = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6, "zorder": 4}
-        ax.plot([width], [value], "os^Dv"[index % 5], color=INK, label=text, **look)
-    _logarithmic(ax, x, THICKNESSES, (strain, 1.0), 0.14)
+        look = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6, "zorder": 4, "color": INK}
+        ax.plot([width], [value], style.MARKERS[index % 5], label=text, **look)
+    _over(ax, x, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0), strain - 0.01, 1.0)
     ax.set(xlabel="b/t", ylabel="three dimensions / plane stress")
-    legend_beside(ax, fontsize=8.5, handlelength=3.2, labelspacing=0.7)
+    style.legend_beside(ax, handlelength=3.2, labelspacing=0.7)
     return ax
 
 
-@in_house_style
+@style.in_house_style
 def hinge_sketch(model: CurveModels) -> Figure:
     """Draw the labelled sketch of the circular hinge, Fig. 2 of the paper, and the model's hinges in a table below."""
     heights = (3.4, 0.42 + 0.26 * len(hinge_rows(model)))
@@ -216,17 +200,18 @@ def plot_hinge(ax: Axes) -> Axes:
     ax.fill(*outline.T, facecolor="#DDE3EA", edgecolor=INK, linewidth=1.4, zorder=3)
     ax.plot([-right - 0.3, right + 1.2], [0, 0], color=INK, linewidth=0.7, linestyle=(0, (9, 2, 1.5, 2)), zorder=4)
     ax.plot(0.0, -top, "+", color=INK, markersize=9, zorder=5)
-    for y in (-top, top):
-        ax.plot([-right - 0.6, -right - 0.1], [y, y], color=GREY, linewidth=0.7)
-    left = -right - 0.45
-    load: dict[str, Any] = {"colour": NOTE_COLOUR, "width": 2.0}
-    arrow(ax, (left, -top), (left, top), "<|-|>")
-    arrow(ax, (0.0, -top), (-np.sqrt(0.5), np.sqrt(0.5) - top))
-    for side in (1, -1):
-        arrow(ax, (0.0, side * (NECK / 2 + 0.45)), (0.0, side * NECK / 2))
-    arrow(ax, (right, 0.0), (right + 1.2, 0.0), **load)
-    arrow(ax, (right, 0.0), (right, 1.0), **load)
-    arrow(ax, (1.75, -0.62), (1.75, 0.62), connectionstyle="arc3,rad=0.55", **load)
+    ax.hlines([-top, top], -right - 0.6, -right - 0.1, color=GREY, linewidth=0.7)
+    left, load = -right - 0.45, {"colour": NOTE_COLOUR, "width": 2.0}
+    for tail, head, look in (
+        ((left, -top), (left, top), {"style": "<|-|>"}),
+        ((0.0, -top), (-np.sqrt(0.5), np.sqrt(0.5) - top), {}),
+        ((0.0, NECK / 2 + 0.45), (0.0, NECK / 2), {}),
+        ((0.0, -NECK / 2 - 0.45), (0.0, -NECK / 2), {}),
+        ((right, 0.0), (right + 1.2, 0.0), load),
+        ((right, 0.0), (right, 1.0), load),
+        ((1.75, -0.62), (1.75, 0.62), load | {"connectionstyle": "arc3,rad=0.55"}),
+    ):
+        arrow(ax, tail, head, **look)
     for x, y, name, colour in (
         (left - 0.85, 0.0, "$h = 2R + t$", INK),
         (-0.42, 0.15 - top, "$R$", INK),

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import HINGE_NAMES
-from flexfem.plot.style import COLOURS, GREY, INK, PALE, in_house_style, panels
-from flexfem.plot.text import scientific, significant
+from flexfem.plot.style import COLOURS, GREY, INK, PALE, in_house_style, log_ticks, panels
+from flexfem.plot.text import scientific
 from flexfem.questions.life import Life
 from flexfem.results import ANALYTIC
 from flexfem.units import STRESS
@@ -26,25 +25,23 @@ HINGES = {"base": "s", "elbow": "o", "platform": "^"}
 def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
     asked, first = found.settings, []
-    for k, model in enumerate(found.axes["model"]):
-        life = float(found.life[k])
+    for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
         cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
-        chain, hinge = _first(found.equivalent[k])
-        first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
+        first.append(f"By {model}: {cycles}, {_first(stress)[1]} first")
     law, *others = found.notes
     lines = [
         f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
         f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
     ]
-    title = f"{found.about.name}: fatigue life of the necks"
-    figure, (axes,) = panels((9.0, 5.2), title, lines, 1, 1, found.about)
+    figure, (axes,) = panels((9.0, 5.2), f"{found.about.name}: fatigue life of the necks", lines, 1, doubts=found.about)
     plot_life(axes, found)
     return figure
 
 
-def _first(stress: Array) -> tuple[int, int]:
-    """Chain and hinge of the highest of stresses (3, 3)."""
-    return divmod(int(np.argmax(stress)), 3)
+def _first(stress: Array) -> tuple[tuple[int, int], str]:
+    """Chain and hinge of the highest of stresses (3, 3), and the name of that place."""
+    chain, hinge = divmod(int(np.argmax(stress)), 3)
+    return (chain, hinge), f"{HINGE_NAMES[hinge]} hinge of chain {chain + 1}"
 
 
 def plot_life(ax: Axes, found: Life) -> Axes:
@@ -67,10 +64,8 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     beyond = int(np.sum(found.cycles >= SHOWN))
     left_out = f"; {beyond} of {found.cycles.size} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: scientific(value).removeprefix("1×")))
-    ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
-    ax.yaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
+    log_ticks(ax.yaxis, ax.get_ylim())
     ax.set_ylabel(f"fully reversed stress amplitude of the same life ({STRESS})")
     ax.grid(which="major")
     ax.legend(loc="lower left", framealpha=1.0, edgecolor="none", ncols=2)
@@ -88,8 +83,8 @@ def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
         if np.any(shown):
             points = cycles[shown, hinge], stress[shown, hinge]
             ax.plot(*points, linestyle="none", marker=HINGES[name], label=f"{name}, {model}", color=COLOURS[2], **style)
-    first = _first(stress)
-    if hollow and cycles[first] < SHOWN:
-        text = f"first: {HINGE_NAMES[first[1]]}, chain {first[0] + 1}"
-        arrow = {"arrowstyle": "-", "color": GREY}
-        ax.annotate(text, (cycles[first], stress[first]), (14, 30), textcoords="offset points", arrowprops=arrow)
+    place, first = _first(stress)
+    if hollow and cycles[place] < SHOWN:
+        look = {"arrowstyle": "-", "color": GREY}
+        at = (cycles[place], stress[place])
+        ax.annotate(f"first: {first}", at, (14, 30), textcoords="offset points", arrowprops=look)

@@ -13,28 +13,16 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, NullFormatter
+from matplotlib.ticker import NullFormatter
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
+from flexfem.plot import style
 from flexfem.plot.fields import draw_field, draw_scale
-from flexfem.plot.stage import boundary_of, curves, draw_boundary, draw_hub, fit, quarters
-from flexfem.plot.style import (
-    COLOURS,
-    DASHES,
-    INK,
-    MARGIN,
-    NAMES,
-    house_style,
-    in_house_style,
-    legend_beside,
-    new_axes,
-    new_figure,
-    panels,
-    wrapped,
-)
+from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, draw_hub, fit
+from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.plot.write import write_beside
 from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
@@ -62,7 +50,7 @@ def figures(found: NaturalModes) -> dict[str, Any]:
     return drawn
 
 
-@in_house_style
+@style.in_house_style
 def modes_figure(found: NaturalModes) -> Figure:
     """Draw all modes, each with its frequency and band and the share of the mass that goes with it."""
     mesh, count = _fields(found).mesh, len(found.axes["mode"])
@@ -70,10 +58,8 @@ def modes_figure(found: NaturalModes) -> Figure:
     rows = -(-count // columns)
     height = PANEL * float(np.divide(*np.ptp(mesh.nodes, axis=0)[::-1])) + 0.55
     size, title = (max(columns * PANEL + 0.3, 7.4), rows * height + 0.8), f"{found.about.name}: natural modes"
-    figure, axes = panels(size, title, [_said_of(found)], rows, columns, found.about)
-    for spare in axes[count:]:
-        spare.remove()
-    for number, each in enumerate(axes[:count], start=1):
+    figure, axes = panels(size, title, [_said_of(found)], rows, columns, found.about, count)
+    for number, each in enumerate(axes, start=1):
         plot_mode(each, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
     draw_scale(figure, figure.axes, SHARE, "displacement, over the largest of the mode")
     return figure
@@ -127,7 +113,7 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
     if fields.tilting[number - 1]:
         w = field[:, 2] / np.abs(field[:, 2]).max()
         linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero, its contour says nothing
-        grid = Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], quarters(mesh.triangles[linked]))
+        grid = Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], mesh.triangles[linked][:, QUARTERS].reshape(-1, 3))
         looks: dict[str, Any] = {"negative_linestyles": "dashed"} if w.min() < 0.0 < w.max() else {}
         widths = np.where(CONTOURS == 0.0, 1.6, 0.6)
         ax.tricontour(grid, w, levels=CONTOURS, colors=INK, linewidths=widths, zorder=2.5, **looks)
@@ -155,9 +141,9 @@ def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
     fields, path = _fields(found), path.with_suffix(".gif")
     mesh, title = fields.mesh, f"{found.about.name}: {title_of(found, number)}"
     field, boundary = _exaggerated(mesh, fields.shapes[number - 1]), boundary_of(mesh.triangles)
-    figure = new_figure(*SIZE)
+    figure = Figure(figsize=SIZE)
     ax = figure.add_axes((0.02, 0.02, 0.96, 0.86))
-    figure.text(0.5, 0.98, wrapped(title, SIZE[0] - MARGIN, 9), size=9, ha="center", va="top")
+    figure.text(0.5, 0.98, wrapped(title, SIZE[0] - 0.3, 9), size=9, ha="center", va="top")
     draw_boundary(ax, mesh.nodes, boundary, "#9A9A9A", 0.7)
     moving = LineCollection([], colors=INK, linewidths=1.1, zorder=4)
     ax.add_collection(moving)
@@ -166,16 +152,16 @@ def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
 
     def draw(frame: int) -> list[LineCollection]:
         moved = mesh.nodes + math.sin(2 * math.pi * frame / FRAMES) * field
-        moving.set_segments(list(curves(moved, boundary)))
+        moving.set_segments(list(moved[boundary[:, [0, 2, 1]]]))
         return [moving]
 
-    with house_style(), replacing(path, ".gif") as temporary:
+    with style.house_style(), replacing(path, ".gif") as temporary:
         animation = FuncAnimation(figure, draw, frames=FRAMES, interval=1000 / RATE)
         animation.save(str(temporary), writer=PillowWriter(fps=RATE), dpi=90)
     return [path]
 
 
-@in_house_style
+@style.in_house_style
 def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
     """Draw magnitude and phase of all three poses, each under its own load and under every stroke."""
     kinds: tuple[Kind, ...] = ("load", "stroke") if _strokes(model) else ("load",)
@@ -193,7 +179,7 @@ def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
             plot_response(lower, model, name, kind, "phase")
             upper.set_title(f"{NAMES[name]} under {'its load' if kind == 'load' else 'strokes'}", loc="left", size=11)
         if kind == "stroke":
-            legend_beside(upper, fontsize=8)
+            style.legend_beside(upper, fontsize=8)
     return figure
 
 
@@ -214,19 +200,19 @@ def plot_response(
     natural = model.frequencies
     w = np.geomspace(LOWEST * natural[0], HIGHEST * natural[-1], POINTS)
     w = np.unique(np.concatenate([w, *(each * np.linspace(0.9, 1.1, 201) for each in natural)]))
-    found, plain = model.response(w)[:, row], FuncFormatter(lambda value, _: f"{value:g}")
+    found = model.response(w)[:, row]
     for k, column in enumerate(inputs):
         values = found[:, column]
         drawn = np.abs(values) if part == "magnitude" else np.rad2deg(np.unwrap(np.angle(values)))
-        look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+        look: dict[str, Any] = {"color": style.COLOURS[k % 8], "linestyle": style.DASHES[k % 7]}
         ax.semilogx(w / (2 * math.pi), drawn, linewidth=1.2, label=model.inputs.names[column], **look)
     ax.set_xlabel(f"frequency ({UNITS['hz']})")
-    ax.xaxis.set_major_formatter(plain)
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     if part == "magnitude":
         unit = model.inputs.units[inputs[0]]
         ax.set(yscale="log", ylabel=f"magnitude ({model.outputs.units[row]}/{f'({unit})' if ' ' in unit else unit})")
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.0e}"))
+        ax.yaxis.set_major_formatter("{x:.0e}")
         ax.yaxis.set_minor_formatter(NullFormatter())
     else:
         ax.set_ylabel(f"phase ({UNITS['deg']})")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from itertools import pairwise
 from os import environ
-from typing import Any, NamedTuple
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 from matplotlib.figure import Figure
@@ -18,24 +19,14 @@ from matplotlib.path import Path
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
-from flexfem.mechanism.bodies import draw_sector, necks, polygon_points, turn
-from flexfem.mechanism.designs import CHAIN_TURN, stage_frames
+from flexfem.mechanism.bodies import polygon_points
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drawing import LETTER as NARROW
-from flexfem.mechanism.drawing import Dimensions, dimensions_of, part_of
+from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
-from flexfem.plot.style import (
-    GREY,
-    INK,
-    LETTER,
-    NOTE_COLOUR,
-    PALE,
-    in_house_style,
-    inches,
-    new_axes,
-    panels,
-)
-from flexfem.plot.text import SPACE
+from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
+from flexfem.plot.text import SPACE, minus, round_factor
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
 from flexfem.results import Fields
@@ -46,8 +37,8 @@ MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
 STEP = np.pi / 24  # rad of arc between two points of a small drawing
-SIDES = ((0, 1, 3), (1, 2, 4), (2, 0, 5))  # ends and middle of the sides of a triangle
-QUARTERS = ((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5))
+SIDES = np.array(((0, 1, 3), (1, 2, 4), (2, 0, 5)))  # ends and middle of the sides of a triangle
+QUARTERS = np.array(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)))  # linear triangles on the nodes of a quadratic one
 SYMBOL = 0.017  # radius of a joint's circle, per size of the stage, where the links leave room for it
 PITCH, ENDS = 3.1, 3.0  # distance of a joint's symbols, and what two joints take of a link besides, per radius
 MEANING = {
@@ -63,9 +54,9 @@ def arrow(
     axes: Axes, tail: Point, head: Point, style: str = "-|>", colour: str = INK, width: float = 1.0, **shape: Any
 ) -> None:
     """A slim arrow from `tail` to `head`, in data coordinates."""
-    points: Any = [(float(p[0]), float(p[1])) for p in (tail, head)]
     look: dict[str, Any] = {"mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0} | shape
-    axes.add_patch(FancyArrowPatch(*points, arrowstyle=style, color=colour, linewidth=width, **look))
+    ends: Any = (tail[0], tail[1]), (head[0], head[1])
+    axes.add_patch(FancyArrowPatch(*ends, arrowstyle=style, color=colour, linewidth=width, **look))
 
 
 def write(axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any) -> None:
@@ -73,50 +64,37 @@ def write(axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0
     axes.text(float(at[0]), float(at[1]), text, ha="center", va="center", size=size, color=colour, zorder=8, **style)
 
 
-def place_label(axes: Axes, anchor: Array, text: str, taken: list[Array], distance: float, **style: Any) -> Array:
-    """Write a text around an anchor, at 1 to 2 times the distance, where it is clearest of points taken (n, 2).
+def place_label(axes: Axes, anchor: Array, text: str, taken: list[Any], distance: float, **style: Any) -> Array:
+    """Write a text around an anchor, at 1 to 2.5 times the distance, where it is clearest of shapes that are taken.
 
     Returns its place (2,), which is taken then.
     """
     lines = text.replace(r"\varphi", "m").replace("$", "").split("\n")
-    inch = float(np.max([np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())] / inches(axes)))  # of the data
+    spans, pixels = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1), np.array(axes.get_window_extent().size)
+    inch = axes.figure.dpi * float(np.max(spans / pixels))  # of the data
     half = style.get("size", 9.0) / 144 * inch * np.array([LETTER["normal"] * max(map(len, lines)), 1.2 * len(lines)])
-    across, up = np.meshgrid(np.linspace(-1.0, 1.0, 5), [0.0] if len(lines) == 1 else [-1.0, 0.0, 1.0])
-    extent = half * np.column_stack([across.ravel(), up.ravel()])
-    angles = np.arange(24) * (2 * np.pi / 24)
-    ring = np.column_stack([np.cos(angles), np.sin(angles)])
-    spots = np.concatenate([anchor + reach * distance * ring for reach in (1.0, 1.35, 1.7, 2.0)])
-    every = np.concatenate(taken)
-    near = every[np.linalg.norm(every - anchor, axis=1) < 4.0 * distance + half[0]]
-    clearance = np.linalg.norm((spots[:, None] + extent)[:, :, None] - near, axis=-1).min(axis=(1, 2), initial=np.inf)
-    spot = spots[int(np.argmax(np.round(np.minimum(clearance, 0.6 * distance), 9)))]
-    taken.append(spot + extent)
-    write(axes, spot, text, **style)
-    return np.asarray(spot)
+    turned = np.exp(2j * np.pi * np.arange(24) / 24)
+    around = np.concatenate([reach * distance * turned for reach in (1.0, 1.35, 1.7, 2.0, 2.5)])
+    spots = anchor + np.column_stack([around.real, around.imag])
+    boxes = shapely.box(*(spots - half).T, *(spots + half).T)
+    window = shapely.box(*np.transpose([axes.get_xlim(), axes.get_ylim()]).ravel())
+    clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(taken)), 0.6 * distance)
+    best = int(np.argmax(np.round(np.where(shapely.covers(window, boxes), clearance, -1.0), 9)))
+    taken.append(boxes[best])
+    write(axes, spots[best], text, **style)
+    return np.asarray(spots[best])
 
 
 def boundary_of(triangles: AnyArray) -> Index:
     """Sides (k, 3) of triangles (m, 6) that have a triangle on one side only: ends and middle."""
-    sides = np.concatenate([triangles[:, list(side)] for side in SIDES])
+    sides = triangles[:, SIDES].reshape(-1, 3)
     _, first, count = np.unique(sides[:, 2], return_index=True, return_counts=True)
     return np.asarray(sides[first[count == 1]])
 
 
-def curves(nodes: Array, edges: Index, pieces: int = 4) -> Array:
-    """Points (k, pieces + 1, 2) along quadratic edges (k, 3)."""
-    s = np.linspace(0.0, 1.0, pieces + 1)
-    shapes = np.array([(1 - s) * (1 - 2 * s), s * (2 * s - 1), 4 * s * (1 - s)])
-    return np.asarray(np.einsum("sp,ksi->kpi", shapes, nodes[edges]))
-
-
-def quarters(triangles: AnyArray) -> Index:
-    """Linear triangles (4 m, 3) on the nodes of quadratic ones (m, 6)."""
-    return np.concatenate([triangles[:, list(quarter)] for quarter in QUARTERS])
-
-
 def draw_boundary(axes: Axes, nodes: Array, edges: Index, colour: str, width: float, zorder: float = 3) -> None:
     """Draw quadratic edges (k, 3) by their ends and middles, as one path, which is small in vector files."""
-    points = curves(nodes, edges, 2).reshape(-1, 2)
+    points = nodes[edges[:, [0, 2, 1]]].reshape(-1, 2)
     path = Path(points, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO], len(edges)))
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": colour, "linewidths": width, "zorder": zorder}
     axes.add_collection(PathCollection([path], **look), autolim=False)
@@ -131,9 +109,9 @@ def draw_hub(axes: Axes, nodes: Array, moved: Array, radius: float) -> None:
 
 
 def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
-    """Draw filled triangles with their curved sides, and their boundary in a thicker line."""
-    outlines = np.concatenate([curves(nodes, triangles[:, list(side)])[:, :-1] for side in SIDES], axis=1)
+    """Draw filled triangles (m, 6), and their boundary in a thicker line."""
     look: dict[str, Any] = {"facecolors": PALE, "edgecolors": MESH_COLOUR, "linewidths": width, "zorder": 2}
+    outlines = nodes[triangles[:, [0, 3, 1, 4, 2, 5]]]
     axes.add_collection(PolyCollection(list(outlines), rasterized=True, **look), autolim=False)
     draw_boundary(axes, nodes, boundary_of(triangles), INK, max(0.8, 2 * width))
 
@@ -172,59 +150,52 @@ def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
     if not isinstance(given, Stage):
         raise BadInput(f"{shown(given)}: expected a stage")
     check_feasible(given)
-    frames, found = stage_frames(given), []
-    for chain, k in np.ndindex(3, 3):
-        one, (x, y) = given.hinge(chain + 1, HINGE_NAMES[k]), frames.centres[chain, k].tolist()
-        freedoms: list[Any] = ["rotation", *(["axial"] * one.prismatic)]
-        axis = float(frames.axes[chain, k])
-        found.append(HingeDrawing(chain + 1, HINGE_NAMES[k], (x, y), axis, one.radius, one.neck, freedoms))
-    return found
+    axial = [[given.hinge(chain, name).prismatic for name in HINGE_NAMES] for chain in CHAINS]
+    return HingeDrawing.of_stage(given, [[["rotation", *(["axial"] * free)] for free in row] for row in axial])
 
 
-class Outline(NamedTuple):
-    """A stage to draw: filled `bodies` (n, 2), their `rims` and `grounds` (n, 2) as lines, mm, and `hub`, a radius."""
-
-    bodies: list[Array]
-    rims: list[Array]
-    grounds: list[Array]
-    hub: float
-
-
-def outline_of(stage: Stage) -> Outline:
-    """The stage's outline. Raises BadInput when its bodies cannot be drawn."""
-    outline = Outline([], [], [], stage.platform.hub_radius)
-    for chain in CHAINS:
-        for face in draw_sector(stage, chain).values():
-            loop = turn(face.loop, chain)
-            outline.bodies.append(np.asarray(polygon_points(loop, STEP)))
-            for segment, label in zip(loop, face.labels, strict=True):
-                if label in ("free", "ground"):
-                    z = np.append(segment.points(STEP), segment.end)
-                    (outline.rims if label == "free" else outline.grounds).append(np.column_stack([z.real, z.imag]))
-    return outline
-
-
-def draw_outline(axes: Axes, outline: Outline, at: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Draw an outline with the platform centre at a place, in mm; its grounds heavy, its hub as a disc."""
-    bodies, rims, grounds = ([line + np.array(at) for line in lines] for lines in outline[:3])
-    fill = PolyCollection(bodies, facecolors=PALE, edgecolors=PALE, linewidths=0.4, zorder=1)
-    axes.add_collection(fill, autolim=False)
-    for lines, width, order in ((rims, 0.7, 2), (grounds, 2.4, 3)):
-        axes.add_collection(LineCollection(lines, colors=INK, linewidths=width, zorder=order), autolim=False)
-    axes.add_patch(Circle(at, outline.hub, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
-
-
-def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
-    """Draw the outline of a stage to scale, in mm, its grounds heavy, its hub as a disc; returns `ax`, or new axes.
+def draw_outline(axes: Axes, stage: Stage) -> Array:
+    """Draw a stage, its clamped edges heavy, its hub as a disc; returns points (n, 2) of its rim, mm.
 
     Raises BadInput when its bodies cannot be drawn.
     """
-    outline = outline_of(stage)
+    part = part_of(stage)
+    rim = polygon_points(part.outer, STEP)
+    clamped = [[_xy(pad[0].start), _xy(pad[0].end)] for pad in part.pads]
+    axes.add_patch(Polygon(list(rim), facecolor=PALE, edgecolor=INK, linewidth=0.7, zorder=1))
+    axes.add_collection(LineCollection(clamped, colors=INK, linewidths=2.4, zorder=3), autolim=False)
+    axes.add_patch(Circle((0, 0), part.hub.radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
+    return rim
+
+
+def draw_to_one_scale(axes: Sequence[Axes], stages: Sequence[Stage]) -> None:
+    """Draw stages, each in axes of its own, to one scale, and in the first a bar of a round length."""
+    points = np.vstack([draw_outline(ax, stage) for ax, stage in zip(axes, stages, strict=True)])
+    low, high, room = points.min(axis=0), points.max(axis=0), 0.02 * np.ptp(points)
+    for ax in axes:
+        ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - 5 * room, high[1] + room), aspect="equal")
+    length, at = round_factor(0.4 * float(high[0] - low[0])), low[1] - 3 * room
+    axes[0].plot([low[0], low[0] + length], [at, at], color=INK, linewidth=2.5, solid_capstyle="butt")
+    axes[0].text(low[0] + length + room, at, f"{length:g}{SPACE}{LENGTH}, all drawings", size=7.5, va="center")
+
+
+def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
+    """Draw a stage to scale, in mm, its clamped edges heavy, its hub as a disc; returns `ax`, or new axes.
+
+    Raises BadInput when it cannot be drawn.
+    """
     ax = ax or new_axes()
-    draw_outline(ax, outline)
-    fit(ax, np.concatenate(outline.bodies))
-    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    fit(ax, draw_outline(ax, stage))
+    _in_mm(ax)
     return ax
+
+
+def _in_mm(ax: Axes) -> None:
+    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+
+
+def _xy(z: complex) -> tuple[float, float]:
+    return float(z.real), float(z.imag)
 
 
 @in_house_style
@@ -247,7 +218,7 @@ def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     hatch_ground(ax, nodes[boundary[held[boundary].all(axis=1), :2]], 0.025 * size)
     ax.add_patch(Circle((0, 0), hub, facecolor=HUB, edgecolor=INK, linewidth=0.9, zorder=2.5))
     frame_cross(ax, max(0.6 * hub, 0.04 * size))
-    taken = [nodes[::4]]
+    taken: list[Any] = [shapely.MultiPoint(nodes[::4])]
     for number, hinge in enumerate(model.hinges, start=1):
         colour, at = CHAIN_COLOURS[hinge.chain - 1], np.array(hinge.centre)
         box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
@@ -256,16 +227,18 @@ def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     for chain, colour in zip(CHAINS, CHAIN_COLOURS, strict=True):
         middle = np.mean([hinge.centre for hinge in model.hinges[3 * chain - 2 : 3 * chain]], axis=0)
         place_label(ax, middle, f"chain {chain}", taken, 0.09 * size, colour=colour, size=10, weight="bold")
-    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    _in_mm(ax)
     return ax
 
 
 def mesh_size(model: CurveModels) -> str:
     """Size of the mesh, in words."""
     triangles, unknowns = (f"{count:,}".replace(",", SPACE) for count in (model.triangles, model.unknowns))
-    across = f"{model.resolution} triangles across every neck"
-    across += f", {model.layers} layers in half the thickness" if model.layers else ""
-    return f"{triangles} curved quadratic triangles, {unknowns} unknowns, {across}."
+    layers = f", {model.layers} layers in half the thickness" if model.layers else ""
+    return (
+        f"{triangles} curved quadratic triangles, {unknowns} unknowns, {model.resolution} triangles across every "
+        f"neck{layers}."
+    )
 
 
 @in_house_style
@@ -400,11 +373,9 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
     lengths, angles = links_of_chain(hinges)
     headings, arc = np.cumsum(angles), min(0.1 * size, 0.45 * float(lengths.min()))
     axes.plot(*corners[2:].T, color=GREY, linewidth=1.2, linestyle=(0, (6, 2, 1.5, 2)), zorder=3)
-    around = 2.0 * radius * np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
-    cross = 0.09 * size * np.array([[-0.3, 0.9], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0], [0.9, -0.3]])
-    lines: list[Array] = [*points, corners, np.vstack([points[:, 2], points[:1, 2]]), cross]
-    taken = [(points[:, :, None] + around).reshape(-1, 2), corners[3] + around]
-    taken += [np.linspace(a, b, 24) for line in lines for a, b in pairwise(line)]
+    taken: list[Any] = [shapely.Point(at).buffer(2.0 * radius) for at in (*points.reshape(-1, 2), corners[3])]
+    taken += [shapely.LineString(line) for line in (*points, corners)]
+    taken.append(shapely.LineString(0.09 * size * np.array([[0, 1], [0, 0], [1, 0]])))
     labels: list[tuple[Array, str, str]] = []
     for k, (at, heading, angle) in enumerate(zip(corners, headings, angles, strict=False), start=1):
         turned = heading - angle + angle * np.linspace(0, 1, 60)
@@ -413,15 +384,15 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=(0, (4, 3)), zorder=6)
         axes.plot(*curve.T, color=NOTE_COLOUR, linewidth=1.1, zorder=6)
         arrow(axes, curve[-4], curve[-1], colour=NOTE_COLOUR, width=0.01)
-        taken += [curve[::3], np.linspace(reference[0], reference[1], 12)]
-        said = rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}".replace("-", "\N{MINUS SIGN}")
+        taken += [shapely.LineString(curve), shapely.LineString(reference)]
+        said = minus(rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}")
         length = f"$l_{k}$ = {lengths[k - 1]:.4g} {LENGTH}"
         labels += [(curve[30], said, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length, LINK)]
     for anchor, text, colour in labels:
-        place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True)
+        place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True, bbox=PLAIN)
     for chain, (at, hinge) in enumerate(zip(points[:, 0], hinges[::3], strict=True), start=1):
         foot = at - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
-        taken.append(foot + 1.5 * around)
+        taken.append(shapely.Point(foot).buffer(3.0 * radius))
         place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, size=10)
 
 
@@ -433,24 +404,16 @@ def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) 
     Raises BadInput when nothing is missing and its bodies cannot be drawn.
     """
     found, ax = PartialStage(stage, list(missing)), ax or new_axes()
-    if found.whole:
-        part = part_of(stage)
-        plot_stage(ax, stage)
-        corners = np.concatenate([_draw_dimensions(ax, dimensions_of(stage, part)), polygon_points(part.outer)])
-    else:
-        corners = _draw_partial(ax, found)
-    fit(ax, corners, 0.03)
-    ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
+    fit(ax, _draw_whole(ax, stage) if found.whole else _draw_partial(ax, found), 0.03)
+    _in_mm(ax)
     return ax
 
 
-def _xy(z: complex) -> tuple[float, float]:
-    return float(z.real), float(z.imag)
-
-
-def _draw_dimensions(ax: Axes, of: Dimensions) -> Array:
-    """Draw lengths and labels; returns places (n, 2) that must be seen."""
-    seen, lines = list[complex](), list[tuple[complex, ...]]()
+def _draw_whole(ax: Axes, stage: Stage) -> Array:
+    """Draw a stage with lengths and labels; returns places (n, 2) that must be seen."""
+    rim = draw_outline(ax, stage)
+    fit(ax, rim)
+    of, seen, lines = dimensions_of(stage, part_of(stage)), list[complex](), list[tuple[complex, ...]]()
     for span in of.spans:
         start, end = span.line
         lines += [(span.start, start), (span.end, end)]
@@ -465,7 +428,7 @@ def _draw_dimensions(ax: Axes, of: Dimensions) -> Array:
         seen += [label.place - label.half, label.place + label.half]
     for line in lines:
         ax.plot(*np.transpose([_xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
-    return np.array([_xy(z) for z in seen])
+    return np.concatenate([rim, [_xy(z) for z in seen]])
 
 
 def _draw_partial(ax: Axes, found: PartialStage) -> Array:
@@ -480,32 +443,23 @@ def _draw_partial(ax: Axes, found: PartialStage) -> Array:
     if not found.given("chain.link_lengths_mm", "chain.joint_angles_deg"):
         return np.concatenate(seen)
     lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
-    size = fit(ax, 1.05 * lines.reshape(-1, 2), 0.03)
-    taken = [np.linspace(line[:-1], line[1:], 9).reshape(-1, 2) for line in lines]
+    size = fit(ax, 1.2 * lines.reshape(-1, 2), 0.03)
+    taken: list[Any] = [shapely.MultiLineString(list(lines))]
     labels = [(f"chain {chain}", line[0]) for chain, line in zip(CHAINS, lines, strict=True)]
     labels += [(f"l{k + 1} {x:.6g}", lines[0, k : k + 2].mean(axis=0)) for k, x in enumerate(stage.chain.link_lengths)]
     for line in lines:
         ax.plot(*line.T, "o-", color=INK, linewidth=1.2, markersize=3.5, zorder=4)
     for k, name in enumerate(HINGE_NAMES):
-        texts = [f"{name} hinge {_draw_notches(ax, found, chain, name)}".strip() for chain in CHAINS]
-        labels += [(text, lines[chain, k]) for chain, text in enumerate(texts) if chain == 0 or text != texts[0]]
+        known = {"R": "radius", "t": "neck"}
+        said = [
+            f"{letter} {getattr(stage.hinge(1, name), key):.6g}"
+            for letter, key in known.items()
+            if found.given(f"hinges.{name}.{key}_mm")
+        ]
+        labels.append((f"{name} hinge {', '.join(said)}".strip(), lines[0, k]))
     for text, anchor in labels:
-        place_label(ax, anchor, text, taken, 0.05 * size, **SAID)
-    return np.concatenate([*seen, *taken, 1.05 * lines.reshape(-1, 2)])
-
-
-def _draw_notches(ax: Axes, found: PartialStage, chain: int, name: str) -> str:
-    """Draw the circles of a hinge's notches where its file gives them; returns what it gives."""
-    stage, given = found.stage, dict[str, float]()
-    for key, letter in (("radius", "R"), ("neck", "t")):
-        own = any(each.place == (chain, name) and getattr(each, key) is not None for each in stage.override)
-        if own or found.given(f"hinges.{name}.{key}_mm"):
-            given[letter] = getattr(stage.hinge(chain, name), key)
-    pose, turned = necks(stage, chain)[HINGE_NAMES.index(name)], np.exp(1j * (chain - 1) * CHAIN_TURN)
-    for side in (1, -1) if len(given) == 2 else ():
-        middle = turned * (pose.point + side * (given["R"] + given["t"] / 2) * 1j * np.exp(1j * pose.heading))
-        ax.add_patch(Circle(_xy(middle), given["R"], fill=False, edgecolor=GREY, linewidth=0.9, zorder=3))
-    return ", ".join(f"{letter} {value:.6g}" for letter, value in given.items())
+        place_label(ax, anchor, text, taken, 0.04 * size, **SAID)
+    return np.concatenate([*seen, 1.2 * lines.reshape(-1, 2)])
 
 
 @in_house_style
@@ -537,11 +491,10 @@ def has_display() -> bool:
     """Whether matplotlib can open a window here."""
     if sys.platform.startswith("linux") and not (environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY")):
         return False
-    import matplotlib as mpl
     from matplotlib.backends.registry import BackendFilter, backend_registry
 
-    known: Any = backend_registry
     try:
+        known: Any = backend_registry
         return mpl.get_backend().lower() in known.list_builtin(BackendFilter.INTERACTIVE)
     except ImportError:  # of the backend that the user asks for
         return False

@@ -4,77 +4,60 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import CenteredNorm, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import LogLocator, MaxNLocator
 
 from flexfem.arrays import Array, wide
-from flexfem.files.inputs import require_unread
-from flexfem.plot.stage import draw_outline, outline_of
-from flexfem.plot.style import (
-    DASHES,
-    GREY,
-    INK,
-    NOTE_COLOUR,
-    below_header,
-    in_house_style,
-    inches,
-    legend_beside,
-    panels,
-    wrapped,
-)
-from flexfem.plot.text import SPACE, minus, round_factor, significant
-from flexfem.plot.write import figure_files, write_beside
+from flexfem.plot import style
+from flexfem.plot.stage import draw_to_one_scale
+from flexfem.plot.style import GREY, INK, NOTE_COLOUR, below_header, in_house_style, panels
+from flexfem.plot.text import SPACE, minus, significant
+from flexfem.plot.write import write_each
+from flexfem.study import findings
 from flexfem.study.findings import (
     AxisText,
-    Caption,
     Chosen,
     Distribution,
-    Indices,
     ParetoFront,
     Percentile,
-    Record,
-    Refused,
     Scatter,
     Sensitivity,
-    Share,
     StudyMap,
 )
-from flexfem.units import LENGTH
 
 WIDTH, LETTERS = 8.27, 7.5  # in, of a page; points, below a drawing
 FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCHED = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
 DOTS, MOST_DOTS = 5000, 100_000  # more are rasterised in a PDF; of more that many are drawn, taken at random
-FEW_DECADES = 2.5  # up to which 2 and 5 have ticks between the powers of ten
 HATCHES = ("////", "xxxx", "....", "||||", "----")
 CONTOURS = 8  # about
 BARS = (10, 60)  # fewest and most in a histogram
 MOST_DECIMALS = 7
 ROUND_OFF = 1e-12  # of the largest value
 ACROSS, CELL, WRITTEN = 4, 1.5, 6  # drawings in a row, their width in in, factors below each
+NAMED = "ABCDEFGHIJKL"
 PLUS: dict[str, Any] = {"color": NOTE_COLOUR, "marker": "+", "markersize": 13, "markeredgewidth": 2.2}
 
 
-def write_study_figures(found: Mapping[str, Record | Refused], folder: Path) -> list[Path]:
+def write_study_figures(found: Mapping[str, findings.Record | findings.Refused], folder: Path) -> list[Path]:
     """Draw every figure of a study file that is not refused as PNG and PDF, under its name in a folder.
 
     Returns the paths written. Raises BadInput when the folder does not take a file.
     """
-    drawn = {folder / f"{name}.png": record for name, record in found.items() if not isinstance(record, Refused)}
-    require_unread(*figure_files(*drawn))
-    return [path for beside, record in drawn.items() for path in write_beside(beside, page_of(record))]
+    drawn = {name: record for name, record in found.items() if not isinstance(record, findings.Refused)}
+    return write_each({folder / f"{name}.png": partial(page_of, record) for name, record in drawn.items()})
 
 
-def page_of(record: Record) -> Figure:
+def page_of(record: findings.Record) -> Figure:
     """The page of one record."""
     match record:
         case StudyMap():
@@ -87,43 +70,17 @@ def page_of(record: Record) -> Figure:
             return pareto_figure(record)
 
 
-def _panels(size: tuple[float, float], caption: Caption, rows: int, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    title, lines, *doubts = caption
-    return panels(size, title, lines, rows, columns, doubts)
-
-
-# axes
-
-
-def name_axis(
-    axes: Axes, which: Literal["x", "y"], quantity: AxisText, ends: tuple[float, float], after: str = ""
-) -> None:
-    """Scale, label and ticks of an axis that goes from one end to the other."""
-    axes.set(**{f"{which}scale": "log" if quantity.log else "linear", f"{which}lim": ends})
-    axis: Axis = axes.xaxis if which == "x" else axes.yaxis
-    axis.set_label_text(quantity.label + after, parse_math=bool(quantity.symbol))
-    if quantity.log:
-        log_ticks(axis, ends)
-
-
-def log_ticks(axis: Axis, ends: tuple[float, float]) -> None:
-    """Ticks at powers of ten, and at multiples of them where there are few, written as plain numbers."""
-    decades = float(np.log10(ends[1] / ends[0]))
-    subs = range(1, 10) if decades < 1.0 else (1.0, 2.0, 5.0) if decades < FEW_DECADES else (1.0,)
-    axis.set_major_locator(LogLocator(subs=subs))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: significant(value, 1)))
-    axis.set_minor_locator(LogLocator(subs=range(2, 10)) if decades < 2 * FEW_DECADES else NullLocator())
-    axis.set_minor_formatter(FuncFormatter(lambda value, _: ""))
-
-
-def ends_of(values: Array, log: bool) -> tuple[float, float]:
-    """Where an axis begins and ends that shows finite values with some room on both sides."""
-    places = np.log(values) if log else values
-    low, high = float(places.min()), float(places.max())
-    margin = 0.04 * (high - low) or 0.05 * (abs(high) or 1.0)
-    ends = np.array([low - margin, high + margin])
-    low, high = np.exp(ends) if log else ends
-    return float(low), float(high)
+def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequence[str] = ("", "")) -> None:
+    """Scales, labels and ticks of axes on which all is drawn."""
+    for which, quantity, wanted in zip("xy", (x, y), better, strict=True):
+        if quantity is not None:
+            axis = axes.xaxis if which == "x" else axes.yaxis
+            axes.set(**{f"{which}scale": "log" if quantity.log else "linear"})
+            after = f"  ({wanted} is better)" if wanted else ""
+            axis.set_label_text(quantity.label + after, parse_math=bool(quantity.symbol))
+            if quantity.log:
+                low, high = axis.get_view_interval()
+                style.log_ticks(axis, (low, high))
 
 
 def _thousands(count: int) -> str:
@@ -136,7 +93,7 @@ def _thousands(count: int) -> str:
 @in_house_style
 def map_figure(shown: StudyMap) -> Figure:
     """Draw a map on a page of its own."""
-    figure, (axes,) = _panels((WIDTH, 6.0), shown.caption, 1)
+    figure, (axes,) = panels((WIDTH, 6.0), shown.caption.title, shown.caption.lines, 1, doubts=shown.caption)
     plot_map(axes, shown)
     return figure
 
@@ -147,27 +104,21 @@ def plot_map(ax: Axes, shown: StudyMap) -> Axes:
     Returns `ax`; the bar that says what the colours mean is an inset of it. Nothing is interpolated but the contours.
     Values of both signs have two hues, and the contours of negative values are dashed.
     """
-    cells, norm = shown.cells, norm_of(shown.cells.values)
+    norm = norm_of(shown.cells.values)
     colours: dict[str, Any] = {"norm": norm, "cmap": "PuOr_r" if isinstance(norm, CenteredNorm) else "viridis"}
-    entries = (_draw_grid if cells.grid else _draw_dots)(ax, shown, colours)
-    names: tuple[Literal["x", "y"], Literal["x", "y"]] = ("x", "y")
-    for which, quantity, values in zip(names, (shown.x, shown.y), cells.points.T, strict=True):
-        ends = edges(np.unique(values), quantity.log)[[0, -1]] if cells.grid else ends_of(values, quantity.log)
-        name_axis(ax, which, quantity, (float(ends[0]), float(ends[1])))
-    if shown.base is not None and _is_inside(ax, shown.base):
+    entries = (_draw_grid if shown.cells.grid else _draw_dots)(ax, shown, colours)
+    name_axes(ax, shown.x, shown.y)
+    ends = ax.get_xlim(), ax.get_ylim()
+    if shown.base is not None and all(low <= at <= high for at, (low, high) in zip(shown.base, ends, strict=True)):
         ax.plot(*shown.base, "+", color="white", markersize=15, markeredgewidth=4.5, zorder=5)
         ax.plot(*shown.base, linestyle="none", zorder=6, **PLUS)
         entries.append(Line2D([], [], linestyle="none", label="base stage", **PLUS))
-    if np.isfinite(cells.values).any():
+    if np.isfinite(shown.cells.values).any():
         _draw_bar(ax.inset_axes((1.035, 0.0, 0.04, 1.0)), ax.collections[0], shown)
     if entries:
-        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, -0.56 / inches(ax)[1])}
-        ax.legend(handles=entries, **place, borderaxespad=0.0, frameon=False, ncols=3, handlelength=2.4)
+        place: dict[str, Any] = {"loc": "upper left", "bbox_to_anchor": (0.0, 0.0), "borderaxespad": 4.6}
+        ax.legend(handles=entries, **place, frameon=False, ncols=3, handlelength=2.4)
     return ax
-
-
-def _is_inside(axes: Axes, at: tuple[float, float]) -> bool:
-    return all(low <= x <= high for x, (low, high) in zip(at, (axes.get_xlim(), axes.get_ylim()), strict=True))
 
 
 def norm_of(values: Array) -> Normalize:
@@ -255,7 +206,7 @@ def _draw_bar(axes: Axes, drawn: Any, shown: StudyMap) -> None:
     axes.figure.colorbar(drawn, cax=axes).set_label(shown.value.label, parse_math=bool(shown.value.symbol))
     low, high = axes.get_ylim()
     if isinstance(drawn.norm, LogNorm):
-        log_ticks(axes.yaxis, (low, high))
+        style.log_ticks(axes.yaxis, (low, high))
     for mark in shown.marks:
         if low < mark < high:
             axes.axhline(mark, color=INK, linewidth=2.2)
@@ -267,35 +218,19 @@ def _draw_bar(axes: Axes, drawn: Any, shown: StudyMap) -> None:
 @in_house_style
 def pareto_figure(shown: ParetoFront) -> Figure:
     """Draw the front, and the chosen designs below, all to one scale."""
-    rows = -(-len(shown.chosen) // ACROSS)
-    lines = max((len(_texts("A", one).splitlines()) for one in shown.chosen), default=0)
-    title, said, *doubts = shown.caption
-    cell = CELL + 0.155 * lines
-    figure = below_header((WIDTH, 5.2 + rows * cell), title, said, doubts)
-    grid = figure.add_gridspec(1 + rows, ACROSS, height_ratios=[5.2] + rows * [cell])
-    plot_front(figure.add_subplot(grid[0, :]), shown)
-    drawings = [figure.add_subplot(grid[1 + k // ACROSS, k % ACROSS]) for k in range(len(shown.chosen))]
-    for ax, letter, one in zip(drawings, "ABCDEFGHIJKL", shown.chosen, strict=False):
-        draw_outline(ax, outline_of(one.stage))
-        ax.set_axis_off()
-        ax.set_title(_texts(letter, one), loc="left", size=LETTERS, y=0.0, pad=-2, va="top", linespacing=1.3)
-    if drawings:
-        _to_one_scale(drawings, [outline_of(one.stage).bodies for one in shown.chosen])
+    rows, caption, names = -(-len(shown.chosen) // ACROSS), shown.caption, NAMED[: len(shown.chosen)]
+    texts = [_texts(letter, one) for letter, one in zip(names, shown.chosen, strict=True)]
+    cell = CELL + 0.155 * max((text.count("\n") + 1 for text in texts), default=0)
+    figure = below_header((WIDTH, 5.2 + rows * cell), caption.title, caption.lines, caption)
+    places = [["front"] * ACROSS, *np.reshape([*names.ljust(rows * ACROSS, ".")], (rows, ACROSS)).tolist()]
+    axes = figure.subplot_mosaic(places, height_ratios=[5.2] + rows * [cell])
+    plot_front(axes["front"], shown)
+    for letter, text in zip(names, texts, strict=True):
+        axes[letter].set_axis_off()
+        axes[letter].set_title(text, loc="left", size=LETTERS, y=0.0, pad=-2, va="top", linespacing=1.3)
+    if names:
+        draw_to_one_scale([axes[letter] for letter in names], [one.stage for one in shown.chosen])
     return figure
-
-
-def _to_one_scale(drawings: list[Axes], bodies: list[list[Array]]) -> None:
-    """Give drawings one scale, and the first a bar of a round length."""
-    points = np.vstack([body for each in bodies for body in each])
-    low, high = points.min(axis=0), points.max(axis=0)
-    room = 0.02 * np.ptp(points)
-    for ax in drawings:
-        ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - 5 * room, high[1] + room), aspect="equal")
-    length = round_factor(0.4 * float(high[0] - low[0]))
-    at = low[1] - 3 * room
-    drawings[0].plot([low[0], low[0] + length], [at, at], color=INK, linewidth=2.5, solid_capstyle="butt")
-    text = f"{length:g}{SPACE}{LENGTH}, all drawings"
-    drawings[0].text(low[0] + length + room, at, text, size=LETTERS, va="center")
 
 
 def _texts(letter: str, chosen: Chosen) -> str:
@@ -304,7 +239,7 @@ def _texts(letter: str, chosen: Chosen) -> str:
     lines = [f"{quantity.name}: {significant(value, 3)}{quantity.after}" for quantity, value in shown]
     more = len(chosen.numbers) - len(shown)
     lines += [f"and {more} factors more"] if more else []
-    return "\n".join(wrapped(line, CELL, LETTERS) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
+    return "\n".join(style.wrapped(line, CELL, LETTERS) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
 
 
 def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
@@ -322,15 +257,11 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
     name = f"front: {_thousands(len(shown.front))} designs that no other beats"
     line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
     ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
-    for letter, chosen in zip("ABCDEFGHIJKL", shown.chosen, strict=False):
-        at = shown.points[chosen.place]
-        ax.plot(*at, "o", color="white", markeredgecolor=INK, markeredgewidth=1.1, markersize=12.5, zorder=4)
-        ax.annotate(letter, at, ha="center", va="center_baseline", size=8.5, weight="bold", zorder=5)
+    for letter, chosen in zip(NAMED, shown.chosen, strict=False):
+        style.ring(ax, shown.points[chosen.place], letter)
     if shown.base is not None:
         ax.plot(*shown.base, linestyle="none", label="base stage", zorder=3.5, **PLUS)
-    names: tuple[Literal["x", "y"], Literal["x", "y"]] = ("x", "y")
-    for which, quantity, v, wanted in zip(names, (shown.x, shown.y), shown.points.T, shown.better, strict=True):
-        name_axis(ax, which, quantity, ends_of(v, quantity.log), f"  ({wanted} is better)")
+    name_axes(ax, shown.x, shown.y, shown.better)
     ax.grid()
     ax.plot([], [], **look, markersize=4, label=said)
     for text in shown.left_out:
@@ -345,7 +276,8 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
 @in_house_style
 def distribution_figure(shown: Distribution) -> Figure:
     """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
-    figure, found = _panels((WIDTH, 1.97 * len(shown.scatters)), shown.caption, len(shown.scatters))
+    count, caption = len(shown.scatters), shown.caption
+    figure, found = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, doubts=caption)
     for axes, scatter in zip(found, shown.scatters, strict=True):
         plot_histogram(axes, scatter)
     figure.align_ylabels()
@@ -361,18 +293,18 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
     ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
     ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
     entries, width = list[Any](), narrowest(scatter.percentiles)
-    for dash, one in zip((DASHES[1], DASHES[0], DASHES[1]), scatter.percentiles, strict=True):
+    for dash, one in zip(("dashed", "solid", "dashed"), scatter.percentiles, strict=True):
         if np.isfinite([one.low, one.high]).all():
             ax.axvspan(one.low, one.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
         entries.append(ax.axvline(one.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
         entries[-1].set_label(described(one, quantity.after, width))
     if scatter.nominal is not None:
         nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * np.abs(values).max() else 0.0
-        entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle=DASHES[2], zorder=4))
+        entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4))
         entries[-1].set_label(f"base stage: {to_digits(nominal, width) if nominal else '0'}{quantity.after}")
-    legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
-    name_axis(ax, "x", quantity, (float(borders[0]), float(borders[-1])))
-    ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)))
+    style.legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
+    ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)), xlim=(borders[0], borders[-1]))
+    name_axes(ax, quantity)
     if not quantity.log:
         ax.ticklabel_format(useOffset=False, axis="x")
     return ax
@@ -415,30 +347,19 @@ def sensitivity_figure(shown: Sensitivity) -> Figure:
     shares, factors = shown.shares, shown.factors
     across = 2 if len(shares) == 4 else min(3, len(shares))
     rows = -(-len(shares) // across)
-    figure, found = _panels((WIDTH, 0.35 + rows * (0.3 * len(factors) + 1.1)), shown.caption, rows, across)
-    for axes in found[len(shares) :]:
-        axes.remove()
-    ends = limits([share.indices for share in shares])
-    for index, (axes, share) in enumerate(zip(found, shares, strict=False)):
-        plot_shares(axes, share, factors if index % across == 0 else [""] * len(factors), ends)
-    figure.legend(*found[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    size, caption = (WIDTH, 0.35 + rows * (0.3 * len(factors) + 1.1)), shown.caption
+    figure, found = panels(size, caption.title, caption.lines, rows, across, caption, len(shares))
+    for index, (axes, share) in enumerate(zip(found, shares, strict=True)):
+        plot_shares(axes, share, factors)
+        if index % across:
+            axes.set_yticklabels([])
+    style.share_x(found)
+    style.legend_below(figure, found, 2)
     return figure
 
 
-def limits(indices: Sequence[Indices]) -> tuple[float, float]:
-    """Ends of the axis that all panels share: zero, or less where a whisker goes there, to the longest whisker."""
-    bars = [pair for i in indices for pair in ((i.first, i.first_band), (i.total, i.total_band))]
-    ends = [value + sign * band for value, band in bars if value is not None and band is not None for sign in (-1, 1)]
-    low, high = min(float(np.min(ends)), 0.0), float(np.max(ends))
-    room = 0.03 * (high - low)
-    return low - room, high + room
-
-
-def plot_shares(ax: Axes, share: Share, factors: Sequence[str], ends: tuple[float, float] | None = None) -> Axes:
-    """Draw the Sobol indices of one value as bars, with whiskers, a row for each factor; returns `ax`.
-
-    `ends` : of the axis, by default those that suit this value.
-    """
+def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes:
+    """Draw the Sobol indices of one value as bars, with whiskers, a row for each factor; returns `ax`."""
     found, places = share.indices, np.arange(float(len(share.indices.first)))
     look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}
     look["error_kw"] = {"ecolor": INK, "elinewidth": 1.0, "capsize": 2.0}
@@ -447,13 +368,10 @@ def plot_shares(ax: Axes, share: Share, factors: Sequence[str], ends: tuple[floa
         bars.append((0.19, found.total, found.total_band, TOTAL_COLOUR, "total: with its interactions"))
     for shift, values, band, colour, name in bars:
         ax.barh(places + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
-    ax.axvline(0.0, color=INK, linewidth=0.8)
-    ax.set(xlim=ends or limits([found]), ylim=(len(places) - 0.45, -0.55))
-    ax.set_yticks(places, factors, size=8.5)
+    style.name_rows(ax, factors, 3.0)
     ax.set_xlabel(f"share of the variance\n(first order sums to {found.first.sum():.2f})")
     ax.set_title(share.quantity.symbol or share.quantity.name, parse_math=bool(share.quantity.symbol), loc="left")
     ax.xaxis.set_major_locator(MaxNLocator(4))
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.grid(axis="x")
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.tick_params(axis="y", length=0)
     return ax

@@ -13,11 +13,11 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
-from flexfem.arrays import Array
-from flexfem.plot.text import doubt_note
+from flexfem.plot.text import doubt_note, significant
 from flexfem.units import Direction
 
 STYLE: Any = {
@@ -35,33 +35,19 @@ STYLE: Any = {
     "hatch.linewidth": 0.7,
     "path.simplify": False,
     "text.parse_math": False,  # a label of the user may hold a dollar
-    "agg.path.chunksize": 0,
     "svg.fonttype": "none",
     "svg.hashsalt": "flexfem",
 }
-NOTE_COLOUR = "#B00000"
-INK, GREY, PALE = "#1A1A1A", "#707070", "#E4E8EC"
+NOTE_COLOUR, INK, GREY, PALE = "#B00000", "#1A1A1A", "#707070", "#E4E8EC"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#9B4F96", "#000000", "#56B4E9", "#E69F00", "#7F7F7F")  # Okabe and Ito
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*", "<", ">", "h")
-DASHES: tuple[Any, ...] = (
-    "solid",
-    (0, (5, 2)),
-    (0, (1.2, 1.2)),
-    (0, (7, 2, 1.2, 2)),
-    (0, (3, 1.2, 1.2, 1.2, 1.2, 1.2)),
-    (0, (10, 3)),
-    (0, (2.5, 2.5)),
-)
+DASHES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (3, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (2, 2)))
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
 NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 LETTER = {"normal": 0.51, "bold": 0.58}  # mean width of a letter, over the size of the text
 MARGIN = 0.3  # in, left and right of the header
 RESOLUTION = {"png": 150, "pdf": 200, "svg": 120}  # dots per inch, in vector files of rasterised meshes only
-METADATA: dict[str, dict[str, Any]] = {  # without dates, so that equal figures are equal files
-    "png": {"Software": None},
-    "pdf": {"CreationDate": None},
-    "svg": {"Date": None},
-}
+DATES = {"png": "Software", "pdf": "CreationDate", "svg": "Date"}  # left out, so that equal figures are equal files
 _HIDDEN: ContextVar[list[str] | None] = ContextVar("hidden", default=None)
 
 
@@ -88,19 +74,12 @@ def headless() -> Iterator[list[str]]:
         _HIDDEN.reset(token)
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, in inches, outside pyplot and without a window."""
-    figure = Figure(figsize=(width, height), facecolor="white")
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def rendered(figure: Figure, form: str) -> bytes:
     """The figure as the bytes of a file, `form` png, pdf or svg."""
     buffer = io.BytesIO()
     with house_style(), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box stands for it
-        figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata=METADATA[form])
+        figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata={DATES[form]: None})
     return buffer.getvalue()
 
 
@@ -109,29 +88,33 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
     return textwrap.fill(text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False)
 
 
-def header(
-    figure: Figure, title: str, lines: Sequence[str], assumed: Sequence[str], not_stated: Sequence[str] = ()
-) -> float:
-    """Write title, lines below it and the note on numbers in doubt; returns the height used, in inches."""
-    hidden = _HIDDEN.get()
+def below_header(size: tuple[float, float], title: str, lines: Sequence[str], doubts: Any = None) -> Figure:
+    """A figure with a header, and so much room below it, in inches, which matplotlib lays out.
+
+    The header is a title, lines, and a note on keys that are `assumed` or `not_stated`, attributes of `doubts`.
+    """
+    (width, height), note = size, doubt_note(doubts.assumed, doubts.not_stated) if doubts else ""
+    texts, ends, hidden = list[tuple[str, float, str, str]](), [0.0], _HIDDEN.get()
     if hidden is not None:
-        hidden[:] = lines
-        return 0.0
-    width, height = figure.get_size_inches()
-    note, room = doubt_note(assumed, not_stated), width - 2 * MARGIN
-    beside = room - (LETTER["bold"] * 11 / 72 * len(note) + 0.4 if note else 0.0)
-    texts = [(wrapped(title, beside, 13, "bold"), 13, "bold", INK)]
-    texts += [(wrapped(line, room, 9), 9, "normal", "#404040") for line in lines]
-    used = 0.22
-    for text, size, weight, colour in texts:
-        style: dict[str, Any] = {"size": size, "weight": weight, "color": colour, "va": "top", "linespacing": 1.25}
-        figure.text(MARGIN / width, 1 - used / height, text, **style)
-        used += (text.count("\n") + 1) * size * 1.32 / 72 + 0.06
+        hidden[:], note = lines, ""
+    else:
+        room = width - 2 * MARGIN
+        beside = room - (LETTER["bold"] * 11 / 72 * len(note) + 0.4 if note else 0.0)
+        texts = [(wrapped(title, beside, 13, "bold"), 13, "bold", INK)]
+        texts += [(wrapped(line, 0.92 * room, 9), 9, "normal", "#404040") for line in lines]
+        heights = [(text.count("\n") + 1) * points * 1.32 / 72 + 0.06 for text, points, *_ in texts]
+        ends = np.cumsum([0.22, *heights]).tolist()
+    whole = height + ends[-1]
+    figure = Figure(figsize=(width, whole))
+    for (text, points, weight, colour), down in zip(texts, ends, strict=False):
+        style: dict[str, Any] = {"size": points, "weight": weight, "color": colour, "va": "top", "linespacing": 1.25}
+        figure.text(MARGIN / width, 1 - down / whole, text, **style)
     if note:
         box = {"boxstyle": "round,pad=0.35", "facecolor": "#FFF3E0", "edgecolor": NOTE_COLOUR, "linewidth": 1.2}
-        at = (1 - (MARGIN + 0.08) / width, 1 - 0.25 / height)
+        at = (1 - (MARGIN + 0.08) / width, 1 - 0.25 / whole)
         figure.text(*at, note, size=11, weight="bold", color=NOTE_COLOUR, ha="right", va="top", bbox=box)
-    return used
+    figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0, height / whole), w_pad=0.18, h_pad=0.1)
+    return figure
 
 
 def panels(
@@ -140,39 +123,21 @@ def panels(
     lines: Sequence[str],
     rows: int,
     columns: int = 1,
-    doubts: Any = ((), ()),
+    doubts: Any = None,
+    count: int | None = None,
     **grid: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of panels below a header, row by row, laid out by matplotlib, so wide and the panels so high in inches.
-
-    `doubts` : keys that are assumed and those without a source, or what has both.   `grid` : of matplotlib's GridSpec.
-    """
+    """A figure as `below_header`, with so many panels below it, row by row, by default all of the grid."""
     figure = below_header(size, title, lines, doubts)
-    return figure, list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
-
-
-def below_header(size: tuple[float, float], title: str, lines: Sequence[str], doubts: Any = ((), ())) -> Figure:
-    """A figure with a header as `panels` has it, without panels, and a layout engine for what is below."""
-    width, height = size
-    doubts = (doubts.assumed, doubts.not_stated) if hasattr(doubts, "assumed") else doubts
-    used = header(new_figure(width, height), title, lines, *doubts)
-    figure = new_figure(width, height + used)
-    header(figure, title, lines, *doubts)
-    rect = (0.0, 0.0, 1.0, height / (height + used))
-    figure.set_layout_engine("constrained", rect=rect, w_pad=0.18, h_pad=0.1)
-    return figure
+    axes = list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
+    for spare in axes[count:] if count is not None else ():
+        spare.remove()
+    return figure, axes[:count]
 
 
 def titled(axes: Axes, letter: str, text: str, **style: Any) -> None:
     """A title at the left of a panel: (a) and its text."""
     axes.set_title(f"({letter}) {text}", loc="left", **style)
-
-
-def inches(ax: Axes) -> Array:
-    """Width and height (2,) of axes at this moment, in inches; a layout engine may change them later."""
-    figure = ax.get_figure(root=True)
-    assert figure is not None
-    return np.array(ax.get_window_extent().size) / figure.dpi
 
 
 def new_axes() -> Axes:
@@ -188,9 +153,14 @@ def legend_beside(axes: Axes, **look: Any) -> None:
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], columns: int, **look: Any) -> None:
-    """One legend below the panels, each label once."""
+    """One legend below the panels, each label once, in so many columns, or fewer where these are too wide."""
     named = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=columns, frameon=False, **look)
+    look |= {"loc": "outside lower center", "frameon": False}
+    for count in range(columns, 0, -1):
+        legend = figure.legend(named.values(), named.keys(), ncols=count, **look)
+        if count == 1 or legend.get_window_extent().width < figure.bbox.width:
+            return
+        legend.remove()
 
 
 def boxed(axes: Axes, y: float, text: str) -> None:
@@ -199,7 +169,31 @@ def boxed(axes: Axes, y: float, text: str) -> None:
     axes.text(0.5, y, text, transform=axes.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
 
 
-def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
-    """Axes at a place given in inches from the lower left corner of the figure."""
-    w, h = figure.get_size_inches()
-    return figure.add_axes((left / w, bottom / h, width / w, height / h))
+def name_rows(axes: Axes, names: Sequence[str], width: float, size: float = 8.5) -> None:
+    """Names beside rows of bars, the first on top, in lines so wide in inches; and a line at zero."""
+    axes.set_yticks(range(len(names)), [wrapped(name, width, size) for name in names], size=size)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.axvline(0.0, color=GREY, linewidth=0.9, zorder=4)
+    axes.grid(axis="x")
+
+
+def share_x(every: Sequence[Axes]) -> None:
+    """One scale along x for panels, from the least to the largest end."""
+    ends = np.array([axes.get_xlim() for axes in every])
+    for axes in every:
+        axes.set_xlim(float(ends[:, 0].min()), float(ends[:, 1].max()))
+
+
+def ring(axes: Axes, at: Any, text: str, colour: str = INK) -> None:
+    """A place marked by a letter or number in a circle."""
+    axes.plot(*at, "o", color="white", markeredgecolor=colour, markeredgewidth=1.1, markersize=12.5, zorder=4)
+    axes.annotate(text, (at[0], at[1]), ha="center", va="center_baseline", size=8.5, weight="bold", zorder=5)
+
+
+def log_ticks(axis: Axis, ends: Sequence[float]) -> None:
+    """Ticks between the ends at powers of ten, and at multiples of them where there are few, as plain numbers."""
+    decades = np.log10(ends[1] / ends[0])
+    subs = range(1, 10) if decades < 1.0 else (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+    axis.set_major_locator(LogLocator(subs=subs))
+    axis.set_major_formatter(lambda value, _: significant(value, 1))
+    axis.set_minor_locator(NullLocator())

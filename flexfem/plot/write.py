@@ -1,9 +1,9 @@
-"""All figures and the page of text of stored verifications, as files; the same results give the same bytes."""
+"""Figures as files, and the page of text of stored verifications; the same results give the same bytes."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -24,6 +24,7 @@ from flexfem.questions.errors import Verification
 from flexfem.results import Fields
 
 Stored: TypeAlias = tuple[Verification, dict[str, Fields]]
+Draw: TypeAlias = Callable[[], Figure]
 FORMS = ("png", "pdf")
 PAGE = "verification.md"
 
@@ -34,58 +35,53 @@ def write_figures(results: list[Stored], folder: Path, displacement: bool = Fals
     `displacement` : show displacements in the commanded direction instead of errors. Raises BadInput when the folder
     does not take a file.
     """
-    planned = plans(results, displacement)
-    require_unread(*figure_files(*(folder / f"{name}.json" for name in planned)), folder / PAGE)
-    paths = [path for name, draw in planned.items() for path in write_beside(folder / f"{name}.json", draw())]
-    pictures = "\n".join(f"![{name}]({name}.png)" for name in planned)
+    drawn = plans(results, displacement)
+    require_unread(folder / PAGE)
+    paths = write_each({folder / f"{name}.json": draw for name, draw in drawn.items()})
+    pictures = "\n".join(f"![{name}]({name}.png)" for name in drawn)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
 
 
-def figure_files(*stored: Path) -> list[Path]:
-    """The files of the figures beside stored numbers, two for each."""
-    return [path.with_suffix(f".{form}") for path in stored for form in FORMS]
+def write_design_figures(found: Designed, stored: Path) -> list[Path]:
+    """Draw a design, its sensitivity to each dimension and its front beside its record. Raises BadInput."""
+    drawn = {"": design_figure, "-sensitivity": sensitivity_figure} | ({"-front": front_figure} if found.front else {})
+    return write_each(
+        {stored.with_name(f"{stored.stem}{part}.json"): partial(draw, found) for part, draw in drawn.items()}
+    )
+
+
+def write_each(figures: Mapping[Path, Draw]) -> list[Path]:
+    """Draw figures and write each beside its stored numbers. Raises BadInput, first of all, when a file cannot be."""
+    require_unread(*(path.with_suffix(f".{form}") for path in figures for form in FORMS))
+    return [path for stored, draw in figures.items() for path in write_beside(stored, draw())]
 
 
 def write_beside(stored: Path, figure: Figure) -> list[Path]:
     """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
-    paths = figure_files(stored)
-    require_unread(*paths)
-    return [_written(path, rendered(figure, form)) for path, form in zip(paths, FORMS, strict=True)]
+    return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 
-def write_design_figures(found: Designed, stored: Path) -> list[Path]:
-    """Draw a design, its sensitivity to each dimension and its front beside its record. Raises BadInput."""
-    figures = {"": design_figure, "-sensitivity": sensitivity_figure} | (
-        {"-front": front_figure} if found.front else {}
-    )
-    named = {stored.with_name(f"{stored.stem}{part}.json"): draw for part, draw in figures.items()}
-    require_unread(*figure_files(*named))
-    return [path for beside, draw in named.items() for path in write_beside(beside, draw(found))]
-
-
-def plans(results: list[Stored], displacement: bool = False) -> dict[str, Callable[[], Figure]]:
+def plans(results: list[Stored], displacement: bool = False) -> dict[str, Draw]:
     """What draws each figure, each stage once, by names of files that differ even where case does not matter."""
-    named: dict[str, Callable[[], Figure]] = {}
-    taken = set[str]()
+    named: dict[str, Draw] = {}
     for wanted, draw in [*_of_cases(results, displacement), *_of_stages(results)]:
-        name, count = wanted, 1
+        name, count, taken = wanted, 1, {each.casefold() for each in named}
         while name.casefold() in taken:
             count += 1
             name = f"{wanted}-{count}"
-        taken.add(name.casefold())
         named[name] = draw
     return named
 
 
-def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, Callable[[], Figure]]]:
+def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, Draw]]:
     for result, fields in results:
         stem = _file_name(result.case)
         yield f"{stem}-displacement" if displacement else stem, partial(error_figure, result, displacement)
         yield f"{stem}-deformed", partial(deformed_figure, result, fields)
 
 
-def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Callable[[], Figure]]]:
+def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Draw]]:
     """Mesh, necks and hinge of every distinct stage, the model of every distinct mobility of it."""
     seen = set()
     for result, fields in results:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,19 +13,25 @@ from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
 from flexfem.clock import Limit
+from flexfem.fem import fields
+from flexfem.fem.heat import heat_response
+from flexfem.fem.mesh import mesh_sectors
+from flexfem.fem.mesher import MeshTimeout
+from flexfem.fem.modes import modes
+from flexfem.fem.response import Response, unit_response
+from flexfem.fem.structure import layers_of, plate_of, sheet_of
 from flexfem.hinges.formulas import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
 from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
+from flexfem.questions.drive import element_ranges
 from flexfem.questions.driven import DriveRanges, drive_ranges, driven
+from flexfem.questions.modes import vibrating
 from flexfem.questions.strained import Lives, Repeated, by_elements, by_wrenches, lives
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY
-
-if TYPE_CHECKING:
-    from flexfem.fem.response import Response
 
 LOWEST = 3  # natural frequencies: of the platform on its hinges
 
@@ -83,7 +89,7 @@ class Answers(NamedTuple):
     def coupling(self) -> Array:
         """`K_ij / sqrt(K_ii K_jj)` (n, 3) of x and y, x and theta, y and theta."""
         size = np.sqrt(np.abs(np.diagonal(self.stiffness, axis1=1, axis2=2)))
-        first, second = np.array([0, 0, 1]), np.array([1, 2, 2])
+        first, second = np.triu_indices(3, 1)
         return np.asarray(self.stiffness[:, first, second] / (size[:, first] * size[:, second]))
 
     @property
@@ -103,17 +109,14 @@ def batch_at_rest(
     bodies: Array | None = None,
     repeated: Repeated | None = None,
 ) -> Answers:
-    """The analytic model of n designs, with arguments as `analytic.model.at_rest`; nan where it is singular.
-
-    repeated : what is repeated, to ask for lives.
-    """
-    found = at_rest(designs, hinges, freedoms, bodies)
+    """The analytic model of n designs, as `analytic.model.at_rest`, and their lives where something is repeated."""
+    found, strength = at_rest(designs, hinges, freedoms, bodies), designs.yield_strength
     highest = np.max(found.stress, axis=(1, 2))
-    answers = Answers(found.stiffness, highest, found.turning, designs.yield_strength, envelope(designs))
+    answers = Answers(found.stiffness, highest, found.turning, strength, envelope(designs))
     if repeated is None:
         return answers
     strained = by_wrenches(designs, found.wrench, repeated)
-    return answers._replace(lives=lives(strained, designs.fatigue, designs.yield_strength, repeated))
+    return answers._replace(lives=lives(strained, designs.fatigue, strength, repeated))
 
 
 def batch_frequencies(
@@ -126,13 +129,10 @@ def batch_frequencies(
 ) -> Array:
     """The three lowest natural frequencies (n, 3), rad/s, of n designs by the analytic model; nan where it has none.
 
-    Parameters
-    ----------
     moments : of what is drawn.   elastic : of `link_parts`, (n, ...) each; None where pads, links, platform are rigid.
     """
     mass = mass_matrix(moments.bodies, moments.hub, designs.thickness * designs.density * DENSITY, payload)
-    of = many(designs.frames, hinges, freedoms, mass, elastic)
-    return np.asarray(of.frequencies[:, :LOWEST])
+    return np.asarray(many(designs.frames, hinges, freedoms, mass, elastic).frequencies[:, :LOWEST])
 
 
 def batch_drift(
@@ -160,6 +160,7 @@ def solved_design(
     repeated: Repeated | None = None,
     driven: bool = False,
     warm: bool = False,
+    layers: int = 0,
 ) -> Answers:
     """Finite elements of one feasible design, n = 1.
 
@@ -169,26 +170,25 @@ def solved_design(
     bands : ask for the mesh bands of these too, from coarser meshes.
     payload : on the platform, to ask for natural frequencies; None does not.   repeated : as of `batch_at_rest`.
     driven, warm : ask what the stage's own drive does, and for its drift.
+    layers : three dimensions, without any of these; base hinges turn as in the mid-plane.
 
     Raises
     ------
     BadInput : the finite elements refuse the design.
-    ComputationFailed : by mesh or solver; MeshTimeout when the time limit is over.
+    ComputationFailed : by mesh or solver; MeshTimeout when the time limit, in three dimensions that of gmsh, is over.
     """
-    from flexfem.fem.heat import heat_response
-    from flexfem.fem.modes import modes
-    from flexfem.fem.structure import plate_of
-    from flexfem.questions.drive import element_ranges
-    from flexfem.questions.modes import vibrating
-
-    response = elements(stage, resolution, clock)
-    found = _at_rest(stage, response)
+    response = elements(stage, resolution, clock, layers)
+    K = np.linalg.inv(response.compliance)
+    K = (K + K.T) / 2  # round-off
+    turning = np.abs(K @ fields.base_rotations(stage, response)).max(axis=1)
+    strength, highest = lower(stage).yield_strength, fields.neck_stresses(stage, response, K).highest.max(axis=(1, 2))
+    found = Answers(K[None], highest[None], turning[None], strength, np.array([fields.envelope(response)]))
     if payload is not None:
         structure = vibrating(stage, response.mesh, payload)
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
         strained = by_elements(stage, response, repeated)
-        found = found._replace(lives=lives(strained, lower(stage).fatigue, found.yield_strength, repeated))
+        found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
     if driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
@@ -199,69 +199,32 @@ def solved_design(
     return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))
 
 
-def solved_solid(stage: Stage, resolution: int, layers: int, clock: Clock) -> Answers:
-    """Finite elements in three dimensions of one feasible design, n = 1; base hinges turn as in the mid-plane.
-
-    Raises as `solved_design`; the time limit is that of gmsh.
-    """
-    from flexfem.fem.mesh import mesh_sectors
-    from flexfem.fem.response import unit_response
-    from flexfem.fem.structure import layers_of, sheet_of
-
-    response = unit_response(mesh_sectors(stage, resolution, *clock), sheet_of(stage), layers_of(stage, layers))
-    return _at_rest(stage, response)
-
-
-def _at_rest(stage: Stage, response: Response) -> Answers:
-    """What finite elements always answer, n = 1."""
-    from flexfem.fem.fields import base_rotations, neck_stresses
-    from flexfem.fem.fields import envelope as meshed
-
-    K = np.linalg.inv(response.compliance)
-    K = (K + K.T) / 2  # round-off
-    turning = np.abs(K @ base_rotations(stage, response)).max(axis=1)
-    strength = np.array([stage.material.yield_strength])
-    highest = neck_stresses(stage, response, K).highest.max(axis=(1, 2))
-    return Answers(K[None], highest[None], turning[None], strength, np.array([meshed(response)]))
-
-
-def elements(stage: Stage, resolution: int, clock: Clock) -> Response:
+def elements(stage: Stage, resolution: int, clock: Clock, layers: int = 0) -> Response:
     """The stage meshed and condensed sector by sector. Raises as `solved_design`."""
-    from flexfem.fem.mesh import mesh_sectors
-    from flexfem.fem.response import unit_response
-    from flexfem.fem.structure import plate_of
-
-    return unit_response(mesh_sectors(stage, resolution, *clock), plate_of(stage))
+    plate, through = (sheet_of(stage), layers_of(stage, layers)) if layers else (plate_of(stage), None)
+    return unit_response(mesh_sectors(stage, resolution, *clock), plate, through)
 
 
 def _errors(
     stage: Stage, resolution: int, clock: Clock, predicted: Array, response: Response, bands: bool
 ) -> ErrorPercentages:
+    """Errors of a predicted stiffness, with bands by coarser meshes; one of these that folds is left out."""
     lever = stage.chain.link_lengths[2]
     percent = error_matrix(predicted, response.compliance, lever)
     along = np.diag(percent)
     across = np.max(np.abs(percent - np.diag(along)), axis=0)
     if not bands:
         return ErrorPercentages(along[None], across[None], None)
-    coarser = _coarser(stage, resolution, clock)
-    values = [np.diag(error_matrix(predicted, compliance, lever)) for compliance in coarser.values()]
-    steps = np.array([*coarser, resolution])
-    found = [mesh_band(steps, each) for each in np.transpose([*values, along])]
-    return ErrorPercentages(along[None], across[None], np.array([found]))
-
-
-def _coarser(stage: Stage, finest: int, clock: Clock) -> dict[int, Array]:
-    """Compliances on the coarser meshes of a band, by resolution; one that folds is left out when there is another."""
-    from flexfem.fem.mesher import MeshTimeout
-
-    found, failures = dict[int, Array](), list[ComputationFailed]()
-    for resolution in levels(finest)[:-1]:
+    on_meshes, failures = {resolution: along}, list[ComputationFailed]()
+    for coarser in levels(resolution)[1::-1]:
         try:
-            found[resolution] = elements(stage, resolution, clock).compliance
+            C = elements(stage, coarser, clock).compliance
+            on_meshes = {coarser: np.diag(error_matrix(predicted, C, lever))} | on_meshes
         except MeshTimeout:
             raise
         except ComputationFailed as failure:
             failures.append(failure)
-    if not found:
-        raise failures[0]
-    return found
+    if len(on_meshes) == 1:
+        raise failures[-1]
+    found = [mesh_band(np.array(list(on_meshes)), each) for each in np.transpose(list(on_meshes.values()))]
+    return ErrorPercentages(along[None], across[None], np.array([found]))

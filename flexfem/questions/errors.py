@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from pydantic import BaseModel
 
 from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.fields import load_case, neck_maxima, neck_stresses
+from flexfem.fem.fields import neck_maxima, neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, structure
@@ -59,8 +60,8 @@ POINT, MATRIX = ("curve", "point", "direction"), ("curve", "component", "directi
 OF_HUNDRED = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # a change of the mesh is one of the displacement
 
 
-class HingeDrawing(NamedTuple):
-    """One hinge as modelled: centre (mm), direction of the neck (rad), radius and neck (mm), freedoms."""
+class HingeDrawing(BaseModel):
+    """One hinge as modelled: centre, mm, direction of the neck, rad, radius and neck, mm, freedoms."""
 
     chain: int
     hinge: str
@@ -70,8 +71,19 @@ class HingeDrawing(NamedTuple):
     neck: float
     freedoms: list[str]
 
+    @classmethod
+    def of_stage(cls, stage: Stage, freedoms: Sequence[Sequence[Sequence[str]]]) -> list[HingeDrawing]:
+        """The hinges of a stage, chain by chain, with their freedoms (3 chains, 3 hinges)."""
+        frames, found = stage_frames(stage), []
+        for row, k in np.ndindex(3, 3):
+            one = stage.hinge(row + 1, HINGE_NAMES[k])
+            drawn = {"centre": frames.centres[row, k].tolist(), "axis": frames.axes[row, k], "radius": one.radius}
+            own = drawn | {"neck": one.neck, "freedoms": freedoms[row][k]}
+            found.append(cls.model_validate({"chain": row + 1, "hinge": HINGE_NAMES[k]} | own))
+        return found
 
-class CurveModels(NamedTuple):
+
+class CurveModels(BaseModel):
     """The stage and the two models of a curve, as figures name and draw them.
 
     plane : the stage's own choice of plane problem.   layers : in half the thickness, 0 in the plane.
@@ -98,12 +110,6 @@ class CurveModels(NamedTuple):
     triangles: int
     unknowns: int
     verdicts: list[Verdict]
-
-    @classmethod
-    def read(cls, data: dict[str, Any]) -> CurveModels:
-        """The models as a stored result has them."""
-        hinges = [HingeDrawing(**each | {"centre": tuple(each["centre"])}) for each in data["hinges"]]
-        return cls(**data | {"hinges": hinges})
 
 
 class Verification(Result):
@@ -161,20 +167,16 @@ class Verification(Result):
     @property
     def models(self) -> dict[str, CurveModels]:
         """Stage and models of each curve."""
-        return {label: CurveModels.read(each) for label, each in self.settings["curves"].items()}
+        return {label: CurveModels(**each) for label, each in self.settings["curves"].items()}
 
     def write(self, path: Path) -> Path:
         """Store the document as JSON and its fields beside it as .npz; returns the path of the former."""
         if self.fields is not None:
-            arrays = {
-                f"{k}.{key}": value
-                for k, label in enumerate(self.curves)
-                for key, value in self.fields[label]._asdict().items()
-            }
+            named = ((k, self.fields[label]._asdict()) for k, label in enumerate(self.curves))
+            arrays = {f"{k}.{key}": value for k, each in named for key, value in each.items()}
             self.settings["stored"] = {"fields": digest_of_arrays(arrays)}
-            write_atomically(
-                path.with_suffix(".npz"), lambda file: np.savez_compressed(file, allow_pickle=False, **arrays)
-            )
+            npz = path.with_suffix(".npz")
+            write_atomically(npz, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
         return super().write(path)
 
     def read_fields(self, path: str | os.PathLike[str]) -> dict[str, Fields]:
@@ -183,10 +185,8 @@ class Verification(Result):
         arrays = read_arrays(beside, f"the fields of {path}")
         if digest_of_arrays(arrays) != self.settings.get("stored", {}).get("fields"):
             raise BadInput(f"{beside}: not the fields that were stored with {path}: flexfem verify makes both again")
-        return {
-            label: Fields(**{key: arrays[f"{k}.{key}"] for key in Fields._fields})
-            for k, label in enumerate(self.curves)
-        }
+        each = [[arrays[f"{k}.{key}"] for key in Fields._fields] for k in range(len(self.curves))]
+        return {label: Fields(*own) for label, own in zip(self.curves, each, strict=True)}
 
 
 class Answer(NamedTuple):
@@ -231,8 +231,7 @@ def verification(
     loaded, load, seen = list[LoadedCase](), cache(load_feasible), dict[str, Path]()
     for path in map(checked_path, cases):  # all are read before any is run
         loaded.append(LoadedCase(path, load))
-        other = seen.setdefault(path.stem, path)
-        if other != path:
+        if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
     found = []
     for case in loaded:
@@ -244,50 +243,59 @@ def verification(
     return found
 
 
+class CurveRun(NamedTuple):
+    """A curve of a case, its stage, the analytic model that commands it, and finite elements."""
+
+    curve: Curve
+    stage: Stage
+    model: AnalyticResult
+    elements: Answer
+
+
 def run_case(loaded: LoadedCase) -> Verification:
     """Run every curve of a case. Raises BadInput when a stage does not suit the formula, ComputationFailed."""
     case, stages, found = loaded.case, loaded.stages, _doubts(loaded)
     models = [analyse(stages[one.label], one.mobility, one.formula, one.links) for one in case.curve]
-    curves = [
-        (curve, stages[curve.label], model, _answer(loaded, curve, model))
+    runs = [
+        CurveRun(curve, stages[curve.label], model, _answer(loaded, curve, model))
         for curve, model in zip(case.curve, models, strict=True)
     ]
-    joints = tuple(dict.fromkeys(name for *_, one in curves for name in one.joints))
-    facts = {curve.label: _facts(case, curve, stage, model, one) for curve, stage, model, one in curves}
-    answers = {curve.label: _quantities(case, stage, model, one, joints) for curve, stage, model, one in curves}
+    joints = tuple(dict.fromkeys(name for each in runs for name in each.elements.joints))
+    described = {each.curve.label: _described(case, each) for each in runs}
     labels = {
-        "curve": tuple(answers),
+        "curve": tuple(described),
         "model": (ANALYTIC, ELEMENTS),
         "point": [str(k) for k in range(case.points)],
         "mesh": [f"{n} triangles" for n in levels(case.resolution)],
         "joint": joints,
     }
+    answers = {each.curve.label: _quantities(case, each, joints) for each in runs}
     values, widths = beside(Verification, answers, labels, "curve")
-    lever = curves[0][1].chain.link_lengths[2]
-    own = digest({label: each["hash"] for label, each in facts.items()})
+    own = digest({label: each.hash for label, each in described.items()})
     settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
     return Verification(
-        About(case.name, str(loaded.path), own, found.assumed, found.not_stated, lever),
+        About(case.name, str(loaded.path), own, found.assumed, found.not_stated, runs[0].stage.chain.link_lengths[2]),
         values | {"command": case.commands},
         widths,
         labels,
-        settings | {"curves": facts},
-        [text for each in curves for text in _warnings(case, *each)],
-        [_said(label, CurveModels.read(each)) for label, each in facts.items()],
-        {curve.label: one.fields for curve, *_, one in curves},
+        settings | {"curves": {label: each.model_dump() for label, each in described.items()}},
+        [text for each in runs for text in _warnings(case, each)],
+        [_said(label, each) for label, each in described.items()],
+        {each.curve.label: each.elements.fields for each in runs},
     )
 
 
-def _quantities(case: Case, stage: Stage, model: AnalyticResult, of: Answer, joints: Sequence[str]) -> Answered:
+def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> Answered:
     """The quantities of one curve."""
-    axis, shape = case.axis, (2, 3, 3, 3)
-    peak, peak_band = np.full(shape, np.nan), np.full(shape, np.nan)
+    model, of, axis = run.model, run.elements, case.axis
+    peak, peak_band = np.full((2, 2, 3, 3, 3), np.nan)
     if not of.joints:
         peak[0, ..., axis] = model.stress[..., axis]
     peak[1, ..., axis] = reached = of.neck_stress / abs(of.pose[axis])
     peak_band[1, ..., axis] = np.where(reached == np.max(reached), of.peak_band, np.nan)
+    lever = run.stage.chain.link_lengths[2]
     values: dict[str, Any] = {
-        "percent": [each.values[-1] for each in of.bands],
+        "percent": bands.percentages(of.error[-1], case.commanded[-1], case.direction, lever),
         "along": [np.diag(model.stiffness), np.diag(np.linalg.inv(of.compliance))],
         "peak": peak,
         "neck_stress": of.neck_stress,
@@ -296,9 +304,6 @@ def _quantities(case: Case, stage: Stage, model: AnalyticResult, of: Answer, joi
         "compliance": of.compliance,
         "on_meshes": np.transpose([each.values for each in of.bands]),
     }
-    if case.analysis == "nonlinear":  # the percentages of a linear case are those of its finest mesh
-        largest, lever = int(np.argmax(case.commanded)), stage.chain.link_lengths[2]
-        values["percent"] = bands.percentages(of.error[largest], case.commanded[largest], case.direction, lever)
     if of.joints:  # nan where a curve has no such joint
         imposed = np.full((case.points, len(joints)), np.nan)
         imposed[:, [joints.index(name) for name in of.joints]] = of.imposed
@@ -329,24 +334,11 @@ def _doubts(loaded: LoadedCase) -> Doubts:
     return Doubts(*(sorted(set(chain.from_iterable(each))) for each in zip(*every, strict=True)))
 
 
-def _facts(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, answer: Answer) -> dict[str, Any]:
+def _described(case: Case, run: CurveRun) -> CurveModels:
     """What is stored of a curve beside its numbers."""
-    strokes, frames = case.drive == "strokes", stage_frames(stage)
+    (curve, stage, model, elements), strokes = run, case.drive == "strokes"
     own = stage.drive_doubts if strokes else Doubts(list(stage.assumed), list(stage.not_stated))
-    hinges = [
-        HingeDrawing(
-            chain=number + 1,
-            hinge=name,
-            centre=tuple(frames.centres[number, k].tolist()),
-            axis=float(frames.axes[number, k]),
-            radius=stage.hinge(number + 1, name).radius,
-            neck=stage.hinge(number + 1, name).neck,
-            freedoms=list(model.freedoms[number][k]),
-        )
-        for number in range(3)
-        for k, name in enumerate(HINGE_NAMES)
-    ]
-    found = CurveModels(
+    return CurveModels(
         stage=stage.name,
         file=curve.stage,
         hash=stage.drive_hash if strokes else stage.hash,
@@ -360,25 +352,25 @@ def _facts(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, answer
         link_width=stage.chain.link_width,
         platform_radius=stage.platform.radius,
         hub_radius=stage.platform.hub_radius,
-        hinges=hinges,
+        hinges=HingeDrawing.of_stage(stage, model.freedoms),
         resolution=case.resolution,
         layers=case.layers if case.model == "three_dimensional" else 0,
-        triangles=len(answer.fields.triangles),
-        unknowns=answer.unknowns,
-        verdicts=[each.verdict for each in answer.bands],
+        triangles=len(elements.fields.triangles),
+        unknowns=elements.unknowns,
+        verdicts=[each.verdict for each in elements.bands],
     )
-    return found._asdict() | {"hinges": [each._asdict() for each in hinges]}
 
 
-def _warnings(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, answer: Answer) -> list[str]:
+def _warnings(case: Case, run: CurveRun) -> list[str]:
     """Warnings on one curve: its model, what it does at full command, and its bands."""
+    curve, stage, model, elements = run
     where = f"curve {curve.label!r}"
-    found = [f"{where}: {text}" for text in (*warnings.of_result(stage, model), *answer.warnings)]
-    highest, full = float(np.max(answer.neck_stress)), f"{where}, full command"
+    found = [f"{where}: {text}" for text in (*warnings.of_result(stage, model), *elements.warnings)]
+    highest, full = float(np.max(elements.neck_stress)), f"{where}, full command"
     found += warnings.of_yield(highest, stage.material.yield_strength, full)
     if case.analysis == "linear":
-        found += warnings.of_motion(stage, answer.pose, full)
-    for direction, each in zip(DIRECTIONS, answer.bands, strict=True):
+        found += warnings.of_motion(stage, elements.pose, full)
+    for direction, each in zip(DIRECTIONS, elements.bands, strict=True):
         said = (
             f"{where}: the mesh band of the error in {direction}, {each.values[-1]:.4g} %, is ±{each.band:.2g} points"
         )
@@ -392,44 +384,53 @@ def _warnings(case: Case, curve: Curve, stage: Stage, model: AnalyticResult, ans
 def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> Answer:
     """Finite elements of a curve, as its case wants them. Raises BadInput, ComputationFailed."""
     case, stage = loaded.case, loaded.stages[curve.label]
-    if case.model == "three_dimensional":
-        return _of_solid(stage, model, case)
-    plate_of(stage)
-    if case.drive != "force":
-        return _of_imposed(stage, model, case)
     try:
-        return _of_force(stage, curve, model, case)
+        if case.model == "three_dimensional":
+            return _of_solid(stage, model, case)
+        return _of_force(stage, curve, model, case) if case.drive == "force" else _of_imposed(stage, model, case)
     except ComputationFailed as failure:
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
 def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> Answer:
     """Finite elements under the force of a model, on three meshes."""
-    steps, axis, command = levels(case.resolution), case.axis, case.commands
+    steps, command, lever = levels(case.resolution), case.commands, stage.chain.link_lengths[2]
     meshes = [solved(stage, level) for level in steps]
-    finest = meshes[-1]
+    finest, compliances = meshes[-1], np.array([each.compliance for each in meshes])
     force = command @ model.stiffness.T  # (18)
     pose = force @ finest.compliance.T
     if case.analysis == "nonlinear":
         force, pose = _exact(stage, curve, finest.mesh, command)
-    loads = [load_case(stage, each.mesh, each, force[-1]) for each in meshes]
-    full = loads[-1]
-    return Answer(
+    at_full = [
+        (each.mesh, each.compliance @ force[-1], np.tensordot(force[-1], each.fields, axes=1)) for each in meshes
+    ]
+    return _in_plane(
+        stage,
+        case,
+        at_full,
         error=pose - command,
         force=force,
-        pose=full.pose,
-        neck_stress=full.neck_stress,
-        fields=Fields(finest.mesh.nodes, finest.mesh.triangles, finest.mesh.bodies, full.field, full.stress),
-        bands=bands.command_errors(
-            np.array(steps),
-            np.array([each.compliance for each in meshes]),
-            model.stiffness,
-            case.direction,
-            stage.chain.link_lengths[2],
-        ),
+        bands=bands.command_errors(np.array(steps), compliances, model.stiffness, case.direction, lever),
         compliance=finest.compliance,
         unknowns=finest.unknowns,
-        peak_band=_peak_band(steps, [each.neck_stress / abs(each.pose[axis]) for each in loads]),
+    )
+
+
+def _in_plane(stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array, Array]], **others: Any) -> Answer:
+    """Finite elements by meshes, coarse to fine, with poses (3,) and displacements at full command."""
+    stresses, steps = [], np.array(levels(case.resolution), dtype=float)
+    for mesh, _, field in at_full:
+        nodal = nodal_stress(mesh, plate_of(stage), field)
+        stresses.append(von_mises(nodal, out_of_plane_ratio_of(stage)))
+    necks = [neck_maxima(stage, mesh, stress) for (mesh, *_), stress in zip(at_full, stresses, strict=True)]
+    reached = [np.max(neck) / abs(pose[case.axis]) for (_, pose, _), neck in zip(at_full, necks, strict=True)]
+    mesh, pose, field = at_full[-1]
+    return Answer(
+        pose=pose,
+        neck_stress=necks[-1],
+        fields=Fields(mesh.nodes, mesh.triangles, mesh.bodies, field, stresses[-1]),
+        peak_band=float(bands.stress_bands(steps, np.array(reached))),
+        **others,
     )
 
 
@@ -444,14 +445,6 @@ def _exact(stage: Stage, curve: Curve, mesh: StageMesh, command: Array) -> tuple
         if len(side):
             pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
     return force, pose
-
-
-def _peak_band(steps: Sequence[int], stresses: Sequence[Array]) -> float:
-    """Half-width by meshes, coarse to fine, of the highest of neck stresses (3, 3) per displacement."""
-    return float(bands.stress_bands(np.array(steps, dtype=float), np.array([np.max(each) for each in stresses])))
-
-
-# three dimensions
 
 
 def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
@@ -493,34 +486,27 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
 
 def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     """Finite elements with the rotations or strokes that a model computed for the commands, on three meshes."""
-    given, axis = imposed(stage, model, case.drive), case.axis
+    joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
     meshes = [elements(stage, n, case.drive, model.mobility) for n in levels(case.resolution)]
-    commands = np.outer(case.commanded, given.given[:, axis])
-    finest, full, stresses = meshes[-1], [], []
-    for each in meshes:
-        seen = given.on(each.response.compliance)
+    commands, at_full = np.outer(case.commanded, joints.given[:, case.axis]), []
+    for mesh, response in meshes:
+        seen = joints.on(response.compliance)
         force = seen.Y @ seen.T @ commands[-1]
-        field = np.tensordot(force, each.response.fields[3:], axes=1)
-        stresses.append(von_mises(nodal_stress(each.mesh, plate_of(stage), field), out_of_plane_ratio_of(stage)))
-        full.append((seen.C[:3, 3:] @ force, field, neck_maxima(stage, each.mesh, stresses[-1])))
-    pose, field, necks = full[-1]
-    C, limits = finest.response.compliance, list[str]()
-    if given.model is not None and given.drive is not None:  # at either end of the commands
+        at_full.append((mesh, seen.C[:3, 3:] @ force, np.tensordot(force, response.fields[3:], axes=1)))
+    C, limits = np.array([each.response.compliance for each in meshes]), list[str]()
+    if joints.model is not None and joints.drive is not None:  # at either end of the commands
         for x in (commands[0], commands[-1]):
-            limits += limit_warnings(given.model, given.drive, x, np.zeros(3), "least energy")
-    return Answer(
-        error=case.commands @ given.poses(C).T - case.commands,
+            limits += limit_warnings(joints.model, joints.drive, x, np.zeros(3), "least energy")
+    return _in_plane(
+        stage,
+        case,
+        at_full,
+        error=case.commands @ joints.poses(C[-1]).T - case.commands,
         force=np.zeros((case.points, 3)),
-        pose=pose,
-        neck_stress=necks,
-        fields=Fields(finest.mesh.nodes, finest.mesh.triangles, finest.mesh.bodies, field, stresses[-1]),
-        bands=imposed_bands(
-            given, np.array([each.response.compliance for each in meshes]), case, stage.chain.link_lengths[2]
-        ),
-        compliance=C[:3, :3],
-        unknowns=structure(finest.mesh, plate_of(stage)).size,
-        peak_band=_peak_band(levels(case.resolution), [each[2] / abs(each[0][axis]) for each in full]),
-        joints=given.names,
+        bands=imposed_bands(joints, C, case, lever),
+        compliance=C[-1, :3, :3],
+        unknowns=structure(meshes[-1].mesh, plate_of(stage)).size,
+        joints=joints.names,
         imposed=commands,
         warnings=tuple(dict.fromkeys(limits)),
     )

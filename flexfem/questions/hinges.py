@@ -10,7 +10,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.hinges.chart import thickness_chart, thickness_factors
-from flexfem.hinges.formulas import FORMULAS, over_calibrated
+from flexfem.hinges.formulas import FORMULAS, formula
 
 POINTS = 121  # of a curve
 HIGHEST = 1e6  # H/h that is asked for; the chart has no largest
@@ -89,11 +89,12 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
     height = arguments.between("height", height, 1.0, HIGHEST)
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, 0.0, 0.5)
     ratio = np.geomspace(*FORMULAS["calibrated"].valid, POINTS)
-    found = over_calibrated(ratio, height, poissons_ratio)
+    full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)  # H = h; nan off the chart
 
     def curve(name: str) -> FormulaCurve:
-        stated = FORMULAS[name].freedoms
-        values = (getattr(found[name], f) if f in stated else None for f in ("rotation", "axial", "shear"))
+        own = FORMULAS[name].compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
+        parts = zip(("rotation", "axial", "shear"), own, full, strict=True)
+        values = (one / other if freedom in FORMULAS[name].freedoms else None for freedom, one, other in parts)
         return FormulaCurve(name, FORMULAS[name].valid, *values)
 
     published = [curve(name) for name in FORMULAS if name != "calibrated"]

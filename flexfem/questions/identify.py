@@ -106,6 +106,10 @@ class SlopeProblem(NamedTuple):
         offset = np.exp(self.stage(x[0])) * self.stage(x[0], 1)
         return np.asarray(per[:, None] * np.column_stack([offset, self.fixture]))
 
+    def at_end(self, k: int, value: float) -> bool:
+        """Whether the number k is as near to an end of its range as one gets."""
+        return bool(np.min(np.abs(self.ends[k] - value)) <= AT_END * np.ptp(self.ends[k]))
+
 
 class Fit(NamedTuple):
     """Numbers (1 + p,) and their chi square."""
@@ -116,33 +120,31 @@ class Fit(NamedTuple):
 
 def fit(of: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
     """The numbers of least chi square, some of them fixed; looked for `near` some (1 + p,) when these are known."""
-    free = np.array([k for k in range(len(of.ends)) if k not in fixed], dtype=int)
+    free = np.setdiff1d(np.arange(len(of.ends)), list(fixed))
     x = np.array([fixed.get(k, 0.0) for k in range(len(of.ends))])
     if not len(free):
         return Fit(x, float(np.sum(of.left(x) ** 2)))
-    low, high = of.ends[free].T
-    size = np.where(free == 0, np.ptp(of.ends[0]), high / SOFTEST)
+    size = np.where(free == 0, np.ptp(of.ends[0]), of.ends[free, 1] / SOFTEST)
+    low, high = of.ends[free].T / size
 
     def at(part: Array) -> Array:
         x[free] = part * size
         return x
 
+    def residuals(part: Array) -> Array:
+        return of.left(at(part))
+
+    def jacobian(part: Array) -> Array:
+        return np.asarray(of.gradient(at(part))[:, free] * size)
+
     starts = [np.where(free == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / size]
-    tried = [
-        least_squares(
-            lambda part: of.left(at(part)),
-            np.clip(start, low / size, high / size),
-            jac=lambda part: of.gradient(at(part))[:, free] * size,
-            bounds=(low / size, high / size),
-            **dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12),
-        )
-        for start in starts
-    ]
+    exact: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
+    tried = [least_squares(residuals, np.clip(one, low, high), jacobian, (low, high), **exact) for one in starts]
     best = min(tried, key=lambda each: float(each.cost))
     return Fit(at(best.x), 2 * float(best.cost))
 
 
-def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> tuple[float, float]:
+def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> list[float]:
     """The profile-likelihood interval of one number; inf where its end, or that of the offset, is the range's."""
     least, found = best.chi_square + float(chi2.ppf(level, 1)), list[float]()
 
@@ -156,10 +158,8 @@ def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> tuple[float, 
             found.append(unlimited)
         else:
             value = float(brentq(above, best.x[k], end, xtol=1e-8 * float(np.ptp(of.ends[k]))))
-            offset = fit(of, {k: value}, best.x).x[0]
-            bounded = np.min(np.abs(of.ends[0] - offset)) > AT_END * np.ptp(of.ends[0])
-            found.append(value if bounded else unlimited)
-    return found[0], found[1]
+            found.append(unlimited if of.at_end(0, fit(of, {k: value}, best.x).x[0]) else value)
+    return found
 
 
 def sensitivity(of: SlopeProblem, x: Array) -> tuple[int, float, float]:
@@ -172,14 +172,6 @@ def sensitivity(of: SlopeProblem, x: Array) -> tuple[int, float, float]:
     covariance = np.linalg.inv(J.T @ J)
     correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
     return rank, float(np.linalg.cond(J)), float(correlation)
-
-
-class Alone(NamedTuple):
-    """The best fit with one cause alone: its numbers, chi square, and whether the data allow it at the confidence."""
-
-    numbers: Array
-    chi_square: float
-    allowed: bool
 
 
 @question
@@ -210,61 +202,54 @@ def identify(
     if unknown not in (None, "pole", "springs"):
         raise BadInput(f"unknown {unknown!r}, expected pole or springs")
     level = arguments.between("confidence", confidence, 50.0, 99.9) / 100
-    given = measured_of(measured)
-    warnings = list(warning.of_stage(stage))
-    problem, nominal, columns, model = _problem(stage, given, unknown, warnings)
+    source, warnings = measured_of(measured), list(warning.of_stage(stage))
+    problem, numbers, model = _problem(stage, source, unknown, warnings)
     best, count = fit(problem, {}), len(problem.ends)
-    soft = problem.fixture @ best.x[1:]
     low, high = np.transpose([interval(problem, best, k, level) for k in range(count)])
-    alone = []
-    for dropped in (range(count), range(1, count), range(1)):
-        one = fit(problem, dict.fromkeys(dropped, 0.0))
-        allowed = one.chi_square - best.chi_square <= float(chi2.ppf(level, len(dropped)))
-        alone.append(Alone(one.x, one.chi_square, bool(allowed)))
+    dropped = (range(count), range(1, count), range(1))  # for each of `CAUSES`
+    alone = [fit(problem, dict.fromkeys(which, 0.0)) for which in dropped]
+    more = [each.chi_square - best.chi_square for each in alone]
+    allowed = [bool(one <= chi2.ppf(level, len(which))) for one, which in zip(more, dropped, strict=True)]
     rank, condition, correlation = sensitivity(problem, best.x)
     dof = len(problem.axes) - rank
-    either = alone[1].allowed and alone[2].allowed
-    distinct = rank == count and not either and not unexplained(best.chi_square, dof)
-    marks = np.array([best.x[:2], *(each.numbers[:2] for each in alone), low[:2], high[:2]])
-    region = _region(problem, np.where(np.isinf(marks), np.nan, marks), best.chi_square)
+    distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(best.chi_square, dof)
+    marks = np.array([best.x[:2], *(each.x[:2] for each in alone), low[:2], high[:2]])
     if abs(correlation) > DEPENDENT_NUMBERS:
         warnings.append(
             f"the correlation of offset and fixture is {correlation:+.4f}: small differences between the directions "
             "tell them apart, which errors of the model and unequal necks make as well"
         )
-
-    def spread(values: Array) -> Array:
-        """Values (3,) of directions, nan where none was measured."""
-        found = np.full(3, np.nan)
-        found[problem.axes] = values
-        return found
-
-    stiff = np.where(soft > RIGID / nominal, 1 / np.maximum(soft, 1e-300), np.inf)
-    within = columns[0] == "pole" and bool(low[1] <= 1 <= high[1])
-    sentence = finding(best, dof, alone, distinct, within)
-    said = doubts([("", stage), ("measured: ", given)])
+    drawn = problem.slopes(np.zeros(count))  # on a rigid fixture
+    soft = problem.fixture @ best.x[1:]
+    stiff = np.where(soft > RIGID / drawn, 1 / np.maximum(soft, 1e-300), np.inf)
+    of_directions = np.full((5, 3), np.nan)
+    of_directions[:, problem.axes] = problem.slope, drawn, problem.slopes(best.x), problem.sd, stiff
+    sentence = finding(best, dof, alone[1].x[0], allowed, distinct)
+    if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
+        sentence += " The pole as described is within its interval."
+    said = doubts([("", stage), ("measured: ", source)])
     found = Identification(
         about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
         {
-            "slope": np.stack([spread(each) for each in (problem.slope, nominal, problem.slopes(best.x))], axis=1),
-            "sd": spread(problem.sd),
-            "stiffness": spread(stiff),
+            "slope": of_directions[:3].T,
+            "sd": of_directions[3],
+            "stiffness": of_directions[4],
             **{"offset": best.x[0], "offset_low": low[0], "offset_high": high[0]},
             **{"fixture": best.x[1:], "fixture_low": low[1:], "fixture_high": high[1:]},
             "chi_square": best.chi_square,
             "dof": dof,
             "condition": condition,
             "correlation": correlation,
-            "distinct": float(distinct),
-            "allowed": [float(each.allowed) for each in alone],
+            "distinct": distinct,
+            "allowed": allowed,
             "cause_chi_square": [each.chi_square for each in alone],
-            "cause_offset": [each.numbers[0] for each in alone],
-            "cause_fixture": [each.numbers[1:] for each in alone],
-            **dict(zip(("region_offset", "region_fixture", "region_above"), region, strict=True)),
+            "cause_offset": [each.x[0] for each in alone],
+            "cause_fixture": [each.x[1:] for each in alone],
+            **_region(problem, np.where(np.isinf(marks), np.nan, marks), best.chi_square),
             "region_limit": float(chi2.ppf(level, 2)),
         },
-        axes={"number": columns} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
-        settings={"measured": given.name, "analytic model": model, "confidence": f"{100 * level:g} %"},
+        axes={"number": numbers} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
+        settings={"measured": source.name, "analytic model": model, "confidence": f"{100 * level:g} %"},
         warnings=warnings,
         notes=[sentence, "intervals by profile likelihood; unlimited where the data set no end"],
     )
@@ -274,34 +259,33 @@ def identify(
 
 def _problem(
     stage: Stage, measured: Fixture | Measurement, unknown: Unknown | None, warnings: list[str]
-) -> tuple[SlopeProblem, Array, list[str], str]:
-    """The problem, the slopes (m,) of the stage as drawn on a rigid fixture, names of the fixture's numbers, model."""
+) -> tuple[SlopeProblem, list[str], str]:
+    """The problem, names of the fixture's numbers, and of the analytic model."""
     if measured.measured is None:
         raise BadInput("no [measured] slopes, expected kxx_n_per_mm, kyy_n_per_mm or ktt_n_mm_per_rad", measured.name)
     value, sd = measured.measured.slopes
     axes = np.flatnonzero(~np.isnan(value))
     keys = ("kxx_sd_n_per_mm", "kyy_sd_n_per_mm", "ktt_sd_n_mm_per_rad")
-    missing = [f"measured.{keys[k]}" for k in axes if np.isnan(sd[k])]
-    if missing:
+    if missing := [f"measured.{keys[k]}" for k in axes if np.isnan(sd[k])]:
         raise BadInput(f"{', '.join(missing)}: expected, for without it no interval can be given", measured.name)
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
     offsets, C, model = _stages(stage, warnings)
     own, pole, bar = pushes.shares(C)
-    if unknown == "pole" and not np.any(pole[axes] > 0):
+    described = bool(np.any(pole[axes] > 0))
+    if unknown == "pole" and not described:
         raise BadInput('unknown "pole", expected springs: no pole is in these readings', measured.name)
     read = (own + bar)[:, axes]
     if not np.all(read > 0):
         raise ComputationFailed(f"{measured.name}: a slope of this stage on a rigid fixture is not positive")
     spline = CubicSpline(offsets, np.log(read))
-    at = np.exp(spline(0.0))
-    if unknown != "springs" and np.any(pole[axes] > 0):
-        columns, fixture = ["pole"], pole[axes, None]
-    else:
-        springs = {name: part for name, part in (("translation", axes < 2), ("rotation", axes == 2)) if np.any(part)}
-        columns, fixture = list(springs), np.column_stack(list(springs.values())).astype(float)
-    most = SOFTEST / np.max(fixture / at[:, None], axis=0)
+    adds = (
+        {"pole": pole[axes]} if described and unknown != "springs" else {"translation": axes < 2, "rotation": axes == 2}
+    )
+    adds = {name: one for name, one in adds.items() if np.any(one)}
+    fixture = np.column_stack(list(adds.values())).astype(float)
+    most = SOFTEST / np.max(fixture / np.exp(spline(0.0))[:, None], axis=0)
     ends = np.array([[offsets[0], offsets[-1]], *([0.0, one] for one in most)])
-    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, ends), 1 / at, columns, model
+    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, ends), list(adds), model
 
 
 def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
@@ -312,7 +296,7 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     ends = FURTHEST * float(np.min(neck)) * np.array([-1.0, 1.0])
     if formula == CALIBRATED:
         low, high = known(formula).valid
-        ends = np.array([max(ends[0], np.max(low * radius - neck)), min(ends[1], np.min(high * radius - neck))])
+        ends = np.clip(ends, np.max(low * radius - neck), np.min(high * radius - neck))
     offsets = np.linspace(ends[0], ends[1], GRID)
     designs = lower(stage).repeated(GRID)
     designs.neck[:] += offsets[:, None, None]
@@ -323,15 +307,15 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     return offsets[kept], inverse(found.stiffness[kept]), chosen.name
 
 
-def _region(of: SlopeProblem, marks: Array, least: float) -> tuple[Array, Array, Array]:
+def _region(of: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:
     """Chi square above its least over the offset and the fixture's first number, the others at their best.
 
     marks : (n, 2), points that the map must show, nan for none; rest on a rigid fixture is always on it.
     """
-    spread = np.ptp(np.nan_to_num(np.vstack([marks, np.zeros(2)])), axis=0)
-    low = np.nanmin(np.vstack([marks, np.zeros(2)]), axis=0) - 0.3 * spread
-    high = np.nanmax(np.vstack([marks, np.zeros(2)]), axis=0) + 0.3 * spread
-    low, high = np.clip(low, *of.ends[:2].T), np.clip(high, *of.ends[:2].T)
+    shown = np.vstack([marks, np.zeros(2)])
+    low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+    room = 0.3 * (high - low)
+    low, high = np.clip(low - room, *of.ends[:2].T), np.clip(high + room, *of.ends[:2].T)
     high = np.where(high - low > AT_END * np.ptp(of.ends[:2], axis=1), high, of.ends[:2, 1])
     offsets, numbers = np.linspace(low, high, MAP).T
     x = np.zeros((MAP, MAP, len(of.ends)))
@@ -341,7 +325,7 @@ def _region(of: SlopeProblem, marks: Array, least: float) -> tuple[Array, Array,
         wanted = (1 / of.slope[row] - np.exp(of.stage(offsets))[:, row]) / of.fixture[row, column - 1]
         x[..., column] = np.maximum(wanted, 0.0)[:, None]
     above = np.sum(of.left(x) ** 2, axis=-1) - least
-    return offsets, numbers, above
+    return {"region_offset": offsets, "region_fixture": numbers, "region_above": above}
 
 
 def unexplained(chi_square: float, dof: int) -> bool:
@@ -349,28 +333,27 @@ def unexplained(chi_square: float, dof: int) -> bool:
     return dof > 0 and bool(chi2.sf(chi_square, dof) < POOR)
 
 
-def finding(best: Fit, dof: int, alone: list[Alone], distinct: bool, pole: bool) -> str:
-    """What the data say, in a sentence or two; `pole`: that as described is within its interval."""
-    um, offset = MICROMETRE.factor, alone[1].numbers[0]
+def finding(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
+    """What the data say, in a sentence or two, by the offset of the necks alone and what is `allowed` of `CAUSES`."""
+    um, (neither, by_necks, by_fixture) = MICROMETRE.factor, allowed
     necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
-    neither, by_necks, by_fixture = (each.allowed for each in alone)
     if unexplained(best.chi_square, dof):
         usual = f"where chance goes beyond {chi2.isf(POOR, dof):.3g} once in {1 / POOR:.0f}"
         return (
             f"Nothing of this explains the data: chi square {best.chi_square:.3g} at the best fit, {usual}. "
             "Look at the standard deviations, or for another cause."
         )
-    if not distinct:
-        more = {
-            (True, True): f" N{necks} alone and a soft fixture alone both agree with them.",
-            (True, False): f" N{necks} alone agree with them, a soft fixture alone does not.",
-            (False, True): " A soft fixture alone agrees with them, no neck offset alone does.",
-        }.get((by_necks, by_fixture), "")
-        nothing = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
-        return f"These data cannot tell them apart.{nothing if neither else more}"
-    if by_necks:
-        return f"The necks explain the data: n{necks}, and no soft fixture alone does."
-    if by_fixture:
-        return "A soft fixture explains the data, and no neck offset alone does."
-    both = "Both are needed: neither a neck offset nor a soft fixture alone explains the data."
-    return both + (" The pole as described is within its interval." if pole else "")
+    if distinct:
+        return {
+            (True, False): f"The necks explain the data: n{necks}, and no soft fixture alone does.",
+            (False, True): "A soft fixture explains the data, and no neck offset alone does.",
+            (False, False): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
+        }[by_necks, by_fixture]
+    alike = {
+        (True, True): f" N{necks} alone and a soft fixture alone both agree with them.",
+        (True, False): f" N{necks} alone agree with them, a soft fixture alone does not.",
+        (False, True): " A soft fixture alone agrees with them, no neck offset alone does.",
+        (False, False): "",
+    }[by_necks, by_fixture]
+    nothing = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
+    return f"These data cannot tell them apart.{nothing if neither else alike}"

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.large import along, at_pose, missed, summed_loads, tangents
+from flexfem.analytic.large import along, at_pose, missed, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array, Index
@@ -155,9 +155,9 @@ def _way(stage: Stage, of: PaperModel, elements: Response | None, direction: Dir
         percent[moving] = percentages(pose[moving], moved[moving], direction, lever)
         return percent
 
-    at = tangents(of, along(commanded, axis))
+    at = at_pose(of, along(commanded, axis))
     ahead, behind = (at_pose(of, along(commanded + side, axis)).load for side in (step, -step))
-    slopes = (at.without[..., axis], at.tangent[..., axis], (ahead - behind) / (2 * step))
+    slopes = [each.stiffness()[..., axis] for each in (at.without_terms, at)] + [(ahead - behind) / (2 * step)]
     summed = summed_loads(of, commanded, axis)
     for theory, load in enumerate((summed["without"], summed["tangent"], at.load)):
         tangent[:, theory] = 100 * (slopes[theory][:, axis] / rest.K_uu[axis, axis] - 1)

@@ -23,7 +23,7 @@ from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import drive_of, drives_of
-from flexfem.mechanism.feasibility import Broken, broken, check_feasible, conditions
+from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
@@ -36,7 +36,6 @@ from flexfem.questions.batch import (
     batch_drives,
     batch_frequencies,
     solved_design,
-    solved_solid,
 )
 from flexfem.questions.modes import payload_of
 from flexfem.questions.strained import Repeated, of_preloads, scaled
@@ -105,8 +104,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     with np.errstate(all="ignore"):  # an impossible design computes nonsense, and is refused
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
-        refused = [*broken(conditions(designs)), *unanswered(designs, study.formula, hinges), *_units(study, designs)]
-        refused = [*_off_limits(loaded, values), *refused]
+        refused = [*_off_limits(loaded, values), *(each.broken for each in conditions(designs))]
+        refused += [*unanswered(designs, study.formula, hinges), *_units(study, designs)]
         first = [np.array(each.reason, object) for each in refused]
         reason = np.select([each.where for each in refused], first, refusals_of(loaded, values))
         freedoms = freedoms_of(study.mobility, designs.prismatic)
@@ -195,7 +194,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
     study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), False)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     if study.model == "three_dimensional":
-        found = solved_solid(stage, study.resolution, study.layers, clock)
+        found = solved_design(stage, study.resolution, clock, layers=study.layers)
     else:
         asked = payload(loaded), _repeated(loaded), study.driven, study.drift is not None
         found = solved_design(stage, study.resolution, clock, predicted, study.bands, *asked)

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 from flexfem.analytic.model import analyse, assemble
-from flexfem.analytic.paper import chain_poses, first_order, stiffness
+from flexfem.analytic.paper import first_order, resting, stiffness
 from flexfem.analytic.responses import dynamics
 from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inertia_of, mass_per_area
 from flexfem.questions.modes import payload_of
@@ -27,7 +27,7 @@ def test_frequencies_are_those_of_the_independent_joints(mobility, formula):
     of = assemble(stage, mobility, formula)
     at = stiffness(of)
     G, joints = at.influence.G_a, of.joints
-    columns = first_order(joints, chain_poses(of.frames, joints, np.zeros(len(joints.kind))))
+    columns = first_order(joints, resting(of.frames, joints))
     M = at.influence.G_u.T @ found.mass[:3, :3] @ at.influence.G_u
     for k, (chain, link) in enumerate((chain, link) for chain in range(3) for link in (1, 2)):
         mine = joints.chains[chain]

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.cad import export
+from flexfem import cad
 from flexfem.fem.mesher import gmsh_session
 from flexfem.mechanism.bodies import area, draw_sector
 from flexfem.mechanism.drawing import part_of
@@ -235,6 +235,7 @@ def test_an_svg_is_in_millimetres_with_true_arcs(stage, folder, metal):
 EXPORTED = """
 import sys
 import flexfem
+from flexfem import cad
 stage = flexfem.load("stage.toml")
 for name in sys.argv[1:]:
     flexfem.export(stage, name)
@@ -283,7 +284,7 @@ def test_a_step_is_one_solid_in_millimetres_with_cylinders(stage, folder, metal)
 )
 def test_a_solid_of_another_volume_is_refused(stage, tmp_path, volume, high, said):
     read = {"volumes": np.array([volume]), "box": np.array([[0, 0, 0], [0.1, 0.1, high]])}
-    with patch.object(export, "run_mesher", lambda *_: read), pytest.raises(ComputationFailed, match=said):
+    with patch.object(cad, "run_mesher", lambda *_: read), pytest.raises(ComputationFailed, match=said):
         flexfem.export(stage, tmp_path / "part.step")
     assert list(tmp_path.iterdir()) == []
 

@@ -41,7 +41,7 @@ def test_a_thin_neck_at_its_rotational_stiffness_has_the_largest_radius_and_the_
 
 def grid_of(model, points):
     """Designs on a grid of points (k,) each of two dimensions, and their merits."""
-    axes = [np.linspace(each.low, each.high, points) for each in model.space.dimensions]
+    axes = [np.linspace(low, high, points) for low, high in zip(model.space.low, model.space.high, strict=True)]
     values = np.array(np.meshgrid(*axes, indexing="ij")).reshape(2, -1).T
     return values, model.merit(model.found(values))
 

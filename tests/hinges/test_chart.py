@@ -11,8 +11,9 @@ from flexfem.analytic.model import analyse
 from flexfem.fem.chart import RATIOS
 from flexfem.fem.hinge import PlaneHinge, sample
 from flexfem.hinges.chart import beam_integrals, hinge_chart
-from flexfem.hinges.formulas import FORMULAS, formula, over_calibrated
+from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.mechanism.stage import load_stage
+from flexfem.questions.hinges import hinge_review
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
@@ -127,11 +128,12 @@ def test_links_far_higher_than_their_notches_are_those_of_finite_elements(edited
 
 
 def test_formulas_are_set_against_calibrated_full_notches() -> None:
-    tau, height = np.array([0.05, 0.4]), 2.3
-    found = over_calibrated(tau, height, NU)
-    assert list(found) == list(FORMULAS)
-    full = CALIBRATED.compliance(R, tau * R, B, E, NU)
-    own = formula("koster").compliance(R, tau * R, B, E, NU)
-    np.testing.assert_allclose(found["koster"].rotation, own.rotation / full.rotation, rtol=1e-12)
-    slotted = CALIBRATED.compliance(R, tau * R, B, E, NU, height * (2 * R + tau * R))
-    np.testing.assert_allclose(np.array(found["calibrated"]), np.array(slotted) / np.array(full), rtol=1e-12)
+    found, height = hinge_review(2.3, NU), 2.3
+    curves, necks = {curve.name: curve for curve in found.curves}, found.ratio * R
+    assert {*curves, "calibrated"} == {*FORMULAS}
+    full = CALIBRATED.compliance(R, necks, B, E, NU)
+    own = formula("koster").compliance(R, necks, B, E, NU)
+    np.testing.assert_allclose(curves["koster"].rotation, own.rotation / full.rotation, rtol=1e-12)
+    slotted = CALIBRATED.compliance(R, necks, B, E, NU, height * (2 * R + necks))
+    higher = [getattr(found.higher, name) for name in ("rotation", "axial", "shear")]
+    np.testing.assert_allclose(higher, np.array(slotted) / np.array(full), rtol=1e-12)

@@ -11,16 +11,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.mechanism.bodies import (
-    BODIES,
-    Face,
-    Segment,
-    area,
-    centrelines,
-    draw_sector,
-    polygon_points,
-    turn,
-)
+from flexfem.mechanism.bodies import BODIES, Face, Segment, area, centrelines, draw_sector, polygon_points, turn
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
@@ -51,11 +42,6 @@ def labelled(face: Face, label: str) -> list[Segment]:
 def across(place: complex, direction: complex, reach: float) -> shapely.LineString:
     ends = place - reach * direction, place + reach * direction
     return shapely.LineString([(end.real, end.imag) for end in ends])
-
-
-def covered(union: shapely.Geometry, place: complex, direction: complex, reach: float) -> float:
-    """Length of material on a cross-section."""
-    return float(union.intersection(across(place, direction, reach)).length)
 
 
 def hinges(stage: Stage) -> Iterator[tuple[int, str, complex, complex]]:
@@ -94,15 +80,9 @@ def test_links_are_as_wide_as_the_file_says_all_along(stage: Stage) -> None:
     for chain in CHAINS:
         for body, line in zip(BODIES, centrelines(stage, chain), strict=False):
             for segment in turn(line, chain):
-                share = np.array([0.12, 0.5, 0.93])
-                if segment.centre is None:
-                    places = segment.start + share * (segment.end - segment.start)
-                    outwards = np.full(3, 1j * (segment.end - segment.start) / segment.length)
-                else:
-                    places = segment.centre + (segment.start - segment.centre) * np.exp(1j * share * segment.turn)
-                    outwards = (places - segment.centre) / abs(places - segment.centre)
-                for place, outward in zip(places, outwards, strict=True):
-                    found = covered(shapes[chain, body], complex(place), complex(outward), 0.55 * width)
+                for share in (0.12, 0.5, 0.93):
+                    place, outward = complex(segment.at(share)), 1j * complex(segment.tangent(share))
+                    found = shapes[chain, body].intersection(across(place, outward, 0.55 * width)).length
                     assert found == pytest.approx(width, abs=3 * CHORD), (chain, body)  # wide arcs, longer chords
                     measured += 1
     assert measured > 9 * 6  # a pad and two links of several segments

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.feasibility import broken, check_closed_form, conditions
+from flexfem.mechanism.feasibility import check_closed_form, conditions
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -75,7 +75,7 @@ def refused(stage: Stage) -> bool:
 
 def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(make_stage: Callable[..., Stage]) -> None:
     stages = random_stages(make_stage)
-    where = np.any([each.where for each in broken(conditions(together(stages)))], axis=0)
+    where = np.any([each.where for each in (one.broken for one in conditions(together(stages)))], axis=0)
     expected = np.array([impossible(stage) for stage in stages])
     assert np.array_equal(where, expected)
     assert [refused(stage) for stage in stages[:40]] == expected[:40].tolist()
@@ -96,5 +96,5 @@ def test_a_condition_turns_at_its_limit(
     reason: str, key: str, outside: object, inside: object, make_stage: Callable[..., Stage]
 ) -> None:
     for value, is_broken in ((outside, True), (inside, False)):
-        found = broken(conditions(together([make_stage({key: value})])))
+        found = [each.broken for each in conditions(together([make_stage({key: value})]))]
         assert any(reason in each.reason and each.where[0] for each in found) is is_broken

@@ -21,19 +21,10 @@ CLOSED = 1e-8  # mm; walls shorter than a millionth of a micrometre are left out
 CHORD = 3e-4  # mm, of the polygons
 
 
-def directions(segment: Segment) -> tuple[complex, complex]:
-    """Unit tangents at start and end."""
-    if segment.centre is None:
-        along = (segment.end - segment.start) / abs(segment.end - segment.start)
-        return along, along
-    sense = 1j if segment.turn > 0 else -1j
-    return tuple(sense * (z - segment.centre) / abs(z - segment.centre) for z in (segment.start, segment.end))
-
-
 def bends(loop: list[Segment]) -> list[float]:
     """Angles turned from each segment to the next, rad."""
     pairs = zip(loop, [*loop[1:], loop[0]], strict=True)
-    return [cmath.phase(directions(b)[0] / directions(a)[1]) for a, b in pairs]
+    return [cmath.phase(b.tangent(0.0) / a.tangent(1.0)) for a, b in pairs]
 
 
 def gap(loop: list[Segment]) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
@@ -15,34 +15,29 @@ from flexfem.refused import BadInput
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 
 
-class Impossible(NamedTuple):
-    """Changes of the generic stage, and what the refusal must say."""
-
-    changes: dict[str, Any]
-    says: list[str]
-
-
 def override(chain: int, hinge: str, **changes: float) -> dict[str, Any]:
     return {"chain": chain, "hinge": hinge, **changes}
 
 
 HARMLESS = override(1, "base", neck_mm=0.51)
-IMPOSSIBLE = {
-    "base notch deeper than the link": Impossible(
-        {"hinges.base.radius_mm": 4.4}, ["hinges.base.radius_mm = 4.4", "notch deeper than the link", "4.185"]
+IMPOSSIBLE = {  # changes of the generic stage, and what the refusal must say
+    "base notch deeper than the link": (
+        {"hinges.base.radius_mm": 4.4},
+        ["hinges.base.radius_mm = 4.4", "notch deeper than the link", "4.185"],
     ),
-    "neck as wide as the link": Impossible(
-        {"hinges.elbow.neck_mm": 8.9}, ["hinges.elbow.neck_mm = 8.9", "neck as wide as the link", "8.9"]
+    "neck as wide as the link": (
+        {"hinges.elbow.neck_mm": 8.9},
+        ["hinges.elbow.neck_mm = 8.9", "neck as wide as the link", "8.9"],
     ),
-    "override alone cuts too deep": Impossible(
+    "override alone cuts too deep": (
         {"override": [HARMLESS, override(2, "elbow", radius_mm=4.25)]},
         ["override.2.elbow.radius_mm = 4.25", "notch deeper than the link"],
     ),
-    "base and elbow closer than their radii": Impossible(
+    "base and elbow closer than their radii": (
         {"chain.link_lengths_mm": [5.3, 33.5, 25.0]},
         ["hinges closer than their radii", "base hinge of chain 1", "elbow hinge of chain 1", "5.3 mm apart", "5.5"],
     ),
-    "hinges of different chains in one place": Impossible(
+    "hinges of different chains in one place": (
         {
             "chain.link_lengths_mm": [70.0, 24.0, 27.0],
             "chain.joint_angles_deg": [353.0, 166.0, 81.0],
@@ -50,10 +45,11 @@ IMPOSSIBLE = {
         },
         ["hinges closer than their radii", "base hinge of chain 1", "elbow hinge of chain 2", "2.845 mm apart"],
     ),
-    "no room for link 1": Impossible(
-        {"chain.link_lengths_mm": [7.2, 33.5, 25.0]}, ["chain.link_lengths_mm", "room for link 1 of chain 1", "8.9 mm"]
+    "no room for link 1": (
+        {"chain.link_lengths_mm": [7.2, 33.5, 25.0]},
+        ["chain.link_lengths_mm", "room for link 1 of chain 1", "8.9 mm"],
     ),
-    "no room for link 1 of the chain with an axis of its own": Impossible(
+    "no room for link 1 of the chain with an axis of its own": (
         {
             "chain.link_lengths_mm": [12.0, 21.0, 31.0],
             "chain.joint_angles_deg": [48.0, -29.0, -73.0],
@@ -61,25 +57,27 @@ IMPOSSIBLE = {
         },
         ["room for link 1 of chain 3"],
     ),
-    "platform swallows the platform hinge": Impossible(
+    "platform swallows the platform hinge": (
         {"platform.radius_mm": 23.9},
         ["platform.radius_mm = 23.9", "swallows the platform hinge of chain 1", "expected < 23.295"],
     ),
-    "platform swallows a lug": Impossible(
-        {"platform.radius_mm": 22.9}, ["platform.radius_mm = 22.9", "swallows the platform hinge", "link_lengths_mm[2]"]
+    "platform swallows a lug": (
+        {"platform.radius_mm": 22.9},
+        ["platform.radius_mm = 22.9", "swallows the platform hinge", "link_lengths_mm[2]"],
     ),
-    "hub larger than the platform": Impossible(
-        {"platform.hub_radius_mm": 16.4}, ["platform.hub_radius_mm = 16.4", "hub larger than the platform", "16.3"]
+    "hub larger than the platform": (
+        {"platform.hub_radius_mm": 16.4},
+        ["platform.hub_radius_mm = 16.4", "hub larger than the platform", "16.3"],
     ),
-    "hinge pointing past the platform": Impossible(
+    "hinge pointing past the platform": (
         {"hinges.platform.axis_deg": 60.0},
         ["hinges.platform.axis_deg = 60: the neck", "points past the platform", "neck of chain 1", "mm ahead"],
     ),
-    "joint angle that points the hinge past the platform": Impossible(
+    "joint angle that points the hinge past the platform": (
         {"chain.joint_angles_deg": [180.0, -90.0, 120.0]},
         ["chain.joint_angles_deg = [180, -90, 120]: the neck", "points past the platform"],
     ),
-    "lugs crowd the platform": Impossible(
+    "lugs crowd the platform": (
         {
             "chain.link_lengths_mm": [40.0, 46.0, 31.0],
             "chain.joint_angles_deg": [155.0, 132.0, 48.0],
@@ -87,7 +85,7 @@ IMPOSSIBLE = {
         },
         ["platform.radius_mm = 9", "large enough for its three lugs", "of 120 degrees"],
     ),
-    "a link runs into its platform": Impossible(
+    "a link runs into its platform": (
         {
             "chain.link_lengths_mm": [76.0, 46.0, 24.0],
             "chain.joint_angles_deg": [311.0, -26.0, -16.0],
@@ -95,25 +93,27 @@ IMPOSSIBLE = {
         },
         ["link 2 of chain 1 and platform of chain 1 overlap"],
     ),
-    "chains overlap": Impossible(
+    "chains overlap": (
         {"chain.link_lengths_mm": [86.0, 41.0, 23.0], "chain.joint_angles_deg": [224.0, 146.0, 90.0]},
         ["link 1 of chain 1 and link 1 of chain 2 overlap"],
     ),
-    "a link wider than the stage": Impossible({"chain.link_width_mm": 1e4}, ["expected", "10000"]),
-    "a link of no length to speak of": Impossible(
-        {"chain.link_lengths_mm": [1e-6, 33.5, 25.0]}, ["hinges closer than their radii", "1e-06 mm apart"]
+    "a link wider than the stage": ({"chain.link_width_mm": 1e4}, ["expected", "10000"]),
+    "a link of no length to speak of": (
+        {"chain.link_lengths_mm": [1e-6, 33.5, 25.0]},
+        ["hinges closer than their radii", "1e-06 mm apart"],
     ),
 }
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 def test_an_impossible_stage_is_refused_with_its_reason(name: str, make_stage: Callable[..., Stage]) -> None:
-    stage = make_stage(IMPOSSIBLE[name].changes)
+    changes, says = IMPOSSIBLE[name]
+    stage = make_stage(changes)
     with pytest.raises(BadInput) as refusal:
         check_feasible(stage)
     said = str(refusal.value)
     assert "\n" not in said and "expected" in said
-    assert all(word in said for word in IMPOSSIBLE[name].says), said
+    assert all(word in said for word in says), said
 
 
 def test_refusal_of_a_file_names_the_file(tmp_path: Path) -> None:

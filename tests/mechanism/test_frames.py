@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.mechanism.designs import CHAIN_TURN, Frames, direction, frames, stage_frames
+from flexfem.mechanism.designs import CHAIN_TURN, direction, frames, stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES
 
 ROUND_OFF = 1e-12  # mm or rad; lengths are around 30 mm, so this is a few thousand roundings
@@ -21,11 +21,7 @@ def rotation(angle: float) -> np.ndarray:
 
 
 def test_hinges_of_chain_one_in_closed_form() -> None:
-    expected = [
-        [-sum(LENGTHS * np.cos(HEADINGS)), -sum(LENGTHS * np.sin(HEADINGS))],
-        [-sum((LENGTHS * np.cos(HEADINGS))[1:]), -sum((LENGTHS * np.sin(HEADINGS))[1:])],
-        [-LENGTHS[2] * np.cos(HEADINGS[2]), -LENGTHS[2] * np.sin(HEADINGS[2])],
-    ]
+    expected = [-(LENGTHS[k:] @ ALONG[k:]) for k in range(3)]
     np.testing.assert_allclose(frames(LENGTHS, ANGLES).centres[0], expected, rtol=0, atol=ROUND_OFF)
 
 
@@ -34,9 +30,7 @@ def test_chains_are_chain_one_turned_by_120_degrees(chain: int) -> None:
     given = np.tile(SLANTED[0], (3, 1))  # the file gives an axis once, in the frame of chain 1
     placed, turn = frames(LENGTHS, ANGLES, given), rotation(chain * 2 * np.pi / 3)
     np.testing.assert_allclose(placed.centres[chain], placed.centres[0] @ turn.T, rtol=0, atol=ROUND_OFF)
-    np.testing.assert_allclose(
-        direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, rtol=0, atol=ROUND_OFF
-    )
+    np.testing.assert_allclose(direction(placed.axes[chain]), direction(placed.axes[0]) @ turn.T, atol=ROUND_OFF)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -46,9 +40,7 @@ def test_necks_point_from_the_base_side_to_the_platform_side(seed: int) -> None:
     for chain in range(3):
         e1, e2, e3 = ALONG @ rotation(chain * CHAIN_TURN).T
         base, elbow, platform = direction(placed.axes[chain])
-        assert base @ e1 > 0
-        assert elbow @ (e1 + e2) > 0
-        assert platform @ (e2 + e3) > 0
+        assert min(base @ e1, elbow @ (e1 + e2), platform @ (e2 + e3)) > 0
 
 
 def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage) -> None:
@@ -59,6 +51,5 @@ def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage)
     axes[:, HINGE_NAMES.index("elbow")] = np.deg2rad([160.0, 160.0, 141.0])
     expected = frames(np.array(stage.chain.link_lengths), np.array(stage.chain.joint_angles), axes)
     found = stage_frames(stage)
-    assert isinstance(found, Frames)
     np.testing.assert_array_equal(found.centres, expected.centres)
     np.testing.assert_array_equal(found.axes, expected.axes)

@@ -32,11 +32,12 @@ FOUND = [(a, b, path) for a, b in PAIRS if (path := shortest_path(a, b, RADIUS))
 
 
 def heading_at(segment: Segment, place: complex) -> complex:
-    """Unit vector along a segment at one of its ends."""
-    if segment.centre is None:
-        along = segment.end - segment.start
-    else:
+    """Unit vector along a segment at one of its ends, which is where its shares of the length say."""
+    along = segment.end - segment.start
+    if segment.centre is not None:
         along = 1j * np.sign(segment.turn) * (place - segment.centre)
+    end = 0.0 if place == segment.start else 1.0
+    assert abs(segment.at(end) - place) + abs(segment.tangent(end) - along / abs(along)) < ROUND_OFF
     return along / abs(along)
 
 

@@ -16,7 +16,7 @@ import flexfem
 from flexfem.page import report as page_of_files
 from flexfem.page.report import SECTIONS, STANDARD, command_line, report
 from flexfem.page.section import PageSection, facts, html_of, inline_svg, notes, places_on, shown_figure, table
-from flexfem.plot.style import house_style, new_figure
+from flexfem.plot.style import house_style
 from flexfem.refused import BadInput
 from flexfem.results import TextTable
 
@@ -191,7 +191,7 @@ def test_a_page_of_everything_is_small_and_complete(tmp_path):
 
 def figure_of(text: str) -> Figure:
     with house_style():
-        figure = new_figure(4.0, 3.0)
+        figure = Figure(figsize=(4.0, 3.0))
         ax = figure.subplots()
         ax.plot([0.0, 2.0], [1.0, 3.0], "o-", label=text)
         ax.set_title(text)
@@ -238,7 +238,7 @@ def test_two_figures_share_no_id_and_refer_to_their_own():
 
 def test_a_point_tells_its_values_where_it_is():
     """Axes of 4 by 3 inches by matplotlib's margins: 0.125 to 0.9 across and 0.11 to 0.88 up; 288 by 216 points."""
-    figure = new_figure(4.0, 3.0)
+    figure = Figure(figsize=(4.0, 3.0))
     ax = figure.subplots()
     ax.set(xlim=(0.0, 2.0), ylim=(1.0, 3.0))
     found = places_on(ax, np.array([[1.0, 2.0], [5.0, 2.0]]))

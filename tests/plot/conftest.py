@@ -75,9 +75,7 @@ def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Ver
     )  # fmt: skip
     warnings = changes.pop("warnings", [])
     settings = {"direction": "x", "analysis": "linear", "drive": "force", "model": changes.pop("elements", "fe")}
-    facts = {
-        label: each._asdict() | {"hinges": [hinge._asdict() for hinge in each.hinges]} for label, each in models.items()
-    }
+    facts = {label: each.model_dump() for label, each in models.items()}
     comparable = commanded[:, None] * (21.0 if axis == 2 else 1.0) / np.array([1.0, 1.0, 21.0])
     values = {
         "command": commanded[:, None] * np.eye(3)[axis],

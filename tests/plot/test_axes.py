@@ -126,8 +126,6 @@ def designed() -> Designed:
 
 
 DRAWN: dict[str, Any] = {
-    "plot_across": lambda made: (displaced(), "y"),
-    "plot_along": lambda made: (displaced(), "x"),
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displaced": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),),
@@ -142,6 +140,7 @@ DRAWN: dict[str, Any] = {
     "plot_history": lambda made: (designed(),),
     "plot_hinge_table": lambda made: (made.model(),),
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles(), 5.0),),
+    "plot_large": lambda made: (displaced(), "y", "across"),
     "plot_life": lambda made: (lived(),),
     "plot_map": lambda made: (study_map(),),
     "plot_margins": lambda made: (designed(),),
@@ -162,7 +161,6 @@ DRAWN: dict[str, Any] = {
     "plot_stage": lambda made: (flexfem.load(STAGE),),
     "plot_dimensions": lambda made: (flexfem.load(STAGE),),
     "plot_strokes": lambda made: (driven(),),
-    "plot_tangents": lambda made: (displaced(), "theta"),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),
     "plot_tradeoff": lambda made: (designed(),),
 }
@@ -180,7 +178,8 @@ def test_every_function_draws_on_its_axes_and_changes_nothing_outside_them(made)
     """A function without a record here fails the first line."""
     assert set(DRAWN) == set(flexfem.plot.__all__)
     for name, given in DRAWN.items():
-        figure, (other, ax) = pyplot.subplots(1, 2, figsize=(11, 5))
+        figure = pyplot.figure(figsize=(11, 5))
+        other, ax = (figure.add_subplot(1, 2, k, projection="3d" if name == "plot_solid" else None) for k in (1, 2))
         before, empty = state(figure, other), len(ax.get_children())
         assert getattr(flexfem.plot, name)(ax, *given(made)) is ax, name
         assert len(ax.get_children()) > empty, name

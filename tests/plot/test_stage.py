@@ -67,7 +67,9 @@ def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
 
 
 def test_necks_are_seen_along_themselves_with_their_own_dimensions(made):
-    hinges = [one._replace(radius=1.3 + 0.1 * k, neck=0.4 + 0.1 * k) for k, one in enumerate(made.hinges())]
+    hinges = [
+        one.model_copy(update={"radius": 1.3 + 0.1 * k, "neck": 0.4 + 0.1 * k}) for k, one in enumerate(made.hinges())
+    ]
     figure = neck_figure(made.model(hinges=hinges), made.fields())
     assert [ax.texts[0].get_text() for ax in figure.axes] == [
         "R = 1.3 mm", "R = 1.4 mm", "R = 1.5 mm", "t = 0.4 mm", "t = 0.5 mm", "t = 0.6 mm",
@@ -97,7 +99,7 @@ def test_lengths_and_angles_of_the_model_close_the_chain_and_are_written(made):
     angles_written = {rf"$\varphi_{k}$ = {angle}°" for k, angle in enumerate(("−177.9", "−85.41", "91.42"), start=1)}
     assert wanted | angles_written <= labels.keys()
     hinges = made.hinges()
-    hinges[1] = hinges[1]._replace(centre=(20.0, hinges[0].centre[1]))
+    hinges[1] = hinges[1].model_copy(update={"centre": (20.0, hinges[0].centre[1])})
     assert links_of_chain(hinges)[1][0] == pytest.approx(np.pi)  # half a turn counts as positive
 
 
@@ -175,7 +177,6 @@ def test_every_dimension_is_on_the_drawing_beside_what_it_measures():
 
 
 def test_an_unfinished_stage_is_drawn_as_far_as_it_goes():
-    """Overrides stand for what is missing on their chain; hinges that differ are labelled on theirs."""
     missing = ["thickness_mm", "hinges.elbow.neck_mm", "hinges.platform.radius_mm", "hinges.platform.neck_mm"]
     missing += ["chain.link_width_mm", "platform.radius_mm"]
     ax = Figure(figsize=(8, 8)).add_subplot()
@@ -184,12 +185,9 @@ def test_an_unfinished_stage_is_drawn_as_far_as_it_goes():
         *("l1 31", "l2 33.5", "l3 25", "chain 1", "chain 2", "chain 3", "hub R 7.7"),
         *("base hinge R 3.9, t 0.53", "elbow hinge R 1.6", "platform hinge"),
     }
-    bases = [np.mean([complex(*patch.center) for patch in ax.patches[1:][k : k + 2]]) for k in (0, 2, 4)]
-    np.testing.assert_allclose(bases, bases[0] * np.exp(2j * np.pi / 3 * np.arange(3)), rtol=0, atol=1e-9)
-    assert bases[0] == pytest.approx(complex(55.8668, -35.3293), abs=1e-4)
-    ax = Figure(figsize=(8, 8)).add_subplot()
-    plot_dimensions(ax, with_changes({"override": UNLIKE}), ["hinges.base.radius_mm", *missing])
-    assert {"base hinge R 2.3, t 0.53", "base hinge t 0.53", "platform hinge R 1.9, t 0.41"} < set(texts(ax))
+    ends = [complex(*line.get_xydata()[0]) for line in ax.get_lines()]
+    np.testing.assert_allclose(ends, ends[0] * np.exp(2j * np.pi / 3 * np.arange(3)), rtol=0, atol=1e-9)
+    assert ends[0] == pytest.approx(complex(55.8668, -35.3293), abs=1e-4)
 
 
 def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypatch):

@@ -297,9 +297,12 @@ def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
     for label, each in drawn.items():
         wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
         np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
-    filled = [each for each in solid.patches if each.get_fill()]
     eye = [np.cos(np.deg2rad(62)) * 0.91355, -np.sin(np.deg2rad(62)) * 0.91355, 0.40674]
-    assert len(filled) == np.count_nonzero(found.fields.solid.normals @ eye > 0)
+    of, ends = found.fields.solid, [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
+    figure.draw_without_rendering()
+    shown = [len(face) for each in solid.collections for face in each.get_paths()]
+    assert len(shown) == np.count_nonzero(of.normals @ eye > 0)
+    np.testing.assert_allclose(ends, 1e3 * np.transpose([of.vertices.min(axis=0), of.vertices.max(axis=0)]))
     assert [text.get_text() for text in solid.get_legend().get_texts()] == ["stroke", "stroke and contact"]
     flat = reach_figure(reach(with_actuators(light, preload=0.0, ball_radius=None)))
     assert [text.get_text() for text in flat.axes[0].texts] == ["no area is reached at θ = 0"]

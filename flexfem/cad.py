@@ -1,0 +1,338 @@
+"""A stage as a file for the workshop: .dxf and .svg, drawings of lines and arcs in mm, and .step, a solid."""
+
+from __future__ import annotations
+
+import cmath
+import io
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import ezdxf
+
+from flexfem.fem.mesher import Extruded, run_mesher
+from flexfem.files.refusals import one_line, place_of
+from flexfem.files.writing import check_file, replacing, write_atomically
+from flexfem.mechanism.bodies import Segment, necks
+from flexfem.mechanism.designs import CHAIN_TURN
+from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of
+from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.stage_file import counted
+from flexfem.refused import BadInput, ComputationFailed
+
+FORMATS = (".dxf", ".svg", ".step")
+TIME_LIMIT = 120.0  # s, for gmsh
+SAME = 1e-9  # relative, of volume and box of a solid that was read back
+METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
+MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
+COLOURS = {  # of each layer, dark on white
+    METAL: "#1A1A1A",
+    HUB: "#B00000",
+    MOUNTING: "#B00000",
+    PADS: "#0072B2",
+    MARKS: "#707070",
+    SIZES: "#007A58",
+    WIRE: "#CC3399",
+}
+LONGEST = 100  # letters of a name on a drawing
+LINE = 0.1  # mm, width of the lines of an SVG
+HEAD = 3.0  # length of an arrow per half of its width
+
+
+class PartReport(NamedTuple):
+    """A part and the file it was written to; lengths in mm.
+
+    area : of the metal, mm^2.   volume : area times thickness, mm^3.   cut : length of all contours of the metal.
+    path : length of the wire's path about them, None without a kerf.   mounting : diameter of the holes, or None.
+    layers : of a drawing.
+    """
+
+    file: str
+    name: str
+    written: str
+    units: str
+    thickness: float
+    area: float
+    volume: float
+    cut: float
+    kerf: float | None
+    path: float | None
+    mounting: float | None
+    layers: list[str]
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | None) -> PartReport:
+    """Write a part by its file's extension; `kerf` and `mounting`, a diameter, in mm.
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made, a hole or kerf does not fit, the extension is not in `FORMATS`, or the file cannot be
+        written.
+    ComputationFailed
+        A solid that was read back is not the part.
+    """
+    if path.suffix not in FORMATS:
+        found = f"extension {path.suffix!r}" if path.suffix else "no extension"
+        raise BadInput(f"{place_of(path)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
+    check_file(path, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
+    if kerf is not None and path.suffix == ".step":
+        raise BadInput(f"{place_of(path)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
+    part, layers = part_of(stage, mounting), list[str]()
+    warnings = ["the models clamp the pads along their back edges alone, and fill the hub hole with a rigid disc"]
+    if mounting is not None:
+        warnings.append("the mounting holes are in no model: they make the pads softer")
+    if kerf is not None:
+        warnings.append(f"the wire leaves sharp inner corners filled with a radius of {kerf / 2:g} mm")
+    if path.suffix == ".step":
+        write_step(stage, part, path)
+    else:
+        sheet = sheet_of(stage, part, kerf)
+        layers, text = sheet.layers, svg_text(sheet) if path.suffix == ".svg" else dxf_text(sheet)
+        write_atomically(path, lambda file: file.write(text.encode()))
+    return PartReport(
+        stage.origin.path or "",
+        stage.name,
+        str(path),
+        "mm",
+        stage.thickness,
+        part.area,
+        part.area * stage.thickness,
+        part.length,
+        kerf,
+        None if kerf is None else cut_path(part, kerf).length,
+        mounting,
+        layers,
+        warnings,
+        list(stage.assumed),
+        list(stage.not_stated),
+    )
+
+
+def write_step(stage: Stage, part: Part, path: Path) -> None:
+    """Write the part extruded, from z = 0 to the thickness, and read it back.
+
+    Raises ComputationFailed when it is not one solid of the part's volume and size in mm, BadInput when the file cannot
+    be written.
+    """
+    holes = [(hole.centre, hole.radius) for hole in part.holes]
+    with replacing(path) as temporary:
+        read = run_mesher(Extruded(str(temporary), part.outer, holes, stage.thickness), TIME_LIMIT)
+        volume, height = part.area * stage.thickness, float(read["box"][1, 2] - read["box"][0, 2])
+        found = read["volumes"]
+        if len(found) != 1 or abs(found[0] / volume - 1) > SAME or abs(height - stage.thickness) > 1e-6:
+            raise ComputationFailed(
+                f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, expected "
+                f"one of {volume:.12g} mm^3, {stage.thickness:g} mm high; nothing is written"
+            )
+        name = "".join(
+            each if each.isascii() else f"\\X2\\{each.encode('utf-16-be').hex().upper()}\\X0\\"
+            for each in stage.name.replace("\\", "\\\\").replace("'", "''")
+        )
+        product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # which CAD programs show, in place of OpenCASCADE's
+        text = product.sub(lambda found: f"{found[1]}'{name}','{name}'", temporary.read_text(), count=1)
+        text = re.sub(r"(FILE_NAME\('[^']*',\s*)'[^']*'", r"\1'1970-01-01T00:00:00'", text, count=1)  # no date
+        temporary.write_text(text)
+
+
+class Sheet(NamedTuple):
+    """A drawing in mm, x to the right and y upwards, the platform centre at the origin.
+
+    paths : closed loops of segments by layer, and lines, which are paths of one segment.   holes : circles by layer.
+    texts : each with its place and whether that is its middle, else its lower left corner.
+    """
+
+    paths: dict[str, list[list[Segment]]]
+    holes: dict[str, list[Hole]]
+    dimensions: Dimensions
+    texts: list[tuple[str, complex, bool]]
+
+    @property
+    def layers(self) -> list[str]:
+        """Names of the layers that hold anything, in the order of `COLOURS`."""
+        return [name for name in COLOURS if name in self.paths or name in self.holes]
+
+
+def sheet_of(stage: Stage, part: Part, kerf: float | None = None) -> Sheet:
+    """The drawing of a stage's part, with the path of a wire that cuts `kerf` mm wide where that is given.
+
+    Raises BadInput for a kerf too wide for the part.
+    """
+    sizes, holes = dimensions_of(stage, part), {HUB: [part.hub]} | ({MOUNTING: part.mounting} if part.mounting else {})
+    centres = [
+        pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS for pose in necks(stage, chain)
+    ]
+    centres += [hole.centre for hole in part.holes]
+    marks = [[Segment(z - way, z + way)] for z in centres for way in (sizes.height / 2, 0.5j * sizes.height)]
+    paths = {
+        METAL: [part.outer],
+        PADS: part.pads,
+        MARKS: marks,
+        SIZES: [[Segment(*each.line)] for each in sizes.labels],
+    }
+    if kerf is not None:
+        path = cut_path(part, kerf)
+        paths[WIRE], holes[WIRE] = [path.outer], path.holes
+    ends = [each.start for each in part.outer]
+    lowest = min(z.imag for z in [*ends, *(label.place for label in sizes.labels)])
+    foot = complex(min(z.real for z in ends), lowest - 5 * sizes.height)
+    texts = [(label.text, label.place, True) for label in sizes.labels]
+    notes = enumerate(notes_of(stage, part, kerf))
+    return Sheet(
+        paths, holes, sizes, texts + [(note, foot - 1.6j * line * sizes.height, False) for line, note in notes]
+    )
+
+
+def notes_of(stage: Stage, part: Part, kerf: float | None) -> Iterator[str]:
+    """What a reader of the drawing must know, one line each."""
+    yield one_line(stage.name, LONGEST)
+    yield f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}"
+    if stage.chains_alike:
+        yield "chains 2 and 3 as chain 1, turned by 120 and 240 degrees"
+    for said, keys in (("ASSUMED", stage.assumed), ("NO STATED SOURCE", stage.not_stated)):
+        if keys:
+            yield f"{said}: {counted(len(keys), 'number', 'numbers')} of geometry and material"
+    yield "In the models: clamped along the back edges of the pads, the hub hole filled by a rigid disc."
+    if part.mounting:
+        yield "Not in the models: the mounting holes."
+    if kerf is not None:
+        yield f"{WIRE}: middle of a cut {kerf:.6g} mm wide, wire and spark gap together"
+
+
+# SVG
+
+
+def svg_text(sheet: Sheet) -> str:
+    """The text of an SVG file; its y axis points down, so that every y is the negative of the drawing's."""
+    low, high = _corners(sheet)
+    box = [low.real, -high.imag, (high - low).real, (high - low).imag]
+    size = {"width": f"{box[2]!r}mm", "height": f"{box[3]!r}mm", "viewBox": " ".join(map(repr, box))}
+    root = ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
+    ElementTree.SubElement(root, "title").text = next(text for text, _, centred in sheet.texts if not centred)
+    look = {"fill": "none", "stroke-width": str(LINE)}
+    for name in sheet.layers:
+        group = ElementTree.SubElement(root, "g", {"id": name, "stroke": COLOURS[name], **look})
+        for path in sheet.paths.get(name, []):
+            ElementTree.SubElement(group, "path", {"d": _svg_path(path)})
+        for hole in sheet.holes.get(name, []):
+            place = dict(zip(("cx", "cy"), _pair(hole.centre).split(), strict=True))
+            ElementTree.SubElement(group, "circle", place | {"r": repr(float(hole.radius))})
+        if name == SIZES:
+            _svg_dimensions(group, sheet)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _corners(sheet: Sheet) -> tuple[complex, complex]:
+    """Lower left and upper right corner of all that is drawn."""
+    sizes = sheet.dimensions
+    points = [each.start for paths in sheet.paths.values() for path in paths for each in path]
+    points += [end for span in sizes.spans for end in span.line]
+    for text, place, centred in sheet.texts:
+        long = sizes.height * LETTER * len(text)
+        points += [place - long / 2 - 1j * sizes.height, place + long / 2] if centred else [place, place + long]
+    margin = 3 * sizes.height * (1 + 1j)
+    x, y = [float(z.real) for z in points], [float(z.imag) for z in points]
+    return complex(min(x), min(y)) - margin, complex(max(x), max(y)) + margin
+
+
+def _pair(z: complex) -> str:
+    """All digits of both coordinates."""
+    return f"{float(z.real)!r} {float(-z.imag)!r}"
+
+
+def _svg_path(path: list[Segment]) -> str:
+    """A path, closed if it is no single line; no arc is longer than half a turn, and positive where y is down."""
+    steps = [f"M {_pair(path[0].start)}"]
+    for segment in path:
+        if segment.centre is None:
+            steps.append(f"L {_pair(segment.end)}")
+        else:
+            radius = float(abs(segment.start - segment.centre))
+            steps.append(f"A {radius!r} {radius!r} 0 0 {int(segment.turn < 0)} {_pair(segment.end)}")
+    return " ".join(steps + ["Z"] * (len(path) > 1))
+
+
+def _svg_dimensions(group: Any, sheet: Sheet) -> None:
+    """Lengths with their arrows, and all texts."""
+    height = sheet.dimensions.height
+    for span in sheet.dimensions.spans:
+        start, end = span.line
+        for line in ((span.start, start), (span.end, end), (start, end)):
+            ElementTree.SubElement(group, "path", {"d": _svg_path([Segment(*line)])})
+        along = (end - start) / abs(end - start)
+        for tip, way in ((start, along), (end, -along)):
+            back, half = tip + height * way, 1j * way * height / HEAD / 2
+            corners = " ".join(map(_pair, (tip, back + half, back - half)))
+            ElementTree.SubElement(group, "polygon", {"points": corners, "fill": COLOURS[SIZES]})
+        _svg_text(group, span.text, (start + end) / 2 + 0.4j * along * height, height, along)
+    for text, place, centred in sheet.texts:
+        _svg_text(group, text, place - 0.35j * height * centred, height, anchor="middle" if centred else "start")
+
+
+def _svg_text(group: Any, text: str, at: complex, height: float, along: complex = 1, anchor: str = "middle") -> None:
+    """A line of text along a direction, its base line through a place."""
+    turned = {"transform": f"rotate({-math.degrees(cmath.phase(along)):.6f} {_pair(at)})"} if along != 1 else {}
+    place = dict(zip(("x", "y"), _pair(at).split(), strict=True)) | {"text-anchor": anchor, **turned}
+    look = {"fill": COLOURS[SIZES], "stroke": "none", "font-size": f"{height:.6g}", "font-family": "sans-serif"}
+    ElementTree.SubElement(group, "text", place | look).text = text
+
+
+# DXF
+
+
+def dxf_text(sheet: Sheet) -> str:
+    """The text of a DXF file; the same drawing gives the same text."""
+    before = ezdxf.options.write_fixed_meta_data_for_testing
+    ezdxf.options.write_fixed_meta_data_for_testing = True  # without times and random identifiers
+    try:
+        document = ezdxf.new("R2010")  # UTF-8, and read by what is in use
+        document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1  # mm, metric
+        document.header["$LUNITS"], document.header["$LUPREC"] = 2, 8  # decimal
+        for name in sheet.layers:
+            layer = document.layers.add(name)  # metal in colour 7, black or white as the background is not
+            if name != METAL:
+                layer.rgb = ezdxf.colors.int2rgb(int(COLOURS[name][1:], 16))
+        _dxf_entities(document.modelspace(), sheet)
+        classes = document.classes
+        classes.add_required_classes(document.dxfversion)
+        classes.classes = dict(sorted(classes.classes.items()))  # ezdxf has them in a set
+        stream = io.StringIO()
+        document.write(stream)
+        return stream.getvalue()
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = before
+
+
+def _dxf_entities(space: Any, sheet: Sheet) -> None:
+    """Lines, arcs, which run counter-clockwise in DXF, circles, dimensions, which measure what is drawn, and texts."""
+    for name, segment in ((name, each) for name, paths in sheet.paths.items() for path in paths for each in path):
+        if segment.centre is None:
+            space.add_line(_point(segment.start), _point(segment.end), {"layer": name})
+            continue
+        ends = (segment.start, segment.end) if segment.turn > 0 else (segment.end, segment.start)
+        first, last = (math.degrees(cmath.phase(end - segment.centre)) for end in ends)
+        radius = float(abs(segment.start - segment.centre))
+        space.add_arc(_point(segment.centre), radius, first, last, dxfattribs={"layer": name})
+    for name, hole in ((name, hole) for name, holes in sheet.holes.items() for hole in holes):
+        space.add_circle(_point(hole.centre), float(hole.radius), {"layer": name})
+    height, on = sheet.dimensions.height, {"layer": SIZES}
+    look = {"dimtxt": height, "dimasz": height, "dimexe": height / 2, "dimexo": height / 2, "dimgap": height / 4}
+    look |= {"dimdec": 6, "dimzin": 8, "dimdsep": ord(".")}
+    look |= dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), ezdxf.const.BYLAYER)
+    for span in sheet.dimensions.spans:
+        given = {"distance": span.away, "text": f"{span.name} <>", "override": look, "dxfattribs": on}
+        space.add_aligned_dim(_point(span.start), _point(span.end), **given).render()
+    for text, place, centred in sheet.texts:
+        plain = text.replace("%%", 2 * "%%%").replace("^", "^ ")  # which else begin codes
+        side = ezdxf.enums.TextEntityAlignment.MIDDLE_CENTER if centred else ezdxf.enums.TextEntityAlignment.LEFT
+        space.add_text(plain, height=height, dxfattribs=on).set_placement(_point(place), align=side)
+
+
+def _point(z: complex) -> tuple[float, float]:
+    return float(z.real), float(z.imag)
