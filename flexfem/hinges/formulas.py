@@ -85,7 +85,7 @@ class Formula:
         -----
         dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). On a charted
         hinge Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height:
-        `flexfem/fem/hinge.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
+        `flexfem/fem/chart.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
         the same: the caller reports it.
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
