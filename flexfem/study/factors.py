@@ -48,7 +48,7 @@ class Factor(Table):
 
     named: ClassVar[tuple[str, ...]] = NAMED
 
-    key: KeyPattern | None = Field(None, examples=["hinges.base.radius_mm"])
+    key: KeyPattern | None = Field(default=None, examples=["hinges.base.radius_mm"])
     """A number of the stage file by its key path; of one of the nine hinges, whether or not the stage file overrides
     it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as many independent factors.
     A hinge with an override of its own in the stage file does not follow `hinges.elbow.neck_mm`"""
@@ -56,29 +56,29 @@ class Factor(Table):
         None, min_length=1, max_length=MANY_KEYS, examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]]
     )
     """Instead of `key`: several that take one value"""
-    label: Label | None = Field(None, examples=["neck of the base hinge"])
+    label: Label | None = Field(default=None, examples=["neck of the base hinge"])
     """Name of the column; by default the key"""
-    values: tuple[Number, ...] | None = Field(None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]])
+    values: tuple[Number, ...] | None = Field(default=None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]])
     """A list: the points of a grid, else equally likely"""
-    start: Number | None = Field(None, alias="from", examples=[0.3])
+    start: Number | None = Field(default=None, alias="from", examples=[0.3])
     """With `to`: where a range begins"""
-    end: Number | None = Field(None, alias="to", examples=[1.0])
+    end: Number | None = Field(default=None, alias="to", examples=[1.0])
     """Where the range ends"""
     scale: Literal["linear", "log"] = "linear"
     """On which the range is uniform"""
-    points: int | None = Field(None, ge=2, le=MANY, examples=[5])
+    points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
     """Of a range in a grid, and of nothing else: how many"""
     distribution: Literal["normal", "uniform"] | None = None
     """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. A list or
     range stays within the limits of its key; a distribution may leave them, and a design outside is a row `refused`
     with its reason"""
-    mean: Number | None = Field(None, examples=[0.5])
+    mean: Number | None = Field(default=None, examples=[0.5])
     """By default the base stage's own value"""
-    sd: Step | None = Field(None, examples=[0.005])
+    sd: Step | None = Field(default=None, examples=[0.005])
     """Standard deviation"""
-    lower: Number | None = Field(None, examples=[0.48])
+    lower: Number | None = Field(default=None, examples=[0.48])
     """Least value of a distribution"""
-    upper: Number | None = Field(None, examples=[0.52])
+    upper: Number | None = Field(default=None, examples=[0.52])
     """Greatest value of a distribution"""
 
     @model_validator(mode="after")

@@ -143,16 +143,16 @@ class Sampling(Table):
     method: Method = Field(examples=["sobol"])
     """`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; `saltelli`, for
     sensitivity; or `table`, your own designs"""
-    file: Label | None = Field(None, examples=["designs.csv"])
+    file: Label | None = Field(default=None, examples=["designs.csv"])
     """With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row group at a time),
     beside the study file; one row a design, one column a factor, named by its label or key, in file units. Factors then
     have a key alone. An edited table is another study"""
-    designs: int | None = Field(None, ge=1, le=MOST, examples=[256])
+    designs: int | None = Field(default=None, ge=1, le=MOST, examples=[256])
     """How many, drawn by their number wherever that is; of a `latin_hypercube`, held in memory, at most 200000. More
     designs of `sobol`, `monte_carlo` or `saltelli` begin with the same ones, and keep their parts. A grid has none"""
-    base: int | None = Field(None, ge=2, le=MOST, examples=[64])
+    base: int | None = Field(default=None, ge=2, le=MOST, examples=[64])
     """With `saltelli`, instead: a power of two; there are base × (factors + 2) designs"""
-    seed: int | None = Field(None, ge=0, lt=2**63, examples=[1])
+    seed: int | None = Field(default=None, ge=0, lt=2**63, examples=[1])
     """What designs are drawn from"""
 
     @model_validator(mode="after")
@@ -184,9 +184,9 @@ class Output(Table):
     expression: Expression = Field(examples=["kxx_n_per_mm / ktt_n_mm_per_rad"])
     """Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, max; names with
     blanks in backticks"""
-    label: Label | None = Field(None, examples=["Kxx over Ktt"])
+    label: Label | None = Field(default=None, examples=["Kxx over Ktt"])
     """In figures"""
-    unit: Label | None = Field(None, examples=["rad/mm²"])
+    unit: Label | None = Field(default=None, examples=["rad/mm²"])
     """In figures"""
 
 
@@ -197,11 +197,11 @@ class Constraint(Table):
     """An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything is solved (not
     with `saltelli`). Of outputs: it is answered, `feasible` is false in the table, and fronts and maps leave it out and
     count it"""
-    least: float | None = Field(None, examples=[0.05], json_schema_extra=OF_THE_KEY)
+    least: float | None = Field(default=None, examples=[0.05], json_schema_extra=OF_THE_KEY)
     """The lower end"""
-    most: float | None = Field(None, examples=[0.2], json_schema_extra=OF_THE_KEY)
+    most: float | None = Field(default=None, examples=[0.2], json_schema_extra=OF_THE_KEY)
     """The upper end"""
-    label: Label | None = Field(None, examples=["t/R of the base hinges"])
+    label: Label | None = Field(default=None, examples=["t/R of the base hinges"])
     """In messages"""
 
     @model_validator(mode="after")
@@ -268,13 +268,13 @@ class Figure(Table):
     kind: FigureKind = Field(examples=["pareto"])
     """`map` of an output over two factors, in whose cells means over the other factors are; `distribution` and
     `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns"""
-    title: Label | None = Field(None, examples=["Stiffness against range"])
+    title: Label | None = Field(default=None, examples=["Stiffness against range"])
     """Of the figure"""
-    x: Label | None = Field(None, examples=["range_x_um"])
+    x: Label | None = Field(default=None, examples=["range_x_um"])
     """Column, of a map a factor"""
-    y: Label | None = Field(None, examples=["kxx_n_per_mm"])
+    y: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
     """Another, of a map a factor"""
-    value: Label | None = Field(None, examples=["kxx_n_per_mm"])
+    value: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
     """Of a map: the output"""
     values: tuple[Label, ...] | None = Field(
         None,
@@ -288,7 +288,7 @@ class Figure(Table):
     """Of a front: which `x` is wanted"""
     y_better: Better = "larger"
     """Of a front: which `y` is wanted"""
-    drawn: int = Field(4, ge=1, le=12)
+    drawn: int = Field(default=4, ge=1, le=12)
     """Of a front: how many designs are drawn beside it"""
 
     @model_validator(mode="after")
@@ -324,9 +324,13 @@ class DriveQuestion(Table):
     chain `override.2.actuator.base.preload_n` (a star for the chain); a number that the actuator does not state is
     none. The drive is part of such a study's identity. Contacts on straight links are placed for all designs at once;
     on a bent link, or by `point_mm`, every geometry is drawn, 6 ms each"""
-    stroke_um: Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)] | None = Field(None, examples=[17.4])
+    stroke_um: Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)] | None = Field(
+        default=None, examples=[17.4]
+    )
     """Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive"""
-    lever_arm_mm: Annotated[float, *quantities.above_zero(quantities.LENGTH)] | None = Field(None, examples=[10.0])
+    lever_arm_mm: Annotated[float, *quantities.above_zero(quantities.LENGTH)] | None = Field(
+        default=None, examples=[10.0]
+    )
     """From the base hinge to where that piezo pushes link 1"""
 
     @model_validator(mode="after")
@@ -347,9 +351,9 @@ class DriveQuestion(Table):
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
 
-    payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(0.0, examples=[0.2])
+    payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(default=0.0, examples=[0.2])
     """Mass on the platform at its centre"""
-    payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(0.0, examples=[40.0])
+    payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(default=0.0, examples=[40.0])
     """Its moment of inertia about that"""
 
 
@@ -360,17 +364,17 @@ class Drifting(Table):
 class Lasting(Table):
     """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
 
-    amplitude_x_um: Amplitude = Field(0.0, examples=[20.0])
+    amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
     """Of the pose in x; one of the three or more"""
-    amplitude_y_um: Amplitude = Field(0.0, examples=[20.0])
+    amplitude_y_um: Amplitude = Field(default=0.0, examples=[20.0])
     """Of the pose in y"""
-    amplitude_theta_mrad: Amplitude = Field(0.0, examples=[0.5])
+    amplitude_theta_mrad: Amplitude = Field(default=0.0, examples=[0.5])
     """Of the pose in theta"""
-    ratio: float = Field(-1.0, ge=-1, le=0.99, json_schema_extra=COUNT)
+    ratio: float = Field(default=-1.0, ge=-1, le=0.99, json_schema_extra=COUNT)
     """Least over greatest displacement"""
-    cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(1e6, json_schema_extra=COUNT)
+    cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(default=1e6, json_schema_extra=COUNT)
     """The wanted life"""
-    notch_sensitivity: float = Field(1.0, ge=0, le=1, json_schema_extra=COUNT)
+    notch_sensitivity: float = Field(default=1.0, ge=0, le=1, json_schema_extra=COUNT)
     """What of the stress concentration counts: 0 nothing, 1 all of it"""
 
     @model_validator(mode="after")
@@ -422,12 +426,14 @@ class Study(Sourced):
     model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
     """What answers: `analytic`; `fe`, finite elements in the stage's plane model; `three_dimensional`, of the stage
     extruded; `verify`, the error percentages of the one against the other"""
-    formula: FormulaName = Field(DEFAULT_FORMULA, description=f"{FORMULA}; with `analytic` and `verify`")
-    mobility: Mobility | None = Field(None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6])
-    links: bool = Field(False, description=f"{ELASTIC}, with `analytic`; one design after the other, slower")
-    resolution: int = Field(4, ge=4, le=64)
+    formula: FormulaName = Field(default=DEFAULT_FORMULA, description=f"{FORMULA}; with `analytic` and `verify`")
+    mobility: Mobility | None = Field(
+        default=None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6]
+    )
+    links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; one design after the other, slower")
+    resolution: int = Field(default=4, ge=4, le=64)
     """Triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
-    layers: int = Field(2, ge=1, le=16)
+    layers: int = Field(default=2, ge=1, le=16)
     """In half the thickness, with `three_dimensional`: 2 is 0.2 % off on the reference stages, 2 s a design with alike
     chains, 6 s with unlike ones; 3 is 0.1 % off, 4 s and 10 s"""
     bands: bool = True
@@ -435,7 +441,7 @@ class Study(Sourced):
     check: Literal["closed_form", "drawing"] | None = None
     """Whether every design is drawn to see that no bodies overlap; by default `closed_form` with `analytic`, and what
     is meshed is always drawn"""
-    time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(60.0, alias="time_limit_s")
+    time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(default=60.0, alias="time_limit_s")
     """For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s longer is killed
     and replaced. Counted from when the worker has loaded the design; time in which it, or the whole run, is stopped
     does not count"""
@@ -443,7 +449,7 @@ class Study(Sourced):
     """Which designs. At most 10^9 of them"""
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
     """What differs between designs; numbers in the unit of the key"""
-    correlation: tuple[Correlation, ...] = Field((), max_length=500)
+    correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
     """Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
     (Sobol indices split the variance among independent factors), `grid` or `table`"""
     drive: DriveQuestion | None = None
@@ -459,14 +465,14 @@ class Study(Sourced):
     """Asks for the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
     which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
     drawn, up to 0.15 s a design more. Not with `three_dimensional`"""
-    ask: tuple[Label, ...] = Field((), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
+    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
     """Other numbers by their paths in the JSON of a command, such as `drift.pose.uniform.analytic.x`: columns of these
     names, found for one design after the other by the study's model"""
-    output: tuple[Output, ...] = Field((), max_length=50)
+    output: tuple[Output, ...] = Field(default=(), max_length=50)
     """A derived output, found from the answers when the table is collected"""
-    constraint: tuple[Constraint, ...] = Field((), max_length=50)
+    constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     """Ends for an expression, between which a design counts"""
-    figure: tuple[Figure, ...] = Field((), max_length=50)
+    figure: tuple[Figure, ...] = Field(default=(), max_length=50)
     """What `flexfem study plot` draws"""
 
     @model_validator(mode="after")
