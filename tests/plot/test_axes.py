@@ -15,8 +15,8 @@ from matplotlib import pyplot
 import flexfem
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.plot.design import sensitivity_figure
+from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
-from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.results import Result
 from flexfem.study.findings import (
     AxisText,
