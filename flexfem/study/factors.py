@@ -53,7 +53,7 @@ class Factor(Table):
     it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as many independent factors.
     A hinge with an override of its own in the stage file does not follow `hinges.elbow.neck_mm`"""
     keys: tuple[KeyName, ...] | None = Field(
-        None, min_length=1, max_length=MANY_KEYS, examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]]
+        default=None, min_length=1, max_length=MANY_KEYS, examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]]
     )
     """Instead of `key`: several that take one value"""
     label: Label | None = Field(default=None, examples=["neck of the base hinge"])

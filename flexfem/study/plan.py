@@ -277,7 +277,7 @@ class Figure(Table):
     value: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
     """Of a map: the output"""
     values: tuple[Label, ...] | None = Field(
-        None,
+        default=None,
         min_length=1,
         max_length=12,
         examples=[["kxx_n_per_mm", "range_x_um"]],
