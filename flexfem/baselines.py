@@ -32,11 +32,11 @@ from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import converge, levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
+from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
 from flexfem.questions.gravity import gravity
 from flexfem.questions.heat import drift
-from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.questions.large import large
 from flexfem.questions.life import life
 from flexfem.questions.modes import modes

@@ -29,7 +29,7 @@ from flexfem.commands import study
 from flexfem.commands.console import Json, Wanted, show, usable
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
-from flexfem.sources import ONE_THREAD, manifest
+from flexfem.sources import ONE_THREAD, manifest, use_own
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
@@ -274,9 +274,7 @@ def _common(
 ) -> None:
     manifest()  # before what computes is loaded
     if formulas is not None:
-        from flexfem.own import use
-
-        use(formulas)
+        use_own(formulas)
 
 
 def main() -> None:

@@ -67,21 +67,12 @@ class Free(Factor):
 
     model_config = ConfigDict(json_schema_extra=_without_keys_of_studies)
 
-    label: Label | None = Field(
-        default=None, description="How it is called in what is printed; by default the key", examples=["all necks"]
-    )
-    values: tuple[Number, ...] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=MANY,
-        description="Instead of `from` and `to`: a list, of which it is one",
-        examples=[[1.5, 2.0, 3.0]],
-    )
-    step: Step | None = Field(
-        default=None,
-        description="It is `from` and a whole number of these, up to `to`; left out it is continuous",
-        examples=[0.005],
-    )
+    label: Label | None = Field(default=None, examples=["all necks"])
+    """How it is called in what is printed; by default the key"""
+    values: tuple[Number, ...] | None = Field(default=None, min_length=1, max_length=MANY, examples=[[1.5, 2.0, 3.0]])
+    """Instead of `from` and `to`: a list, of which it is one"""
+    step: Step | None = Field(default=None, examples=[0.005])
+    """It is `from` and a whole number of these, up to `to`; left out it is continuous"""
 
     @model_validator(mode="after")
     def _is_a_range_or_a_list(self) -> Free:
@@ -114,9 +105,8 @@ class Require(Table):
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End = Field(default=None, description="The lower end", examples=[100.0])
     at_most: End = Field(default=None, description="The upper end; one of both or both", examples=[150.0])
-    label: Label | None = Field(
-        default=None, description="How it is called in what is printed", examples=["stiffness in X"]
-    )
+    label: Label | None = Field(default=None, examples=["stiffness in X"])
+    """How it is called in what is printed"""
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Require:
@@ -138,15 +128,12 @@ class Require(Table):
 class Objective(Table):
     """A quantity that is to be as large, or as small, as can be."""
 
-    maximise: Expression | None = Field(
-        default=None, description="An expression that is to be as large as can be", examples=["range_x_um"]
-    )
-    minimise: Expression | None = Field(
-        default=None, description="Instead: one that is to be as small as can be", examples=["envelope_mm"]
-    )
-    label: Label | None = Field(
-        default=None, description="How it is called in what is printed", examples=["range at yield in X"]
-    )
+    maximise: Expression | None = Field(default=None, examples=["range_x_um"])
+    """An expression that is to be as large as can be"""
+    minimise: Expression | None = Field(default=None, examples=["envelope_mm"])
+    """Instead: one that is to be as small as can be"""
+    label: Label | None = Field(default=None, examples=["range at yield in X"])
+    """How it is called in what is printed"""
 
     @model_validator(mode="after")
     def _goes_one_way(self) -> Objective:
@@ -179,16 +166,10 @@ class Tolerance(Table):
     """Scatter of the nine necks about their widths, each by itself."""
 
     neck_um: Scatter = Field(description="Standard deviation of every neck", examples=[5.0])
-    stages: int = Field(
-        default=4000,
-        ge=FEWEST,
-        le=20_000,
-        description="How many the search draws for a coupling, the same for every design; what is stated is of 100,000 "
-        "others",
-    )
-    checked: int = Field(
-        default=0, ge=0, le=1024, description="How many of the others finite elements solve; 0, or >= 8"
-    )
+    stages: int = Field(default=4000, ge=FEWEST, le=20_000)
+    """How many the search draws for a coupling, the same for every design; what is stated is of 100,000 others"""
+    checked: int = Field(default=0, ge=0, le=1024)
+    """How many of the others finite elements solve; 0, or >= 8"""
 
     @model_validator(mode="after")
     def _checks_enough(self) -> Tolerance:
@@ -203,47 +184,34 @@ class Requirements(Sourced):
     kind: ClassVar[str] = "requirements file"
 
     name: Label = Field(description="Of the stage that is made, and title of figures", examples=["Long range"])
-    stage: Label = Field(
-        description="File of the base stage, relative to this one; what is not free is as there",
-        examples=["stage.toml"],
-    )
+    stage: Label = Field(examples=["stage.toml"])
+    """File of the base stage, relative to this one; what is not free is as there"""
     formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
-    paper_formula: FormulaName = Field(
-        default=DEFAULT_FORMULA,
-        description="Of the model whose `error_x_percent` and the like are asked, with the stage's own mobility",
-    )
+    paper_formula: FormulaName = DEFAULT_FORMULA
+    """Of the model whose `error_x_percent` and the like are asked, with the stage's own mobility"""
     mobility: Mobility | None = Field(default=21, description="Of the analytic model")
     links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
     seed: int = Field(ge=0, lt=2**63, description="What the search draws from", examples=[2003])
-    accuracy_percent: Accuracy = Field(
-        default=0.1,
-        description="Within which the corrected analytic model and finite elements are to agree at the optimum",
-    )
-    resolution: int = Field(
-        default=8, ge=8, le=64, description="Triangles across every neck, of the finest of three meshes"
-    )
+    accuracy_percent: Accuracy = 0.1
+    """Within which the corrected analytic model and finite elements are to agree at the optimum"""
+    resolution: int = Field(default=8, ge=8, le=64)
+    """Triangles across every neck, of the finest of three meshes"""
     front: int = Field(default=7, ge=3, le=50, description="With two objectives: designs of their front")
-    free: tuple[Free, ...] = Field(
-        min_length=1, max_length=30, description="What may differ from the base stage; numbers in the unit of the key"
-    )
+    free: tuple[Free, ...] = Field(min_length=1, max_length=30)
+    """What may differ from the base stage; numbers in the unit of the key"""
     require: tuple[Require, ...] = Field(default=(), max_length=50, description="What the stage must keep")
     objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="What is to be best, one or two")
-    output: tuple[Output, ...] = Field(
-        default=(), max_length=50, description="A name for an expression, which requirements and objectives may use"
-    )
+    output: tuple[Output, ...] = Field(default=(), max_length=50)
+    """A name for an expression, which requirements and objectives may use"""
     drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
-    frequencies: Frequencies | None = Field(
-        default=None, description="Asks for natural frequencies in the plane; the table may be empty"
-    )
+    frequencies: Frequencies | None = None
+    """Asks for natural frequencies in the plane; the table may be empty"""
     life: Lasting | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
-    drift: Drifting | None = Field(
-        default=None, description="Asks for the drift with temperature; the table has no keys"
-    )
-    tolerance: Tolerance | None = Field(
-        default=None,
-        description="Asks for the share of stages that keep all requirements when their nine necks scatter, and for "
-        "the couplings of 95 % of them: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`",
-    )
+    drift: Drifting | None = None
+    """Asks for the drift with temperature; the table has no keys"""
+    tolerance: Tolerance | None = None
+    """Asks for the share of stages that keep all requirements when their nine necks scatter, and for the couplings of
+    95 % of them: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`"""
 
     @model_validator(mode="after")
     def _goes_together_as_a_study(self) -> Requirements:

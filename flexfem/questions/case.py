@@ -70,31 +70,22 @@ class Case(Sourced):
 
     name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
     direction: Direction = Field(description="Of the commanded displacement of the platform", examples=["x"])
-    amplitude_um: CommandUm | None = Field(
-        default=None, description="Commands in x or y run from minus to plus this", examples=[50.0]
-    )
-    amplitude_mrad: CommandMrad | None = Field(
-        default=None, description="Commands in theta run from minus to plus this", examples=[1.0]
-    )
+    amplitude_um: CommandUm | None = Field(default=None, examples=[50.0])
+    """Commands in x or y run from minus to plus this"""
+    amplitude_mrad: CommandMrad | None = Field(default=None, examples=[1.0])
+    """Commands in theta run from minus to plus this"""
     points: int = Field(ge=3, le=10_001, description="How many commands", examples=[21])
-    analysis: Analysis = Field(
-        default="linear",
-        description="`nonlinear`: exact equilibrium of the pseudo-rigid stage against geometrically nonlinear finite "
-        "elements; the mesh bands are those of the linear problem",
-    )
-    drive: Drive = Field(
-        default="force",
-        description="What the finite elements are given: `force`, that of (18) on the platform; `joints`, the "
-        "rotations that the model computes for the pose by (29) and (30), imposed on the base hinges with mobility "
-        "three, else on base and elbow hinges; `strokes`, those of the stage's `[[actuator]]`, by least energy. The "
-        "last two are linear only",
-    )
-    model: Elements = Field(
-        default="fe",
-        description="The finite elements: `fe`, in the stage's own plane model; `three_dimensional`, of the stage "
-        "extruded, both faces free, with the force on the platform and linear alone. The analytic model follows the "
-        "stage file's `model` in both, so here that may be `corrected`, too",
-    )
+    analysis: Analysis = "linear"
+    """`nonlinear`: exact equilibrium of the pseudo-rigid stage against geometrically nonlinear finite elements; the
+    mesh bands are those of the linear problem"""
+    drive: Drive = "force"
+    """What the finite elements are given: `force`, that of (18) on the platform; `joints`, the rotations that the model
+    computes for the pose by (29) and (30), imposed on the base hinges with mobility three, else on base and elbow
+    hinges; `strokes`, those of the stage's `[[actuator]]`, by least energy. The last two are linear only"""
+    model: Elements = "fe"
+    """The finite elements: `fe`, in the stage's own plane model; `three_dimensional`, of the stage extruded, both faces
+    free, with the force on the platform and linear alone. The analytic model follows the stage file's `model` in both,
+    so here that may be `corrected`, too"""
     resolution: int = Field(
         default=RESOLUTION,  # two coarser levels follow from it
         ge=4,
@@ -102,17 +93,10 @@ class Case(Sourced):
         description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
         "meshes are made for the error bars",
     )
-    layers: int = Field(
-        default=LAYERS,  # as do two smaller numbers
-        ge=3,
-        le=16,
-        description="In half the thickness, with `three_dimensional`; two smaller numbers are computed for the bands",
-    )
-    curve: tuple[Curve, ...] = Field(
-        min_length=1,
-        max_length=20,
-        description="A curve of the figure: a stage, and the analytic model that commands it",
-    )
+    layers: int = Field(default=LAYERS, ge=3, le=16)
+    """In half the thickness, with `three_dimensional`; two smaller numbers are computed for the bands"""
+    curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
+    """A curve of the figure: a stage, and the analytic model that commands it"""
 
     @model_validator(mode="before")
     @classmethod

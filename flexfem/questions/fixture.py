@@ -98,26 +98,15 @@ class Pole(Dimensioned):
     """A round pole, clamped upright on the platform; mm, MPa."""
 
     diameter: Length = Field(alias="diameter_mm", description="Of its section", examples=[10.0])
-    height: Length = Field(
-        alias="height_mm", description="Of its end, which bears the bar and is what LVDTs read", examples=[40.0]
-    )
-    push_height: Length | None = Field(
-        default=None,
-        alias="push_height_mm",
-        description="Where the actuator pushes it in X and Y; by default at its end",
-        examples=[30.0],
-    )
-    youngs_modulus: Modulus = Field(
-        alias="youngs_modulus_gpa", description="Young's modulus of the pole", examples=[206.0]
-    )
+    height: Length = Field(alias="height_mm", examples=[40.0])
+    """Of its end, which bears the bar and is what LVDTs read"""
+    push_height: Length | None = Field(default=None, alias="push_height_mm", examples=[30.0])
+    """Where the actuator pushes it in X and Y; by default at its end"""
+    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
+    """Young's modulus of the pole"""
     poissons_ratio: Poisson = Field(description="Poisson's ratio of the pole", examples=[0.3])
-    offset: tuple[Coordinate, Coordinate] = Field(
-        default=(0.0, 0.0),
-        alias="offset_mm",
-        description="x, y of its axis from the platform's centre: the moment about the centre is then not force "
-        "times arm",
-        examples=[[0.5, -0.3]],
-    )
+    offset: tuple[Coordinate, Coordinate] = Field(default=(0.0, 0.0), alias="offset_mm", examples=[[0.5, -0.3]])
+    """x, y of its axis from the platform's centre: the moment about the centre is then not force times arm"""
 
     @model_validator(mode="after")
     def _pushed_below_its_end(self) -> Pole:
@@ -134,19 +123,15 @@ class Pole(Dimensioned):
 class Bar(Dimensioned):
     """A horizontal bar on the pole's end, pushed at right angles at `arm`, mm, from the pole."""
 
-    arm: Length = Field(
-        alias="arm_mm", description="From the pole to the push, which is at right angles to the bar", examples=[50.0]
-    )
-    angle: Angle = Field(
-        default=0.0, alias="angle_deg", description="Direction of the bar, from the x axis", examples=[30.0]
-    )
-    width: Length = Field(
-        alias="width_mm", description="Of its section, in the plane in which it bends", examples=[12.0]
-    )
+    arm: Length = Field(alias="arm_mm", examples=[50.0])
+    """From the pole to the push, which is at right angles to the bar"""
+    angle: Angle = Field(default=0.0, alias="angle_deg", examples=[30.0])
+    """Direction of the bar, from the x axis"""
+    width: Length = Field(alias="width_mm", examples=[12.0])
+    """Of its section, in the plane in which it bends"""
     thickness: Length = Field(alias="thickness_mm", description="Of its section, the other side", examples=[8.0])
-    youngs_modulus: Modulus = Field(
-        alias="youngs_modulus_gpa", description="Young's modulus of the bar", examples=[206.0]
-    )
+    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
+    """Young's modulus of the bar"""
 
 
 class Pusher(Dimensioned):
@@ -154,49 +139,37 @@ class Pusher(Dimensioned):
 
     name: Label = Field(description="Which it is", examples=["P-841.30"])
     stroke: Stroke = Field(alias="stroke_um", description="The largest", examples=[45.0])
-    stiffness: Rate = Field(
-        alias="stiffness_n_per_um",
-        description="Costs force per stroke, and changes no slope; so does that of the sensor",
-        examples=[19.0],
-    )
+    stiffness: Rate = Field(alias="stiffness_n_per_um", examples=[19.0])
+    """Costs force per stroke, and changes no slope; so does that of the sensor"""
 
 
 class Lvdt(Dimensioned):
     """Displacement sensors on the ground: standard deviation of a reading and its step, mm."""
 
-    at: Literal["pole", "platform"] = Field(
-        default="pole",
-        description="What they read: `pole`, and the bar on it, or `platform`, which leaves the pole out of the "
-        "readings; rotation is the difference of two of them, at both ends of the bar",
-    )
+    at: Literal["pole", "platform"] = "pole"
+    """What they read: `pole`, and the bar on it, or `platform`, which leaves the pole out of the readings; rotation is
+    the difference of two of them, at both ends of the bar"""
     noise: Reading = Field(alias="noise_um", description="Standard deviation of a reading", examples=[0.05])
-    resolution: Reading = Field(
-        default=0.0, alias="resolution_um", description="Step of a reading, 0 for none", examples=[0.01]
-    )
+    resolution: Reading = Field(default=0.0, alias="resolution_um", examples=[0.01])
+    """Step of a reading, 0 for none"""
 
 
 class ForceSensor(Dimensioned):
     """The force/torque sensor that the actuator is rooted in: noise and step, N; stiffness, N/mm, None for rigid."""
 
-    stiffness: Rate | None = Field(
-        default=None,
-        alias="stiffness_n_per_um",
-        description="Of the sensor and of what carries it; by default rigid",
-        examples=[10.0],
-    )
+    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[10.0])
+    """Of the sensor and of what carries it; by default rigid"""
     noise: Newton = Field(alias="noise_n", description="Standard deviation of a reading", examples=[0.02])
-    resolution: Newton = Field(
-        default=0.0, alias="resolution_n", description="Step of a reading, 0 for none", examples=[0.005]
-    )
+    resolution: Newton = Field(default=0.0, alias="resolution_n", examples=[0.005])
+    """Step of a reading, 0 for none"""
 
 
 class Run(Dimensioned):
     """What is commanded: `increments` of the stroke, mm each, from rest, `repeats` times; and how slopes are judged."""
 
     increments: int = Field(ge=2, le=10_000, description="How many strokes, from rest", examples=[20])
-    increment: Stroke = Field(
-        alias="increment_um", description="Of the stroke; all of them within that of the actuator", examples=[2.0]
-    )
+    increment: Stroke = Field(alias="increment_um", examples=[2.0])
+    """Of the stroke; all of them within that of the actuator"""
     repeats: int = Field(default=1, ge=1, le=1000, description="How often all strokes are commanded")
     seed: int = Field(default=0, ge=0, le=2**63 - 1, description="Of the noise")
     confidence_percent: float = Field(default=95.0, ge=50, le=99.9, description="Of the intervals of slopes")

@@ -48,45 +48,28 @@ class Factor(Table):
 
     named: ClassVar[tuple[str, ...]] = NAMED
 
-    key: KeyPattern | None = Field(
-        default=None,
-        description="A number of the stage file by its key path; of one of the nine hinges, whether or not the stage "
-        "file overrides it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as "
-        "many independent factors. A hinge with an override of its own in the stage file does not follow "
-        "`hinges.elbow.neck_mm`",
-        examples=["hinges.base.radius_mm"],
-    )
+    key: KeyPattern | None = Field(default=None, examples=["hinges.base.radius_mm"])
+    """A number of the stage file by its key path; of one of the nine hinges, whether or not the stage file overrides
+    it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as many independent factors.
+    A hinge with an override of its own in the stage file does not follow `hinges.elbow.neck_mm`"""
     keys: tuple[KeyName, ...] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=MANY_KEYS,
-        description="Instead of `key`: several that take one value",
-        examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]],
+        default=None, min_length=1, max_length=MANY_KEYS, examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]]
     )
-    label: Label | None = Field(
-        default=None, description="Name of the column; by default the key", examples=["neck of the base hinge"]
-    )
-    values: tuple[Number, ...] | None = Field(
-        default=None,
-        min_length=1,
-        max_length=MANY,
-        description="A list: the points of a grid, else equally likely",
-        examples=[[0.3, 0.5, 0.8]],
-    )
-    start: Number | None = Field(
-        default=None, alias="from", description="With `to`: where a range begins", examples=[0.3]
-    )
+    """Instead of `key`: several that take one value"""
+    label: Label | None = Field(default=None, examples=["neck of the base hinge"])
+    """Name of the column; by default the key"""
+    values: tuple[Number, ...] | None = Field(default=None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]])
+    """A list: the points of a grid, else equally likely"""
+    start: Number | None = Field(default=None, alias="from", examples=[0.3])
+    """With `to`: where a range begins"""
     end: Number | None = Field(default=None, alias="to", description="Where the range ends", examples=[1.0])
     scale: Literal["linear", "log"] = Field(default="linear", description="On which the range is uniform")
-    points: int | None = Field(
-        default=None, ge=2, le=MANY, description="Of a range in a grid, and of nothing else: how many", examples=[5]
-    )
-    distribution: Literal["normal", "uniform"] | None = Field(
-        default=None,
-        description="`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, "
-        "`upper`. A list or range stays within the limits of its key; a distribution may leave them, and a design "
-        "outside is a row `refused` with its reason",
-    )
+    points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
+    """Of a range in a grid, and of nothing else: how many"""
+    distribution: Literal["normal", "uniform"] | None = None
+    """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. A list or
+    range stays within the limits of its key; a distribution may leave them, and a design outside is a row `refused`
+    with its reason"""
     mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
     sd: Step | None = Field(default=None, description="Standard deviation", examples=[0.005])
     lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])

@@ -140,18 +140,13 @@ class Sampling(Table):
     """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
     taken from a `file`."""
 
-    method: Method = Field(
-        description="`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; "
-        "`saltelli`, for sensitivity; or `table`, your own designs",
-        examples=["sobol"],
-    )
-    file: Label | None = Field(
-        default=None,
-        description="With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row "
-        "group at a time), beside the study file; one row a design, one column a factor, named by its label or key, "
-        "in file units. Factors then have a key alone. An edited table is another study",
-        examples=["designs.csv"],
-    )
+    method: Method = Field(examples=["sobol"])
+    """`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; `saltelli`, for
+    sensitivity; or `table`, your own designs"""
+    file: Label | None = Field(default=None, examples=["designs.csv"])
+    """With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row group at a time),
+    beside the study file; one row a design, one column a factor, named by its label or key, in file units. Factors then
+    have a key alone. An edited table is another study"""
     designs: int | None = Field(
         default=None,
         ge=1,
@@ -161,13 +156,8 @@ class Sampling(Table):
         "parts. A grid has none",
         examples=[256],
     )
-    base: int | None = Field(
-        default=None,
-        ge=2,
-        le=MOST,
-        description="With `saltelli`, instead: a power of two; there are base × (factors + 2) designs",
-        examples=[64],
-    )
+    base: int | None = Field(default=None, ge=2, le=MOST, examples=[64])
+    """With `saltelli`, instead: a power of two; there are base × (factors + 2) designs"""
     seed: int | None = Field(default=None, ge=0, lt=2**63, description="What designs are drawn from", examples=[1])
 
     @model_validator(mode="after")
@@ -195,11 +185,9 @@ class Output(Table):
     """A derived output: a column `name`, arithmetic on other columns and keys, shown with `label` and `unit`."""
 
     name: str = Field(pattern=NAME, description="Of its column", examples=["kxx_over_ktt"])
-    expression: Expression = Field(
-        description="Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, "
-        "max; names with blanks in backticks",
-        examples=["kxx_n_per_mm / ktt_n_mm_per_rad"],
-    )
+    expression: Expression = Field(examples=["kxx_n_per_mm / ktt_n_mm_per_rad"])
+    """Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, max; names with
+    blanks in backticks"""
     label: Label | None = Field(default=None, description="In figures", examples=["Kxx over Ktt"])
     unit: Label | None = Field(default=None, description="In figures", examples=["rad/mm²"])
 
@@ -207,15 +195,12 @@ class Output(Table):
 class Constraint(Table):
     """Ends between which an expression of columns and keys must lie for a design to count."""
 
-    value: Expression = Field(
-        description="An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything "
-        "is solved (not with `saltelli`). Of outputs: it is answered, `feasible` is false in the table, and fronts "
-        "and maps leave it out and count it",
-        examples=["hinges.base.neck_mm / hinges.base.radius_mm"],
-    )
-    least: float | None = Field(
-        default=None, description="The lower end", examples=[0.05], json_schema_extra=OF_THE_KEY
-    )
+    value: Expression = Field(examples=["hinges.base.neck_mm / hinges.base.radius_mm"])
+    """An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything is solved (not
+    with `saltelli`). Of outputs: it is answered, `feasible` is false in the table, and fronts and maps leave it out and
+    count it"""
+    least: float | None = Field(default=None, examples=[0.05], json_schema_extra=OF_THE_KEY)
+    """The lower end"""
     most: float | None = Field(default=None, description="The upper end", examples=[0.2], json_schema_extra=OF_THE_KEY)
     label: Label | None = Field(default=None, description="In messages", examples=["t/R of the base hinges"])
 
@@ -249,13 +234,11 @@ class Correlation(Table):
     """Two factors, by their columns, and the rank correlation (Spearman's) that they are drawn with."""
 
     factors: tuple[Label, Label] = Field(
-        description="Two columns",
-        examples=[["neck of base", "radius of base"]],
-        json_schema_extra={"uniqueItems": True},
+        examples=[["neck of base", "radius of base"]], json_schema_extra={"uniqueItems": True}
     )
-    coefficient: float = Field(
-        gt=-1, lt=1, description="Their rank correlation (Spearman's)", examples=[0.6], json_schema_extra=COUNT
-    )
+    """Two columns"""
+    coefficient: float = Field(gt=-1, lt=1, examples=[0.6], json_schema_extra=COUNT)
+    """Their rank correlation (Spearman's)"""
 
     @model_validator(mode="after")
     def _of_two(self) -> Correlation:
@@ -282,11 +265,9 @@ def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Ar
 class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
-    kind: FigureKind = Field(
-        description="`map` of an output over two factors, in whose cells means over the other factors are; "
-        "`distribution` and `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns",
-        examples=["pareto"],
-    )
+    kind: FigureKind = Field(examples=["pareto"])
+    """`map` of an output over two factors, in whose cells means over the other factors are; `distribution` and
+    `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns"""
     title: Label | None = Field(default=None, description="Of the figure", examples=["Stiffness against range"])
     x: Label | None = Field(default=None, description="Column, of a map a factor", examples=["range_x_um"])
     y: Label | None = Field(default=None, description="Another, of a map a factor", examples=["kxx_n_per_mm"])
@@ -295,10 +276,10 @@ class Figure(Table):
         default=None,
         min_length=1,
         max_length=12,
-        description="Of a `distribution` or `sensitivity`: outputs",
         examples=[["kxx_n_per_mm", "range_x_um"]],
         json_schema_extra={"uniqueItems": True},
     )
+    """Of a `distribution` or `sensitivity`: outputs"""
     x_better: Better = Field(default="larger", description="Of a front: which `x` is wanted")
     y_better: Better = Field(default="larger", description="Of a front: which `y` is wanted")
     drawn: int = Field(default=4, ge=1, le=12, description="Of a front: how many designs are drawn beside it")
@@ -330,23 +311,20 @@ Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLI
 class DriveQuestion(Table):
     """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
 
-    actuators: bool = Field(
-        default=False,
-        description="Not with `three_dimensional`: asks about the base stage's own `[[actuator]]` tables, outputs "
-        "`drive_range_x_um` and `engaged_kxx_n_per_mm` and their like. Their numbers are then keys, too: "
-        "`actuator.base.arm_mm`, and on one chain `override.2.actuator.base.preload_n` (a star for the chain); a "
-        "number that the actuator does not state is none. The drive is part of such a study's identity. Contacts on "
-        "straight links are placed for all designs at once; on a bent link, or by `point_mm`, every geometry is "
-        "drawn, 6 ms each",
-    )
+    actuators: bool = False
+    """Not with `three_dimensional`: asks about the base stage's own `[[actuator]]` tables, outputs `drive_range_x_um`
+    and `engaged_kxx_n_per_mm` and their like. Their numbers are then keys, too: `actuator.base.arm_mm`, and on one
+    chain `override.2.actuator.base.preload_n` (a star for the chain); a number that the actuator does not state is
+    none. The drive is part of such a study's identity. Contacts on straight links are placed for all designs at once;
+    on a bent link, or by `point_mm`, every geometry is drawn, 6 ms each"""
     stroke_um: Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)] | None = Field(
-        default=None,
-        description="Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive",
-        examples=[17.4],
+        default=None, examples=[17.4]
     )
+    """Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive"""
     lever_arm_mm: Annotated[float, *quantities.above_zero(quantities.LENGTH)] | None = Field(
-        default=None, description="From the base hinge to where that piezo pushes link 1", examples=[10.0]
+        default=None, examples=[10.0]
     )
+    """From the base hinge to where that piezo pushes link 1"""
 
     @model_validator(mode="after")
     def _asks_something(self) -> DriveQuestion:
@@ -369,12 +347,10 @@ class DriveQuestion(Table):
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
 
-    payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(
-        default=0.0, description="Mass on the platform at its centre", examples=[0.2]
-    )
-    payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(
-        default=0.0, description="Its moment of inertia about that", examples=[40.0]
-    )
+    payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(default=0.0, examples=[0.2])
+    """Mass on the platform at its centre"""
+    payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(default=0.0, examples=[40.0])
+    """Its moment of inertia about that"""
 
 
 class Drifting(Table):
@@ -384,24 +360,16 @@ class Drifting(Table):
 class Lasting(Table):
     """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
 
-    amplitude_x_um: Amplitude = Field(
-        default=0.0, description="Of the pose in x; one of the three or more", examples=[20.0]
-    )
+    amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
+    """Of the pose in x; one of the three or more"""
     amplitude_y_um: Amplitude = Field(default=0.0, description="Of the pose in y", examples=[20.0])
     amplitude_theta_mrad: Amplitude = Field(default=0.0, description="Of the pose in theta", examples=[0.5])
-    ratio: float = Field(
-        default=-1.0, ge=-1, le=0.99, description="Least over greatest displacement", json_schema_extra=COUNT
-    )
-    cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(
-        default=1e6, description="The wanted life", json_schema_extra=COUNT
-    )
-    notch_sensitivity: float = Field(
-        default=1.0,
-        ge=0,
-        le=1,
-        description="What of the stress concentration counts: 0 nothing, 1 all of it",
-        json_schema_extra=COUNT,
-    )
+    ratio: float = Field(default=-1.0, ge=-1, le=0.99, json_schema_extra=COUNT)
+    """Least over greatest displacement"""
+    cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(default=1e6, json_schema_extra=COUNT)
+    """The wanted life"""
+    notch_sensitivity: float = Field(default=1.0, ge=0, le=1, json_schema_extra=COUNT)
+    """What of the stress concentration counts: 0 nothing, 1 all of it"""
 
     @model_validator(mode="after")
     def _moves(self) -> Lasting:
@@ -447,83 +415,53 @@ class Study(Sourced):
 
     name: Label = Field(description="Title of figures", examples=["Stiffness against range at yield"])
     stage: Label = Field(description="File of the base stage, relative to the study's", examples=["stage.toml"])
-    model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(
-        description="What answers: `analytic`; `fe`, finite elements in the stage's plane model; "
-        "`three_dimensional`, of the stage extruded; `verify`, the error percentages of the one against the other",
-        examples=["analytic"],
-    )
+    model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
+    """What answers: `analytic`; `fe`, finite elements in the stage's plane model; `three_dimensional`, of the stage
+    extruded; `verify`, the error percentages of the one against the other"""
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=f"{FORMULA}; with `analytic` and `verify`")
     mobility: Mobility | None = Field(
         default=None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6]
     )
     links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; one design after the other, slower")
-    resolution: int = Field(
-        default=4, ge=4, le=64, description="Triangles across every neck, with `fe`, `verify`, `three_dimensional`"
-    )
-    layers: int = Field(
-        default=2,
-        ge=1,
-        le=16,
-        description="In half the thickness, with `three_dimensional`: 2 is 0.2 % off on the reference stages, 2 s a "
-        "design with alike chains, 6 s with unlike ones; 3 is 0.1 % off, 4 s and 10 s",
-    )
-    bands: bool = Field(
-        default=True, description="Whether `verify` finds the mesh band of each percentage, from three meshes"
-    )
-    check: Literal["closed_form", "drawing"] | None = Field(
-        default=None,
-        description="Whether every design is drawn to see that no bodies overlap; by default `closed_form` with "
-        "`analytic`, and what is meshed is always drawn",
-    )
-    time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(
-        default=60.0,
-        alias="time_limit_s",
-        description="For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s "
-        "longer is killed and replaced. Counted from when the worker has loaded the "
-        "design; time in which it, or the whole run, is stopped does not count",
-    )
+    resolution: int = Field(default=4, ge=4, le=64)
+    """Triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
+    layers: int = Field(default=2, ge=1, le=16)
+    """In half the thickness, with `three_dimensional`: 2 is 0.2 % off on the reference stages, 2 s a design with alike
+    chains, 6 s with unlike ones; 3 is 0.1 % off, 4 s and 10 s"""
+    bands: bool = True
+    """Whether `verify` finds the mesh band of each percentage, from three meshes"""
+    check: Literal["closed_form", "drawing"] | None = None
+    """Whether every design is drawn to see that no bodies overlap; by default `closed_form` with `analytic`, and what
+    is meshed is always drawn"""
+    time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(default=60.0, alias="time_limit_s")
+    """For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s longer is killed
+    and replaced. Counted from when the worker has loaded the design; time in which it, or the whole run, is stopped
+    does not count"""
     sampling: Sampling = Field(description="Which designs. At most 10^9 of them")
-    factor: tuple[Factor, ...] = Field(
-        min_length=1, max_length=100, description="What differs between designs; numbers in the unit of the key"
-    )
-    correlation: tuple[Correlation, ...] = Field(
-        default=(),
-        max_length=500,
-        description="Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with "
-        "`saltelli` (Sobol indices split the variance among independent factors), `grid` or `table`",
-    )
+    factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
+    """What differs between designs; numbers in the unit of the key"""
+    correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
+    """Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
+    (Sobol indices split the variance among independent factors), `grid` or `table`"""
     drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
-    frequencies: Frequencies | None = Field(
-        default=None,
-        description="Asks for natural frequencies in the plane, with a payload or without; the table may be empty. "
-        "`material.density_kg_m3` is then a key that factors can set. Every design is drawn, some 5 ms each. Not with "
-        "`three_dimensional`",
-    )
-    life: Lasting | None = Field(
-        default=None,
-        description="Asks for fatigue lives at an amplitude of the pose. The material needs fatigue constants, which "
-        "factors can then set. Not with `three_dimensional`",
-    )
-    drift: Drifting | None = Field(
-        default=None,
-        description="Asks for the drift with temperature; the table has no keys. The stage must "
-        "state both coefficients of expansion, which factors can then set: `material.expansion_um_per_m_k`, "
-        "`frame.expansion_um_per_m_k`. With `links` every pad is drawn, up to 0.15 s a design more. Not with "
-        "`three_dimensional`",
-    )
-    ask: tuple[Label, ...] = Field(
-        default=(),
-        max_length=100,
-        description="Other numbers by their paths in the JSON of a command, such as `drift.pose.uniform.analytic.x`: "
-        "columns of these names, found for one design after the other by the study's model",
-        examples=[["drift.stress.uniform.analytic.1.base"]],
-    )
-    output: tuple[Output, ...] = Field(
-        default=(), max_length=50, description="A derived output, found from the answers when the table is collected"
-    )
-    constraint: tuple[Constraint, ...] = Field(
-        default=(), max_length=50, description="Ends for an expression, between which a design counts"
-    )
+    frequencies: Frequencies | None = None
+    """Asks for natural frequencies in the plane, with a payload or without; the table may be empty.
+    `material.density_kg_m3` is then a key that factors can set. Every design is drawn, some 5 ms each. Not with
+    `three_dimensional`"""
+    life: Lasting | None = None
+    """Asks for fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
+    set. Not with `three_dimensional`"""
+    drift: Drifting | None = None
+    """Asks for the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
+    which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
+    drawn, up to 0.15 s a design more. Not with `three_dimensional`"""
+    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
+    """Other numbers by their paths in the JSON of a command, such as `drift.pose.uniform.analytic.x`: columns of these
+    names, found for one design after the other by the study's model"""
+    output: tuple[Output, ...] = Field(default=(), max_length=50)
+    """A derived output, found from the answers when the table is collected"""
+    constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
+    """Ends for an expression, between which a design counts"""
     figure: tuple[Figure, ...] = Field(default=(), max_length=50, description="What `flexfem study plot` draws")
 
     @model_validator(mode="after")
