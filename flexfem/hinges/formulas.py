@@ -10,13 +10,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem import own
 from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, shown
 from flexfem.hinges import beam
 from flexfem.hinges.beam import SHEAR_CORRECTION
 from flexfem.hinges.chart import Factors, hinge_chart
 from flexfem.refused import BadInput
+from flexfem.sources import load_own
 
 
 class Compliance(NamedTuple):
@@ -208,7 +208,7 @@ FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
 
 def formulas() -> tuple[str, ...]:
     """Names of the hinge formulas that are known, the user's own included."""
-    own.load()
+    load_own()
     return tuple(FORMULAS)
 
 
@@ -287,7 +287,7 @@ def _check_own(what: str, function: Any, ratio: Array) -> None:
 
 def formula(name: str) -> Formula:
     """The registered formula; raises BadInput with the list of names when there is none."""
-    own.load()
+    load_own()
     if not isinstance(name, str) or name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]

@@ -42,7 +42,7 @@ class Life(Result):
     """Cycles to failure of the necks, and the amplitude for a wanted life."""
 
     title = "fatigue life"
-    figure = "life.life_figure"
+    figure = "experiment.life_figure"
     life = Quantity("cycles of the neck that fails first", "", ("model",), Gate(0.05))
     fewest = Quantity("cycles by the uncertainty of the stress, from", "", ("model",), Gate(0.1))
     most = Quantity("to", "", ("model",), Gate(0.1))

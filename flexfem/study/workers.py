@@ -21,8 +21,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from flexfem.files.refusals import one_line
-from flexfem.own import own_hash
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.sources import own_hash
 
 PACKAGE = Path(__file__).parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
