@@ -122,7 +122,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     assert [edge.by[0] for edge in section] == [f"{kind} of {k}" for kind, k in
         (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))]  # fmt: skip
     held = poses.farthest(np.array([1.0, 1.0, 1.0]), (0,))
-    assert held.x == pytest.approx([0.0, 1.0, 1.0]) and set(held.by) == {"stroke of 1", "stroke of 2"}
+    assert held[0] == pytest.approx([0.0, 1.0, 1.0]) and set(held[1]) == {"stroke of 1", "stroke of 2"}
 
 
 def test_strokes_alone_reach_a_zonotope(stage):
