@@ -44,7 +44,7 @@ from numpy.typing import NDArray
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises, widening
 from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.structure import NONE, edge_force, nodes_on, structure
+from flexfem.fem.structure import NONE, Structure, edge_force, nodes_on, structure
 from flexfem.files.writing import write_atomically
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
@@ -190,22 +190,24 @@ def _held(mesh: StageMesh) -> NDArray[np.bool_]:
     return held
 
 
-def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None = None) -> Array:
-    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`.
+def _answers(of: Structure, loads: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Displacements (k, n, ...) of a quarter under loads, zero where held, and the work (k,) of these on the hinge.
 
     Notes
     -----
-    A unit load's work on the quarter is a quarter of its work on the hinge, which is the compliance with the blocks'.
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
-    mesh = mesh or hinge_mesh(hinge, refinement)
-    of, whole = structure(mesh, Plate(1.0, hinge.poissons_ratio, 1.0), held=NONE), list[float]()
     lower = of.lower()
-    for force, held in zip(_loads(mesh, hinge.block), _held(mesh), strict=True):
-        field = of.settled(lower, force, held)
-        whole.append(4 * float(np.sum((2 * force - of.forces(field[None])[0]) * field)))
-    return np.array(whole) - block_compliance(hinge)
+    fields = np.array([of.settled(lower, *each) for each in zip(loads, held, strict=True)])
+    return fields, 4 * np.sum((2 * loads - of.forces(fields)) * fields, axis=tuple(range(1, loads.ndim)))
+
+
+def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None = None) -> Array:
+    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
+    mesh = mesh or hinge_mesh(hinge, refinement)
+    of = structure(mesh, Plate(1.0, hinge.poissons_ratio, 1.0), held=NONE)
+    return _answers(of, _loads(mesh, hinge.block), _held(mesh))[1] - block_compliance(hinge)
 
 
 def block_compliance(hinge: SingleHinge) -> Array:
@@ -253,13 +255,9 @@ def _solved(hinge: SingleHinge, refinement: int) -> _Solved:
     fixed = np.pad(np.repeat(held[:, :, None], len(line.heights), axis=2), [*[(0, 0)] * 3, (0, 1)])
     fixed[0, nodes_on(mesh, "bottom"), :, 2] = True
     fixed[0, nodes_on(mesh, "left")[0], 1:, 1] = False  # the motion along y that bending leaves is held at one point
-    fields, works = [], []
-    for layered_by, loads, supports in ((None, flat, held), (line, through, fixed)):
-        of = structure(mesh, plate, layered_by, SOLID_QUADRATURE, NONE)
-        lower = of.lower()
-        fields.append(np.array([of.settled(lower, *each) for each in zip(loads, supports, strict=True)]))
-        works.append(4 * np.sum(loads * fields[-1], axis=tuple(range(1, loads.ndim))))  # on the hinge, of four quarters
-    return _Solved(mesh, line, fields[0], fields[1], works[0], works[1] / line.weights.sum() - works[0])
+    plane, thin = _answers(structure(mesh, plate, None, SOLID_QUADRATURE, NONE), flat, held)
+    solid, thick = _answers(structure(mesh, plate, line, SOLID_QUADRATURE, NONE), through, fixed)
+    return _Solved(mesh, line, plane, solid, thin, thick / line.weights.sum() - thin)
 
 
 def compliances(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, int]:

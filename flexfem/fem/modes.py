@@ -41,7 +41,6 @@ class VibratingStructure(NamedTuple):
 
     @property
     def structure(self) -> Structure:
-        """The structure."""
         return self.mass.of
 
 

@@ -64,7 +64,6 @@ class StaticSolution(NamedTuple):
 
     @property
     def unknowns(self) -> int:
-        """Number of equations."""
         return len(self.motion)
 
 
@@ -173,7 +172,6 @@ class Response:
 
     @property
     def mesh(self) -> StageMesh:
-        """The whole stage."""
         return self._welded[0]
 
     @cached_property
