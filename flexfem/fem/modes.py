@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
@@ -51,7 +50,6 @@ class Modes(NamedTuple):
     participation : (k, 3), of base motions as the pose of the hub: squares are the effective modal masses.
     total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, the clamped faces too.
     mesh, places : the whole stage, and where the nodes of each chain's sector are in it.
-    unknowns : number of equations of the whole.
     """
 
     frequencies: Array
@@ -61,7 +59,6 @@ class Modes(NamedTuple):
     structure: Structure
     mesh: StageMesh
     places: list[Index]
-    unknowns: int
 
     @property
     def layers(self) -> Layers:
@@ -115,7 +112,7 @@ def _with_stacks(solve: Solve, pushes: Array, rates: Array) -> Solve:
 def modes(of: VibratingStructure, count: int) -> Modes:
     """The lowest `count` modes, by rising frequency. Raises ComputationFailed when they are not found."""
     squares, motion = _ritz(of.space, of, count)
-    return _arranged(squares, motion[None], of.structure, [], of.mass, count, of.structure.size)
+    return _arranged(squares, motion[None], of.structure, [], of.mass, count)
 
 
 def stage_modes(
@@ -150,7 +147,7 @@ def stage_modes(
     ]
     squares, (mesh, places) = np.concatenate([constant, turning, turning]), joined(sectors)
     whole = mass_of(structure(mesh, plate, layers), density, carried)
-    return _arranged(squares, np.array(shapes), stage.of, places, whole, count, stage.unknowns)
+    return _arranged(squares, np.array(shapes), stage.of, places, whole, count)
 
 
 def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Array]:
@@ -177,11 +174,8 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
     return squares, motion / np.sqrt(np.tile(massive, motion.shape[1] // count))
 
 
-def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift: float = 0.0) -> tuple[Array, Any]:
-    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK in shift-invert mode.
-
-    mass : (m, m), symmetric, or complex Hermitian.   solve : by `K - shift M`, which is positive definite.
-    """
+def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
+    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK, solving by K."""
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     size = mass.shape[0]
@@ -190,16 +184,14 @@ def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift:
     inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype)
     start = np.random.default_rng(0).standard_normal(size)  # the same every time
     try:
-        values, vectors = eigsh(mass, count, M=mass, sigma=shift, OPinv=inverse, v0=start)  # A is not used
+        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, v0=start)  # A is not used
     except ArpackError as failure:
         raise ComputationFailed(f"eigenvalues: {failure}") from None
     order = np.argsort(values)
     return values[order], vectors[:, order]
 
 
-def _arranged(
-    squares: Array, shapes: Array, of: Structure, places: list[Index], mass: Mass, count: int, unknowns: int
-) -> Modes:
+def _arranged(squares: Array, shapes: Array, of: Structure, places: list[Index], mass: Mass, count: int) -> Modes:
     """The first so many, by rising frequency, pairs of one frequency turned into x and y, signs chosen.
 
     All are turned: of a pair the one that is left out is needed to turn the other into x.
@@ -209,7 +201,7 @@ def _arranged(
     rigid = mass.of.rigid_fields()
     base = mass.forces(rigid).reshape(3, -1)
     total = rigid.reshape(3, -1) @ base.T + mass.carried
-    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, of, mass.of.mesh, places, unknowns)
+    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, of, mass.of.mesh, places)
     participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
     if of.poses:
         participation = participation + shapes[0, -3:].T @ mass.carried
