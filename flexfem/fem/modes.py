@@ -50,6 +50,7 @@ class Modes(NamedTuple):
     participation : (k, 3), of base motions as the pose of the hub: squares are the effective modal masses.
     total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, the clamped faces too.
     mesh, places : the whole stage, and where the nodes of each chain's sector are in it.
+    unknowns : number of equations of the whole.
     """
 
     frequencies: Array
@@ -59,6 +60,7 @@ class Modes(NamedTuple):
     structure: Structure
     mesh: StageMesh
     places: list[Index]
+    unknowns: int
 
     @property
     def layers(self) -> Layers:
@@ -112,7 +114,7 @@ def _with_stacks(solve: Solve, pushes: Array, rates: Array) -> Solve:
 def modes(of: VibratingStructure, count: int) -> Modes:
     """The lowest `count` modes, by rising frequency. Raises ComputationFailed when they are not found."""
     squares, motion = _ritz(of.space, of, count)
-    return _arranged(squares, motion[None], of.structure, [], of.mass, count)
+    return _arranged(squares, motion[None], of.structure, [], of.mass, count, of.structure.size)
 
 
 def stage_modes(
@@ -147,7 +149,7 @@ def stage_modes(
     ]
     squares, (mesh, places) = np.concatenate([constant, turning, turning]), joined(sectors)
     whole = mass_of(structure(mesh, plate, layers), density, carried)
-    return _arranged(squares, np.array(shapes), stage.of, places, whole, count)
+    return _arranged(squares, np.array(shapes), stage.of, places, whole, count, stage.unknowns)
 
 
 def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Array]:
@@ -191,7 +193,9 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
     return values[order], vectors[:, order]
 
 
-def _arranged(squares: Array, shapes: Array, of: Structure, places: list[Index], mass: Mass, count: int) -> Modes:
+def _arranged(
+    squares: Array, shapes: Array, of: Structure, places: list[Index], mass: Mass, count: int, unknowns: int
+) -> Modes:
     """The first so many, by rising frequency, pairs of one frequency turned into x and y, signs chosen.
 
     All are turned: of a pair the one that is left out is needed to turn the other into x.
@@ -201,7 +205,7 @@ def _arranged(squares: Array, shapes: Array, of: Structure, places: list[Index],
     rigid = mass.of.rigid_fields()
     base = mass.forces(rigid).reshape(3, -1)
     total = rigid.reshape(3, -1) @ base.T + mass.carried
-    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, of, mass.of.mesh, places)
+    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, of, mass.of.mesh, places, unknowns)
     participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
     if of.poses:
         participation = participation + shapes[0, -3:].T @ mass.carried
