@@ -164,8 +164,8 @@ class Structure:
         one, other = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         chosen = (other >= 0) & (one >= other)
         keys, pair = np.unique(one[chosen] * len(number) + other[chosen], return_inverse=True)
-        every = np.ones(len(pair)), pair, np.arange(len(pair) + 1)
-        gathering = sp.csr_array(sp.csc_array(every, (len(keys), len(pair))))
+        entries = np.ones(len(pair)), pair, np.arange(len(pair) + 1)  # one in every column
+        gathering = sp.csr_array(sp.csc_array(entries, (len(keys), len(pair))))
         rows, columns = (each.astype(np.int32) for each in np.divmod(keys, len(number)))
         return Pairs(rows, columns, chosen, gathering)
 
