@@ -142,8 +142,6 @@ def thick_compliance(stage: Stage) -> Array | None:
 def _measured(stage: Stage, K: Array) -> tuple[Array, Array]:
     """What three dimensions change, percentage points (3, 3), column j for command j, and its band along the command.
 
-    Notes
-    -----
     The error in three dimensions less that of the stage's own plane problem on the same mesh of the plane, whose own
     error so cancels. The band is `SAFETY` times what the last step of the mesh and of the layers changed, one after the
     other.
