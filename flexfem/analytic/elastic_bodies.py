@@ -35,7 +35,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.hinges.beam import SHEAR_CORRECTION
+from flexfem.hinges.chart import SHEAR_CORRECTION
 from flexfem.mechanism.bodies import (
     Pose,
     Segment,
