@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array, Index, inverse
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import Frames, direction
 from flexfem.refused import BadInput
 

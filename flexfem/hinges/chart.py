@@ -87,8 +87,12 @@ GROWTH = np.array([0.0, SPREADING, SPREADING])  # of rotation, axial, shear, per
 ROUND_OFF = 1e-9  # relative; a block as high as the notch, added up in another order, is still on the chart
 
 
-class Factors(NamedTuple):
-    """Compliances (...) over their beam integrals, shear at nu = 0; nan outside the chart."""
+class Compliance(NamedTuple):
+    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled; or factors on them.
+
+    rotation : 1/(N mm), angle of the two bodies per moment.   axial : mm/N, stretch along the neck per force along it.
+    shear : mm/N, sideways displacement per force across the neck at its centre.
+    """
 
     rotation: Array
     axial: Array
@@ -146,7 +150,7 @@ class HingeChart(NamedTuple):
         """Whether t/R and H/h (broadcast against each other) are on the chart; there is no largest H/h."""
         return _within(ratio, self.low.ends[0]) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
 
-    def factors(self, ratio: ArrayLike, height: ArrayLike) -> Factors:
+    def factors(self, ratio: ArrayLike, height: ArrayLike) -> Compliance:
         """Factors (...) at t/R and H/h, broadcast against each other."""
         tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
         found = self.low.at(tau, eta)
@@ -155,7 +159,7 @@ class HingeChart(NamedTuple):
             within, high = np.clip(tau[beyond], *self.low.ends[0]), eta[beyond]
             grown = GROWTH[:, None] * np.log(high) / beam_integrals(within)
             found[:, beyond] = self.high.continued(within, high) + grown
-        return Factors(*found)
+        return Compliance(*found)
 
 
 def beam_integrals(tau: Array) -> Array:
@@ -193,7 +197,9 @@ def thickness_chart() -> Series:
     return Series.through(ends, (np.sqrt, np.log, np.positive), points, samples)
 
 
-def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike) -> Factors:
+def thickness_factors(
+    radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike
+) -> Compliance:
     """Factors (...), at most 1, of the plane-stress compliances of hinges; lengths in mm, the arguments broadcast.
 
     nan where t/R, b/t or nu is not on the chart.
@@ -208,7 +214,7 @@ def thickness_factors(radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, 
     slender = beam_integrals(tau)[2] * hinge_chart().factors(tau, 1.0).shear
     stretch = 4.0 * SHEAR_CORRECTION / (2.0 + tau)
     softening = (slender - stretch) / (slender + stretch * nu)
-    return Factors(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
+    return Compliance(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
 
 
 def on_thickness_chart(

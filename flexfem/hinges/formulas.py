@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,21 +14,8 @@ from flexfem import own
 from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, shown
 from flexfem.hinges import chart
-from flexfem.hinges.chart import SHEAR_CORRECTION, Factors, hinge_chart
+from flexfem.hinges.chart import SHEAR_CORRECTION, Compliance, hinge_chart
 from flexfem.refused import BadInput
-
-
-class Compliance(NamedTuple):
-    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled.
-
-    rotation : (...), 1/(N mm), angle of the two bodies per moment.
-    axial : (...), mm/N, stretch along the neck per force along it.
-    shear : (...), mm/N, sideways displacement per force across the neck at its centre.
-    """
-
-    rotation: Array
-    axial: Array
-    shear: Array
 
 
 @dataclass(frozen=True)
@@ -92,7 +79,7 @@ class Formula:
         axial = (self.axial or chart.axial_paros_weisbord)(tau)
         bending = (self.bending or chart.bending_closed)(tau)
         stretch = axial if self.bending is not None else chart.axial_paros_weisbord(tau)
-        factors, sideways = Factors(*np.ones(3)), stretch
+        factors, sideways = Compliance(*np.ones(3)), stretch
         if self.charted:
             tau, eta = _shape_of_notch(R, t, block_height)
             factors, sideways = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
