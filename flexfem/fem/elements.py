@@ -1,7 +1,7 @@
 """Curved quadratic triangles in the plane, and wedges: these triangles times quadratic segments through the thickness.
 
-Shape functions are products of the triangle's, phi, and the line's, psi; a plane structure has one node on the line,
-psi = 1. The stiffness of two nodes of the plane is a sum of matrices of the line, each times a matrix of the plane.
+Shape functions are products of the triangle's, phi, and the line's, psi; in the plane one node has psi = 1. So the
+stiffness of two nodes of the plane is a sum of matrices of the line, each times a matrix of the plane.
 """
 
 from __future__ import annotations
@@ -69,11 +69,6 @@ class Layers(NamedTuple):
         return self._replace(held=(), fixed=(0,))
 
     @property
-    def vectors(self) -> int:
-        """Nodes of the line with u and v unknown."""
-        return len(self.heights) - len(self.fixed)
-
-    @property
     def kept(self) -> Index:
         """Places among the components (m, d) of the line of its unknowns: u, v of all nodes, then w."""
         place = np.arange(len(self.heights) * self.axes).reshape(-1, self.axes)
@@ -92,10 +87,9 @@ class Layers(NamedTuple):
         return self._replace(values=np.eye(count), slopes=slopes / np.maximum(around, 1.0))
 
     def rigid(self, nodes: Array) -> Array:
-        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per unit of the pose of a rigid body.
+        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per pose x, y, theta of a rigid body.
 
-        The pose is x, y, theta; out of the plane z and the rotations a, b about x and y:
-        `u = b z, v = -a z, w = Z + a y - b x`.
+        Out of the plane it is z and the rotations a, b about x and y: `u = b z, v = -a z, w = Z + a y - b x`.
         """
         found, (x, y) = np.zeros((len(nodes), len(self.heights), self.axes, 3)), nodes.T[:, :, None]
         if self.fixed:

@@ -116,15 +116,10 @@ def condense(lower: sp.csr_array, boundary: int) -> Condensed:
     """Condense a positive definite matrix onto its last unknowns. Raises ComputationFailed when it is singular."""
     if find_spec("cvxopt") is None:
         return _by_superlu(lower, boundary)
-    K = _to_cvxopt(lower)
-    del lower
-    return _by_cholmod(K, boundary)
-
-
-def _by_cholmod(K: Any, boundary: int) -> Condensed:
     from cvxopt import amd, cholmod, matrix
 
-    size: int = K.size[0]
+    K, size = _to_cvxopt(lower), lower.shape[0]
+    del lower  # as in `factorise`
     inner, order = size - boundary, np.array(amd.order(K, "L")).ravel()
     order = np.concatenate([order[order < inner], np.arange(inner, size)])
     factor = _cholmod(K, order)
@@ -167,7 +162,7 @@ def _by_superlu(lower: sp.csr_array, boundary: int) -> Condensed:
 
 
 class Factorization(NamedTuple):
-    """A factorised symmetric matrix: `solve`, and whether the matrix is positive definite."""
+    """A factorised symmetric matrix, and whether it is positive definite."""
 
     solve: Solve
     definite: bool
@@ -182,10 +177,16 @@ class Factoriser:
 
     def __call__(self, lower: sp.csr_array) -> Factorization:
         """A factor, good until the next one is made. Raises ComputationFailed for a singular matrix."""
+        from scipy.sparse.linalg import splu
+
         try:
             return Factorization(self._definite(lower), True)
         except ComputationFailed:
-            return Factorization(_pivoted(lower), False)
+            pass
+        try:
+            return Factorization(splu(_whole(lower)).solve, False)
+        except RuntimeError:
+            raise ComputationFailed(UNSTABLE) from None
 
     def _definite(self, lower: sp.csr_array) -> Solve:
         if find_spec("cvxopt") is None:
@@ -203,13 +204,3 @@ class Factoriser:
             self._pattern, self._matrix = pattern, _to_cvxopt(lower)
             self._symbolic = cholmod.symbolic(self._matrix)
         return partial(_system, _cholmod(self._matrix, symbolic=self._symbolic), kind=WHOLE)
-
-
-def _pivoted(lower: sp.csr_array) -> Solve:
-    from scipy.sparse.linalg import splu
-
-    try:
-        factor = splu(_whole(lower))
-    except RuntimeError:
-        raise ComputationFailed(UNSTABLE) from None
-    return lambda b: np.asarray(factor.solve(b))

@@ -24,10 +24,9 @@ CORNER = 0.2  # of a clamped edge, left out at both ends: stress at its corners 
 
 
 class LoadCase(NamedTuple):
-    """One load on the platform: force (3,) N, N, N mm; pose (3,) mm, mm, rad; field (n, 2) mm; energy N mm;
+    """One load on the platform: pose (3,) mm, mm, rad; field (n, 2) mm; reaction (3,) N, N, N mm; energy N mm;
     stress (n,) von Mises, MPa; neck_stress (3 chains, 3 hinges), the largest in each notch, MPa."""
 
-    force: Array
     pose: Array
     field: Array
     reaction: Array
@@ -38,11 +37,9 @@ class LoadCase(NamedTuple):
 
 def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution, force: Array) -> LoadCase:
     """Combine the unit responses in the plane to one load (3,), N, N and N mm, at the platform centre."""
-    force = np.asarray(force, dtype=float)
     field = np.tensordot(force, response.fields, axes=1)
     stress = von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
     return LoadCase(
-        force=force,
         pose=response.compliance @ force,
         field=field,
         reaction=force @ response.reactions,

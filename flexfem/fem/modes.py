@@ -44,10 +44,6 @@ class VibratingStructure(NamedTuple):
         """The structure."""
         return self.mass.of
 
-    def inertia(self, motion: Array) -> Array:
-        """The mass matrix times accelerations (size, k)."""
-        return self.mass.loads(motion)
-
 
 class Modes(NamedTuple):
     """Natural frequencies (k,), rad/s, rising, and modes of unit modal mass, mm and rad per root of a tonne mm^2.
@@ -163,7 +159,7 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
     from scipy.sparse.linalg import LinearOperator
 
     def inertia(coordinates: AnyArray) -> AnyArray:
-        return space.gathered(of.inertia(space.spread(coordinates.reshape(-1, 1))))[:, 0]
+        return space.gathered(of.mass.loads(space.spread(coordinates.reshape(-1, 1))))[:, 0]
 
     M = LinearOperator((space.size, space.size), matvec=inertia, dtype=space.kind)
     values, shapes = lowest(space.solve, M, count)
@@ -171,7 +167,7 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
     fields = of.structure.fields(motion)
     energy = np.sum(fields * of.structure.forces(fields), axis=tuple(range(1, fields.ndim)))
     energy += of.rates @ (of.pushes.T @ motion) ** 2
-    mass = np.sum(motion * of.inertia(motion), axis=0)
+    mass = np.sum(motion * of.mass.loads(motion), axis=0)
     stiff, massive = (np.sum(each.reshape(-1, count), axis=0) for each in (energy, mass))
     squares = stiff / massive
     worst = float(np.max(np.abs(squares / values - 1)))
@@ -211,8 +207,10 @@ def _arranged(
     """
     order = np.argsort(squares)
     squares, shapes = squares[order], shapes[..., order]
-    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), mass.total(), of, mass.of.mesh, places, unknowns)
-    base = mass.forces(mass.of.rigid_fields()).reshape(3, -1)
+    rigid = mass.of.rigid_fields()
+    base = mass.forces(rigid).reshape(3, -1)
+    total = rigid.reshape(3, -1) @ base.T + mass.carried
+    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, of, mass.of.mesh, places, unknowns)
     participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
     if of.poses:
         participation = participation + shapes[0, -3:].T @ mass.carried

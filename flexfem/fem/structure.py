@@ -263,11 +263,6 @@ class Mass(NamedTuple):
             force[:] = (self.line @ moved).reshape(field.shape)
         return found
 
-    def total(self) -> Array:
-        """Mass matrix (3, 3) of the whole as one rigid body, the clamped faces too."""
-        rigid = self.of.rigid_fields()
-        return np.asarray(rigid.reshape(3, -1) @ self.forces(rigid).reshape(3, -1).T + self.carried)
-
     def loads(self, motion: Array) -> Array:
         """The mass matrix times accelerations (size, k) of the unknowns."""
         loads = self.of.loads(self.forces(self.of.fields(motion)))

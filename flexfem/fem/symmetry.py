@@ -1,7 +1,7 @@
 """Cyclic symmetry: a structure of three alike sectors by one, condensed onto its cuts and the pose of the hub.
 
 Of harmonic 0 all sectors move alike, each in its own frame; of harmonic 1 sector c moves as `e^(2 pi i c / 3) u_0`,
-whose real and imaginary parts are two motions. Unit vectors in x and y together, (1, i), are of harmonic 1. With `b`
+whose real and imaginary parts are two motions: unit vectors in x and y together, (1, i), are of harmonic 1. With `b`
 the displacements of the cuts and the pose, `i` all others of a sector, and `b = T_h q` as harmonic h lets them move,
 
     S = K_bb - K_bi K_ii^-1 K_ib,    A_h = T_h* S T_h.
@@ -137,7 +137,7 @@ def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
     The cut ahead is the cut behind of the next sector. Of three freedoms of the hub the turn leaves one as it is,
     theta or z, and turns the others as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
     """
-    each, vectors = np.eye(len(of.line.kept)), of.line.vectors
+    each, vectors = np.eye(len(of.line.kept)), len(of.line.heights) - len(of.line.fixed)  # with u, v
     each[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
     spin, phase = np.kron(np.eye(nodes), each), np.exp(1j * CHAIN_TURN) if harmonic else 1.0
     c = len(spin)

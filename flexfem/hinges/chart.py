@@ -205,7 +205,7 @@ def thickness_factors(
     nan where t/R, b/t or nu is not on the chart.
 
     Shear is taken as far from plane stress to plane strain as rotation. Its plane-strain limit follows from its
-    plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/hinge.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
+    plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/chart.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
     and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
     """
     R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem import own
 from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, shown
 from flexfem.hinges import chart
 from flexfem.hinges.chart import SHEAR_CORRECTION, Compliance, hinge_chart
 from flexfem.refused import BadInput
+from flexfem.sources import load_own
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Formula:
         -----
         dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). On a charted
         hinge Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height:
-        `flexfem/fem/hinge.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
+        `flexfem/fem/chart.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
         the same: the caller reports it.
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
@@ -194,7 +194,7 @@ FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
 
 def formulas() -> tuple[str, ...]:
     """Names of the hinge formulas that are known, the user's own included."""
-    own.load()
+    load_own()
     return tuple(FORMULAS)
 
 
@@ -273,7 +273,7 @@ def _check_own(what: str, function: Any, ratio: Array) -> None:
 
 def formula(name: str) -> Formula:
     """The registered formula; raises BadInput with the list of names when there is none."""
-    own.load()
+    load_own()
     if not isinstance(name, str) or name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]

@@ -21,9 +21,8 @@ from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
-from flexfem.fem.heat import HeatResponse, free_displacement, heat_response, warm_half
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
-from flexfem.fem.response import Response
+from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, warm_half
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along

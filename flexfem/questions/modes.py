@@ -461,7 +461,7 @@ def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int
     found = np.full(count, np.nan)
     for k in range(count):
         middle = np.concatenate([of.field(k)[flat.structure.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
-        moved = flat.inertia(middle[:, None])[:, 0]
+        moved = flat.mass.loads(middle[:, None])[:, 0]
         overlap = np.abs(solved.shapes[0].T @ moved) / np.sqrt(middle @ moved)
         best = int(np.argmax(overlap))
         if overlap[best] > SAME_SHAPE:
@@ -532,7 +532,7 @@ def _craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: i
         return np.asarray((of.space.solve(whole) - static @ (K_pose @ (static.T @ whole)))[:-3])
 
     def inertia(b: Array) -> Array:
-        return of.inertia(np.pad(b.reshape(size, -1), ((0, 3), (0, 0))))[:-3]
+        return of.mass.loads(np.pad(b.reshape(size, -1), ((0, 3), (0, 0))))[:-3]
 
     squares, shapes = lowest(held, LinearOperator((size, size), matvec=inertia, dtype=float), count)
     shapes = shapes / np.sqrt(np.einsum("ik,ik->k", shapes, inertia(shapes)))
@@ -540,4 +540,4 @@ def _craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: i
     T[-3:] = np.eye(3, 3 + count)
     K = np.zeros((3 + count, 3 + count))
     K[:3, :3], K[3:, 3:] = K_pose, np.diag(squares)
-    return CraigBampton(K, T.T @ of.inertia(T), T.T @ loads)
+    return CraigBampton(K, T.T @ of.mass.loads(T), T.T @ loads)

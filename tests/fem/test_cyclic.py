@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import sys
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from flexfem.arrays import Array
 from flexfem.fem.fields import base_rotations, envelope, load_case, neck_stresses
 from flexfem.fem.mesh import StageMesh, mesh_sectors, welded
 from flexfem.fem.response import Response, StaticSolution, platform_response, unit_response
@@ -35,7 +34,7 @@ class Both(NamedTuple):
     whole: StaticSolution
 
 
-def in_both_ways(stage: Stage) -> Both:
+def in_both_ways(stage):
     sectors = mesh_sectors(stage, COARSE, inside=True)
     mesh, _ = welded(sectors)
     plate = plate_of(stage)
@@ -43,29 +42,29 @@ def in_both_ways(stage: Stage) -> Both:
 
 
 @pytest.fixture(scope="module")
-def pair(alike: Any, unlike: Any) -> dict[str, Both]:
+def pair(alike, unlike):
     return {"alike": in_both_ways(alike.stage), "unlike": in_both_ways(unlike.stage)}
 
 
 @pytest.fixture(params=["alike", "unlike"])
-def both(request: pytest.FixtureRequest, pair: dict[str, Both]) -> Both:
+def both(request, pair):
     return pair[request.param]
 
 
-def scaled(compliance: Array) -> Array:
+def scaled(compliance):
     """Relative to the root of the product of its diagonal terms."""
     size = np.sqrt(np.diag(compliance))
     return np.asarray(compliance / np.outer(size, size))
 
 
-def test_compliance_is_that_of_the_whole_stage(both: Both) -> None:
+def test_compliance_is_that_of_the_whole_stage(both):
     size = np.sqrt(np.diag(both.whole.compliance))
     difference = (both.response.compliance - both.whole.compliance) / np.outer(size, size)
     assert np.abs(difference).max() < SAME
     assert both.response.unknowns == both.whole.unknowns
 
 
-def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both: Both) -> None:
+def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both):
     np.testing.assert_array_equal(both.response.mesh.nodes, both.mesh.nodes)
     size = np.abs(both.whole.fields).max(axis=(1, 2), keepdims=True)
     assert np.abs((both.response.fields - both.whole.fields) / size).max() < SAME
@@ -74,17 +73,17 @@ def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both: Both
     np.testing.assert_allclose(scaled(both.response.energy), scaled(both.whole.energy), rtol=0, atol=SAME)
 
 
-def test_neck_stresses_are_those_of_the_whole_stage(both: Both) -> None:
+def test_neck_stresses_are_those_of_the_whole_stage(both):
     found = neck_stresses(both.stage, both.response, LOADS).highest
     expected = [load_case(both.stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
     np.testing.assert_allclose(found, expected, rtol=1e-7)  # differences of displacements, over a small triangle
 
 
-def test_envelope_holds_every_node_of_the_whole_stage(both: Both) -> None:
+def test_envelope_holds_every_node_of_the_whole_stage(both):
     assert envelope(both.response) == pytest.approx(2 * np.hypot(*both.mesh.nodes.T).max(), rel=1e-12)
 
 
-def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair: dict[str, Both]) -> None:
+def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair):
     stage, response = pair["alike"].stage, pair["alike"].response
     turns = base_rotations(stage, response)
     load = np.array([1.3, -0.7, 5.0])
@@ -93,7 +92,7 @@ def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair:
     assert not np.allclose(here, there, rtol=0.05)
 
 
-def test_base_rotation_of_a_rigidly_turned_link_is_its_angle_against_the_pad(pair: dict[str, Both]) -> None:
+def test_base_rotation_of_a_rigidly_turned_link_is_its_angle_against_the_pad(pair):
     """Displacements of rigid rotations of link 1 and of the pad, others in every chain."""
     both, links, pads = pair["unlike"], (1.7e-3, 1.1e-3, -0.6e-3), (-0.4e-3, 0.2e-3, 0.3e-3)
     fields = []
@@ -108,14 +107,14 @@ def test_base_rotation_of_a_rigidly_turned_link_is_its_angle_against_the_pad(pai
     assert np.all(turns[[0, 2]] == 0.0)
 
 
-def test_without_cholmod_the_answer_is_the_same(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_cholmod_the_answer_is_the_same(pair, monkeypatch):
     monkeypatch.setitem(sys.modules, "cvxopt", None)  # as if it were not installed
     both = pair["unlike"]
     again = unit_response(both.response.sectors, plate_of(both.stage))
     assert np.abs(scaled(again.compliance) - scaled(both.response.compliance)).max() < SAME
 
 
-def test_an_answer_that_does_not_balance_is_refused(pair: dict[str, Both], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_that_does_not_balance_is_refused(pair, monkeypatch):
     """Element matrices that are not those of the residuals: refinement does not mend it, and the check sees it."""
     both = pair["alike"]
     lower = Structure.lower
@@ -124,7 +123,7 @@ def test_an_answer_that_does_not_balance_is_refused(pair: dict[str, Both], monke
         unit_response(both.response.sectors, plate_of(both.stage))
 
 
-def test_a_stage_that_is_not_held_is_refused(pair: dict[str, Both]) -> None:
+def test_a_stage_that_is_not_held_is_refused(pair):
     (sector,) = pair["alike"].response.sectors
     floating = sector._replace(mesh=sector.mesh._replace(edges={**sector.mesh.edges, "ground": np.empty((0, 3), int)}))
     with pytest.raises(ComputationFailed, match="singular to working precision: a part is not held"):
@@ -132,14 +131,14 @@ def test_a_stage_that_is_not_held_is_refused(pair: dict[str, Both]) -> None:
 
 
 @pytest.mark.parametrize("name", ["alike", "unlike"])
-def test_plane_strain_changes_neck_stress_as_in_the_whole_stage(name: str, pair: dict[str, Both]) -> None:
+def test_plane_strain_changes_neck_stress_as_in_the_whole_stage(name, pair):
     stage = pair[name].stage.model_copy(update={"model": "plane_strain"})
     both = in_both_ways(stage)
     expected = [load_case(stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
     np.testing.assert_allclose(neck_stresses(stage, both.response, LOADS).highest, expected, rtol=1e-10)
 
 
-def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike: Any) -> None:
+def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike):
     """The equations of nine thin necks lose eight digits; energy and work agree, because cuts stay shut."""
     thin = {name: getattr(alike.stage.hinges, name).model_copy(update={"neck": 0.02}) for name in HINGE_NAMES}
     stage = alike.stage.model_copy(update={"hinges": alike.stage.hinges.model_copy(update=thin), "override": ()})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from importlib.util import find_spec
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 import scipy.sparse as sp
 
 import flexfem.fem.factor
-from flexfem.fem.factor import Solve, condense, dense, factorise, superlu
+from flexfem.fem.factor import condense, dense, factorise, superlu
 from flexfem.refused import ComputationFailed
 
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
@@ -19,7 +18,7 @@ NEEDS_CHOLMOD = pytest.mark.skipif(find_spec("cvxopt") is None, reason="cvxopt i
 BOTH = [pytest.param(factorise, marks=NEEDS_CHOLMOD), superlu]
 
 
-def sample(stiffness_of_last: float = 1.0) -> sp.csc_array:
+def sample(stiffness_of_last=1.0):
     """A chain of forty unlike springs, held at its first end, its last free end held by one more spring."""
     k = np.random.default_rng(29).uniform(0.5, 2.0, 41)
     return sp.diags_array(
@@ -28,14 +27,14 @@ def sample(stiffness_of_last: float = 1.0) -> sp.csc_array:
 
 
 @pytest.mark.parametrize("method", BOTH, ids=["cholmod", "superlu"])
-def test_solves_a_symmetric_system_given_by_its_lower_triangle(method: Callable[[sp.csr_array], Solve]) -> None:
+def test_solves_a_symmetric_system_given_by_its_lower_triangle(method):
     K = sample()
     x = np.random.default_rng(3).normal(size=(K.shape[0], 3))
     np.testing.assert_allclose(method(sp.tril(K).tocsr())(K @ x), x, rtol=0, atol=ROUND_OFF)
 
 
 @pytest.mark.parametrize("method", BOTH, ids=["cholmod", "superlu"])
-def test_a_part_that_is_not_held_is_refused(method: Callable[[sp.csr_array], Solve]) -> None:
+def test_a_part_that_is_not_held_is_refused(method):
     K = sample().tolil()
     K[-1, :] = 0.0
     K[:, -1] = 0.0
@@ -44,7 +43,7 @@ def test_a_part_that_is_not_held_is_refused(method: Callable[[sp.csr_array], Sol
 
 
 @pytest.mark.parametrize("installed", [pytest.param(True, marks=NEEDS_CHOLMOD), False], ids=["cholmod", "superlu"])
-def test_condensed_equations_are_those_of_the_whole(installed: bool, monkeypatch) -> None:
+def test_condensed_equations_are_those_of_the_whole(installed, monkeypatch):
     if not installed:
         monkeypatch.setitem(sys.modules, "cvxopt", None)  # importing it fails, as where it is missing
     rng = np.random.default_rng(7)
@@ -64,7 +63,7 @@ def test_condensed_equations_are_those_of_the_whole(installed: bool, monkeypatch
     assert ("by_superlu" in found.reduced.__qualname__) is not installed
 
 
-def test_a_dense_matrix_is_solved_and_refused_alike() -> None:
+def test_a_dense_matrix_is_solved_and_refused_alike():
     K, x = sample().toarray(), np.random.default_rng(3).normal(size=(41, 3))
     np.testing.assert_allclose(dense(K)(K @ x), x, rtol=0, atol=ROUND_OFF)
     K[-1, :] = K[:, -1] = 0.0
@@ -73,7 +72,7 @@ def test_a_dense_matrix_is_solved_and_refused_alike() -> None:
 
 
 @NEEDS_CHOLMOD
-def test_condensing_leaves_cholmods_options_as_they_were() -> None:
+def test_condensing_leaves_cholmods_options_as_they_were():
     """Other code in the process orders matrices by them."""
     from cvxopt import cholmod
 

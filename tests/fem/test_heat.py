@@ -9,9 +9,8 @@ import pytest
 
 import flexfem
 from flexfem.fem.elements import nodal_stress
-from flexfem.fem.heat import free_displacement, heat_response
 from flexfem.fem.mesh import build_mesh
-from flexfem.fem.response import platform_response
+from flexfem.fem.response import free_displacement, heat_response, platform_response
 from flexfem.fem.structure import NONE, plate_of, structure
 
 ROUND_OFF = 1e-12

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -28,22 +28,22 @@ class Meshed(NamedTuple):
     whole: StageMesh
 
 
-def meshed(stage: Stage) -> Meshed:
+def meshed(stage):
     sectors = mesh_sectors(stage, 2, inside=True)
     return Meshed(stage, sectors, joined(sectors)[0])
 
 
 @pytest.fixture(scope="module")
-def generic_mesh(alike: Any) -> Meshed:
+def generic_mesh(alike):
     return meshed(alike.stage)
 
 
 @pytest.fixture(scope="module")
-def unlike_mesh(unlike: Any) -> Meshed:
+def unlike_mesh(unlike):
     return meshed(unlike.stage)
 
 
-def test_the_stiffness_and_the_forces_are_of_the_same_energy() -> None:
+def test_the_stiffness_and_the_forces_are_of_the_same_energy():
     mesh = curved_cells()
     free, K = unsupported(mesh, layered(np.array([-0.4, 0.3, 1.1])))
     fields = np.random.default_rng(5).normal(size=(2, len(mesh.nodes), 5, 3))
@@ -52,7 +52,7 @@ def test_the_stiffness_and_the_forces_are_of_the_same_energy() -> None:
 
 
 @pytest.mark.parametrize("thickness", [0.3, 9.7, 80.0])
-def test_without_poissons_ratio_every_thickness_is_plane_stress(generic_mesh: Meshed, thickness: float) -> None:
+def test_without_poissons_ratio_every_thickness_is_plane_stress(generic_mesh, thickness):
     plate = Plate(E, 0.0, thickness)
     plane = platform_response(generic_mesh.whole, plate, FULL)
     found = unit_response(generic_mesh.sectors, plate, mirrored(thickness, 1, 0.47))
@@ -60,7 +60,7 @@ def test_without_poissons_ratio_every_thickness_is_plane_stress(generic_mesh: Me
     np.testing.assert_allclose(found.compliance[2, 2], plane.compliance[2, 2], rtol=SAME)
 
 
-def test_between_two_held_faces_it_is_plane_strain(generic_mesh: Meshed) -> None:
+def test_between_two_held_faces_it_is_plane_strain(generic_mesh):
     strain = Plate(E / (1 - NU**2), NU / (1 - NU), B)
     plane = platform_response(generic_mesh.whole, strain, FULL).compliance
     held = unit_response(generic_mesh.sectors, Plate(E, NU, B), mirrored(B, 2, 0.47)._replace(held=(0, 4)))
@@ -69,7 +69,7 @@ def test_between_two_held_faces_it_is_plane_strain(generic_mesh: Meshed) -> None
     assert np.max(np.abs(held.fields[..., 2])) < SAME * np.max(np.abs(held.fields[..., :2]))
 
 
-def test_a_thin_sheet_is_plane_stress_but_for_the_mesh(generic_mesh: Meshed) -> None:
+def test_a_thin_sheet_is_plane_stress_but_for_the_mesh(generic_mesh):
     """What is left at 0.02 mm is that w is continuous from triangle to triangle while strains are not."""
     off, plate = [], Plate(E, NU, 0.02)
     for sectors in (generic_mesh.sectors, mesh_sectors(generic_mesh.stage, 4, inside=True)):
@@ -80,7 +80,7 @@ def test_a_thin_sheet_is_plane_stress_but_for_the_mesh(generic_mesh: Meshed) -> 
     assert off[1] < 4e-5
 
 
-def test_plane_stress_and_plane_strain_bound_it(generic_mesh: Meshed) -> None:
+def test_plane_stress_and_plane_strain_bound_it(generic_mesh):
     """Zettl, Szyszkowski and Zhang, J. Mech. Des. 127 (2005) 782: of hinges, up to about 12 % apart."""
     stress, strain = Plate(E, NU, B), Plate(E / (1 - NU**2), NU / (1 - NU), B)
     soft, hard = (platform_response(generic_mesh.whole, plate, FULL).compliance for plate in (stress, strain))
@@ -91,7 +91,7 @@ def test_plane_stress_and_plane_strain_bound_it(generic_mesh: Meshed) -> None:
     assert 1 - hard[0, 0] / soft[0, 0] == pytest.approx(NU**2, abs=2e-3)
 
 
-def test_one_third_answers_as_the_whole_ring(generic_mesh: Meshed) -> None:
+def test_one_third_answers_as_the_whole_ring(generic_mesh):
     plate, layers = Plate(E, NU, B), mirrored(B, 1, 0.47)
     third = unit_response(generic_mesh.sectors, plate, layers)
     ring = unit_response(generic_mesh.sectors * 3, plate, layers)
@@ -104,9 +104,7 @@ def test_one_third_answers_as_the_whole_ring(generic_mesh: Meshed) -> None:
 
 
 @pytest.mark.parametrize("which", ["generic_mesh", "unlike_mesh"])
-def test_neck_stresses_without_poissons_ratio_are_those_in_the_plane(
-    which: str, request: pytest.FixtureRequest
-) -> None:
+def test_neck_stresses_without_poissons_ratio_are_those_in_the_plane(which, request):
     stage, sectors, _ = request.getfixturevalue(which)
     stage = stage.model_copy(update={"material": stage.material.model_copy(update={"poissons_ratio": 0.0})})
     plate = Plate(E, 0.0, B)
@@ -115,7 +113,7 @@ def test_neck_stresses_without_poissons_ratio_are_those_in_the_plane(
     np.testing.assert_allclose(found.highest, plane.highest, rtol=2e-3)  # their quadratures differ
 
 
-def test_neck_stresses_between_held_faces_are_those_of_plane_strain(generic_mesh: Meshed) -> None:
+def test_neck_stresses_between_held_faces_are_those_of_plane_strain(generic_mesh):
     strain = Plate(E / (1 - NU**2), NU / (1 - NU), B)
     layers = mirrored(B, 1, 0.47)._replace(held=(0, 2))
     response = unit_response(generic_mesh.sectors, Plate(E, NU, B), layers)
@@ -125,7 +123,7 @@ def test_neck_stresses_between_held_faces_are_those_of_plane_strain(generic_mesh
     np.testing.assert_allclose(found.highest, plane.highest, rtol=2e-3)
 
 
-def test_the_stress_of_a_field_that_is_quadratic_through_the_thickness() -> None:
+def test_the_stress_of_a_field_that_is_quadratic_through_the_thickness():
     mesh, layers = curved_cells(), layered(np.array([-0.4, 0.3, 1.1]))
     field = np.zeros((len(mesh.nodes), len(layers.heights), 3))
     field[..., 0], field[..., 2] = 1e-3 * layers.heights, 1e-3 * layers.heights**2
@@ -137,7 +135,7 @@ def test_the_stress_of_a_field_that_is_quadratic_through_the_thickness() -> None
 
 
 @pytest.mark.parametrize(("rises", "height"), [(True, 4.85), (False, 0.0)])
-def test_the_highest_stress_of_a_neck_is_where_it_is(rises: bool, height: float, generic_mesh: Meshed) -> None:
+def test_the_highest_stress_of_a_neck_is_where_it_is(rises, height, generic_mesh):
     stage, sectors, _ = generic_mesh
     plate, layers = Plate(E, NU, B), mirrored(B, 1, 0.47)
     solved, z = unit_response(sectors, plate, layers, FULL), layers.heights

@@ -2,39 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
 from flexfem.fem.elements import Plate, mirrored, nodal_stress
-from flexfem.fem.heat import free_displacement, heat_response, warm_half, warm_whole
-from flexfem.fem.mesh import StageMesh, joined
-from flexfem.fem.response import unit_response
+from flexfem.fem.mesh import joined
+from flexfem.fem.response import free_displacement, heat_response, unit_response, warm_half, warm_whole
 from flexfem.fem.structure import structure
 
+from ..validation.fields import on_chords
 from ..validation.vibration import third
+from .conftest import bar
 
-Bar = Callable[[float, float, int, int], StageMesh]
 E, NU, B = 68e3, 0.29, 3.7
 PLATE = Plate(E, NU, B)
 FLAT = mirrored(B, 2, 0.8)
 TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
 
 
-def straight(mesh: StageMesh) -> StageMesh:
-    """With the middle nodes in the middle: quadrature is exact there."""
-    nodes = mesh.nodes.copy()
-    a, b, c = (nodes[mesh.triangles[:, k]] for k in range(3))
-    nodes[mesh.triangles[:, 3]], nodes[mesh.triangles[:, 4]], nodes[mesh.triangles[:, 5]] = (
-        (a + b) / 2,
-        (b + c) / 2,
-        (c + a) / 2,
-    )
-    return mesh._replace(nodes=nodes)
-
-
-def test_free_metal_has_no_stress_however_its_temperature_changes(bar: Bar) -> None:
+def test_free_metal_has_no_stress_however_its_temperature_changes():
     """Of E alpha per kelvin, and per K/mm times the size: with the free strain taken from the temperature itself."""
     mesh = bar(8.3, 5.1, 3, 2)
     mesh = mesh._replace(nodes=mesh.nodes @ np.array([[0.8, 0.6], [-0.6, 0.8]]) + [3.1, -2.3])
@@ -54,7 +40,7 @@ def test_free_metal_has_no_stress_however_its_temperature_changes(bar: Bar) -> N
     assert seen == 4
 
 
-def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y(bar: Bar) -> None:
+def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y():
     """Clamped on a frame that bows, it turns by the curvature times its length: 40 mm, per unit of expansion and K/mm.
 
     Straight it is over the platform, its end; the frame is 40^2 / 2 mm below there, per K/mm through the thickness.
@@ -71,11 +57,11 @@ def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y(ba
 
 
 @pytest.mark.parametrize("thickness", [0.4, 9.7])
-def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness: float) -> None:
+def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness):
     """By reciprocity with loads even through the thickness, u is read as its mean: -b^2 / 24 along a gradient."""
     sector = third(3, 2, TWIST)
     mesh = joined((sector,) * 3)[0]
-    mesh = straight(mesh._replace(nodes=mesh.nodes + 0.9 * np.sin(0.1 * mesh.nodes[:, ::-1])))
+    mesh = on_chords(mesh._replace(nodes=mesh.nodes + 0.9 * np.sin(0.1 * mesh.nodes[:, ::-1])))
     plate = Plate(E, 0.0, thickness)
     plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).pose[:, [1, 2, 0]]
     mean = np.diag([1.0, 1.0, 0.0]) * -(thickness**2) / 24
@@ -84,7 +70,7 @@ def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness: float) -> N
 
 
 @pytest.mark.parametrize("antisymmetric", [False, True])
-def test_one_third_warms_as_the_whole(antisymmetric: bool) -> None:
+def test_one_third_warms_as_the_whole(antisymmetric):
     sector, layers = third(3, 3, TWIST), mirrored(B, 1, 0.8)
     half = layers.antisymmetric if antisymmetric else layers
     one, whole = (warm_half((sector,) * n, PLATE, half) for n in (1, 3))
@@ -95,7 +81,7 @@ def test_one_third_warms_as_the_whole(antisymmetric: bool) -> None:
     assert one.unknowns == whole.unknowns and np.max(np.abs(one.compliance)) > 1e-3
 
 
-def test_the_pose_is_the_work_of_the_reactions_to_unit_loads() -> None:
+def test_the_pose_is_the_work_of_the_reactions_to_unit_loads():
     """Betti, by the solution under loads: on what the frame does beyond the metal, written out here."""
     sector, layers = third(3, 2, TWIST), mirrored(B, 1, 0.8)
     unit, found = unit_response((sector,) * 3, PLATE, layers), warm_half((sector,) * 3, PLATE, layers)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 import scipy.linalg
 
-from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import joined, mesh_sectors
@@ -17,6 +14,7 @@ from flexfem.fem.structure import layers_of, mass_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried_out_of_plane, drawn_inertia
 
 from ..validation.vibration import third
+from .conftest import bar
 
 PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7), 2739e-12
 FLAT = mirrored(3.7, 1, 0.8)
@@ -27,7 +25,7 @@ TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
 
 
 @pytest.mark.parametrize(("half", "load"), [("in plane", CARRIED), ("out of plane", TILTED)])
-def test_one_sector_turned_vibrates_as_the_whole(half: str, load: Array) -> None:
+def test_one_sector_turned_vibrates_as_the_whole(half, load):
     sector = third(3, 3, TWIST)
     one, whole = (stage_modes((sector,) * n, PLATE, HALVES[half], DENSITY, load, 8) for n in (1, 3))
     np.testing.assert_allclose(one.frequencies, whole.frequencies, rtol=1e-8)
@@ -43,7 +41,7 @@ def test_one_sector_turned_vibrates_as_the_whole(half: str, load: Array) -> None
 
 
 @pytest.mark.parametrize(("half", "load"), [("in plane", CARRIED), ("out of plane", TILTED)])
-def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half: str, load: Array) -> None:
+def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half, load):
     """All of them add up to the mass, and to the moments of inertia, of all that is free."""
     mesh = joined((third(3, 2, TWIST),) * 3)[0]
     mesh = mesh._replace(nodes=mesh.nodes + 0.03 * np.sin(mesh.nodes[:, ::-1]))  # no symmetry: no pairs
@@ -69,7 +67,7 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half: str,
     assert np.all(np.sum((shapes.T @ base) ** 2, axis=0) < np.diag(found.total))
 
 
-def test_without_poissons_ratio_modes_in_the_plane_are_those_of_plane_stress_at_any_thickness(bar: Any) -> None:
+def test_without_poissons_ratio_modes_in_the_plane_are_those_of_plane_stress_at_any_thickness():
     mesh = bar(31.0, 4.0, 6, 2)
     plate = Plate(68e3, 0.0, 9.7)
     both = (structure(mesh, plate, layers) for layers in (None, mirrored(9.7, 2, 0.8)))
@@ -82,14 +80,14 @@ HEAVY = Payload(0.5, 400.0, 300.0)  # 500 kg, 4e5 kg mm^2 and, tilting, 3e5
 
 
 @pytest.fixture(scope="module")
-def loaded(unlike: Any) -> Any:
+def loaded(unlike):
     """A stage of three unlike chains, 9.7 mm thick, and its modes out of the plane with a payload on a coarse mesh."""
     stage, sectors = unlike.stage, mesh_sectors(unlike.stage, 2, inside=True)
     half, load = layers_of(stage, 1).antisymmetric, carried_out_of_plane(stage, HEAVY)
     return stage, stage_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
 
 
-def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded: Any) -> None:
+def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded):
     """Moments of inertia of a prism about x and y add up to that about z and `m b^2 / 6`."""
     stage, found = loaded
     drawn, total = drawn_inertia(stage), found.total - np.diag([0.5, 300.0, 300.0])
@@ -99,7 +97,7 @@ def test_the_mass_is_that_of_the_drawn_stage_and_tilts_with_its_thickness(loaded
     assert drawn[0, 0] * 9.7**2 / 6 > 0.01 * tilting
 
 
-def test_a_payload_far_heavier_than_the_stage_tilts_on_the_static_stiffness(loaded: Any) -> None:
+def test_a_payload_far_heavier_than_the_stage_tilts_on_the_static_stiffness(loaded):
     """A 3 x 3 problem of what loads out of the plane do at rest."""
     stage, found = loaded
     equations = structure(found.mesh, sheet_of(stage), found.layers)

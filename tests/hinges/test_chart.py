@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import analyse
-from flexfem.fem.chart import RATIOS
-from flexfem.fem.hinge import PlaneHinge, sample
+from flexfem.fem.chart import RATIOS, SingleHinge, sample
 from flexfem.hinges.chart import beam_integrals, hinge_chart
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.mechanism.stage import load_stage
-from flexfem.questions.hinges import hinge_review
+from flexfem.questions.check import hinge_review
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
@@ -22,15 +21,15 @@ INTERPOLATION = 1e-4  # a tenth of what is promised; measured at random points: 
 CALIBRATED = formula("calibrated")
 
 
-def random_hinges(number: int, seed: int) -> list[PlaneHinge]:
+def random_hinges(number: int, seed: int) -> list[SingleHinge]:
     rng = np.random.default_rng(seed)
     ratios = np.exp(rng.uniform(*np.log(RATIOS), number))
-    return [PlaneHinge(float(t), float(1 / s)) for t, s in zip(ratios, rng.uniform(0.02, 1.0, number), strict=True)]
+    return [SingleHinge(float(t), float(1 / s)) for t, s in zip(ratios, rng.uniform(0.02, 1.0, number), strict=True)]
 
 
-def worst_against_finite_elements(hinges: list[PlaneHinge], levels: tuple[int, ...], nu: float) -> float:
+def worst_against_finite_elements(hinges: list[SingleHinge], levels: tuple[int, ...], nu: float) -> float:
     """Largest relative difference of the formula from direct finite elements, in physical units."""
-    direct = np.array([sample(hinge, levels, nu).values for hinge in hinges]).T
+    direct = np.array([sample(hinge._replace(poissons_ratio=nu), levels).values for hinge in hinges]).T
     direct /= [[E * B * R**2], [E * B], [E * B]]
     neck, high = R * np.array([h.ratio for h in hinges]), R * np.array([h.block[0] for h in hinges])
     return float(np.max(np.abs(np.array(CALIBRATED.compliance(R, neck, B, E, nu, high)) / direct - 1)))
@@ -60,7 +59,7 @@ def test_calibrated_hinges_are_those_of_fine_finite_elements_everywhere() -> Non
 
 def test_the_chart_goes_through_its_samples() -> None:
     chart = hinge_chart()
-    made = sample(PlaneHinge(0.48032431, 1.2765077), (4, 6, 8)).values  # the sixth and the third of its points
+    made = sample(SingleHinge(0.48032431, 1.2765077), (4, 6, 8)).values  # the sixth and the third of its points
     found = np.array(chart.factors(0.48032431, 1.2765077)) * beam_integrals(np.array(0.48032431))
     np.testing.assert_allclose(found, made, rtol=1e-7)  # digits kept in the file, and round-off
     assert chart.low.ends[0] == RATIOS == (0.02, 1.2)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.model import at_necks
+from flexfem.fem.chart import SingleHinge, hinge_mesh
 from flexfem.fem.elements import Plate, nodal_stress
-from flexfem.fem.hinge import PlaneHinge, hinge_mesh
 from flexfem.fem.structure import edge_force, nodes_on
 from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames
@@ -34,7 +34,7 @@ def single(moment: float, normal: float) -> Wrench:
 
 def surface_stress(ratio: float) -> tuple[float, float]:
     """Stress at the root of a notch with R = E = b = 1 under a unit moment and a unit pull, by finite elements."""
-    hinge, plate = PlaneHinge(ratio, 1.0), Plate(1.0, 0.29, 1.0)
+    hinge, plate = SingleHinge(ratio), Plate(1.0, 0.29, 1.0)
     mesh, high = hinge_mesh(hinge, 4), 2 + ratio
     neck, axis, root = nodes_on(mesh, "left"), nodes_on(mesh, "bottom"), nearest_node(mesh, 0.0, ratio / 2)
     loads = (

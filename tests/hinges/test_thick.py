@@ -8,10 +8,9 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.fem.chart import RATIOS, THICK
-from flexfem.fem.hinge import PlaneHinge, ThickHinge
-from flexfem.fem.hinge import sample as plane_sample
-from flexfem.fem.hinge import thick_sample as sample
+from flexfem.fem.chart import RATIOS, THICK, SingleHinge
+from flexfem.fem.chart import sample as plane_sample
+from flexfem.fem.chart import thick_sample as sample
 from flexfem.hinges.chart import on_thickness_chart, thickness_chart
 from flexfem.hinges.chart import thickness_factors as factors
 
@@ -21,18 +20,21 @@ INTERPOLATION = 1e-3  # of the compliance; measured: 8e-5 in the median of rando
 LEVELS = (1, 2, 3)
 
 
-def random_hinges(number: int, seed: int) -> list[ThickHinge]:
+def random_hinges(number: int, seed: int) -> list[SingleHinge]:
     rng = np.random.default_rng(seed)
     ratio, width = (np.exp(rng.uniform(*np.log(ends), number)) for ends in (RATIOS, WIDTHS))
-    return [ThickHinge(*map(float, hinge)) for hinge in zip(ratio, width, rng.uniform(*POISSONS, number), strict=True)]
+    return [
+        SingleHinge(float(t), 1.0, float(b), nu)
+        for t, b, nu in zip(ratio, width, rng.uniform(*POISSONS, number), strict=True)
+    ]
 
 
-def charted(hinge: ThickHinge) -> np.ndarray:
+def charted(hinge: SingleHinge) -> np.ndarray:
     t = hinge.ratio * R
     return np.array(factors(R, t, hinge.width * t, hinge.poissons_ratio)[:2])
 
 
-def worst_against_finite_elements(hinges: list[ThickHinge], levels: tuple[int, ...]) -> float:
+def worst_against_finite_elements(hinges: list[SingleHinge], levels: tuple[int, ...]) -> float:
     direct = [1 - hinge.poissons_ratio**2 * sample(hinge, levels).values for hinge in hinges]
     return float(np.max(np.abs(np.array([charted(hinge) for hinge in hinges]) / direct - 1)))
 
@@ -43,7 +45,7 @@ def test_charted_factors_are_those_of_direct_finite_elements() -> None:
 
 @pytest.mark.slow
 def test_charted_factors_are_those_of_direct_finite_elements_everywhere() -> None:
-    corners = [ThickHinge(ratio, width, nu) for ratio in RATIOS for width in WIDTHS for nu in POISSONS]
+    corners = [SingleHinge(ratio, 1.0, width, nu) for ratio in RATIOS for width in WIDTHS for nu in POISSONS]
     assert worst_against_finite_elements([*corners, *random_hinges(20, seed=5)], LEVELS) < INTERPOLATION
 
 
@@ -77,7 +79,9 @@ def test_between_its_samples_the_chart_is_what_finite_elements_are() -> None:
 @pytest.mark.parametrize("ratio", [0.07, 0.8])
 def test_shear_at_the_position_of_plane_strain_is_that_of_plane_strain_finite_elements(ratio: float) -> None:
     """Plane strain is plane stress with E/(1 - nu^2) and nu/(1 - nu)."""
-    stress, strain = (plane_sample(PlaneHinge(ratio, 1.0), (2, 3, 4), nu).values[2] for nu in (NU, NU / (1 - NU)))
+    stress, strain = (
+        plane_sample(SingleHinge(ratio, poissons_ratio=nu), (2, 3, 4)).values[2] for nu in (NU, NU / (1 - NU))
+    )
     exact = 1 - (1 - NU**2) * strain / stress
     found = factors(R, ratio * R, 15 * ratio * R, NU)
     CHARTS = 1e-4  # relative, of what plane strain takes away: the interpolation of the hinge chart

@@ -33,7 +33,7 @@ def test_sections_of_a_stage_are_refused_for_a_study(flexfem):
 
 
 def test_the_line_that_makes_the_page_again_names_the_parts_of_the_study():
-    line = page.command_line([Path("a b.toml")], Path("x.html"), folder=Path("far away"))
+    line = page.command_line([Path("a b.toml")], Path("x.html"), kept=Path("far away"))
     assert line == "flexfem report 'a b.toml' -o x.html --folder 'far away'"
     assert page.command_line([Path("a.toml")], Path("x.html")) == "flexfem report a.toml -o x.html"
 

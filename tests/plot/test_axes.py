@@ -15,8 +15,8 @@ from matplotlib import pyplot
 import flexfem
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Step
 from flexfem.plot.design import sensitivity_figure
+from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
-from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.results import Result
 from flexfem.study.findings import (
     AxisText,
@@ -128,7 +128,6 @@ def designed() -> Designed:
 DRAWN: dict[str, Any] = {
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
-    "plot_displaced": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}),),
     "plot_displacement": lambda made: (made.fields(),),
     "plot_drift": lambda made: (flexfem.drift(flexfem.load(STAGE), models="elements", resolution=4), "gradient in x"),
     "plot_drive": lambda made: (driven(),),
@@ -148,7 +147,6 @@ DRAWN: dict[str, Any] = {
     "plot_mode": lambda made: (vibrating(), 2),
     "plot_model": lambda made: (made.model(),),
     "plot_neck": lambda made: (made.fields(), made.model().hinges[0]),
-    "plot_notch": lambda made: (made.fields(), made.model().hinges[1]),
     "plot_open_loop": lambda made: (driven(), "x"),
     "plot_push": lambda made: (pushed(), "theta"),
     "plot_region": lambda made: (identified(),),

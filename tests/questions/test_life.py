@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import equivalent
-from flexfem.plot.life import life_figure, plot_life
+from flexfem.plot.experiment import life_figure, plot_life
 from flexfem.questions.setup import solved
 from flexfem.questions.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 from flexfem.results import ANALYTIC, ELEMENTS
