@@ -23,7 +23,7 @@ from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima,
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
 from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, warm_half
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.feasibility import check_feasible

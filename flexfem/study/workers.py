@@ -71,17 +71,13 @@ class Workers:
 
         Parameters
         ----------
-        function : callable
-            Importable by the workers.
-        next_task : callable
-            The arguments of the next task, or None; asked again after every result, so that tasks may be added.
-        limit : callable
-            Seconds that a task may take.
+        function : importable by the workers.
+        next_task : the arguments of the next task, or None; asked after every result, so that tasks may be added.
+        limit : seconds that a task may take.
 
         Raises
         ------
-        BadInput, ComputationFailed
-            The function raises it; or workers cannot start.
+        BadInput, ComputationFailed : the function raises it; or workers cannot start.
 
         Notes
         -----
