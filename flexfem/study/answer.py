@@ -17,7 +17,7 @@ from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswe
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
-from flexfem.clock import Limit
+from flexfem.fem.mesher import Limit
 from flexfem.files.refusals import suggestion
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments

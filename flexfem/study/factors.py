@@ -62,18 +62,24 @@ class Factor(Table):
     """A list: the points of a grid, else equally likely"""
     start: Number | None = Field(default=None, alias="from", examples=[0.3])
     """With `to`: where a range begins"""
-    end: Number | None = Field(default=None, alias="to", description="Where the range ends", examples=[1.0])
-    scale: Literal["linear", "log"] = Field(default="linear", description="On which the range is uniform")
+    end: Number | None = Field(default=None, alias="to", examples=[1.0])
+    """Where the range ends"""
+    scale: Literal["linear", "log"] = "linear"
+    """On which the range is uniform"""
     points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
     """Of a range in a grid, and of nothing else: how many"""
     distribution: Literal["normal", "uniform"] | None = None
     """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. A list or
     range stays within the limits of its key; a distribution may leave them, and a design outside is a row `refused`
     with its reason"""
-    mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
-    sd: Step | None = Field(default=None, description="Standard deviation", examples=[0.005])
-    lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])
-    upper: Number | None = Field(default=None, description="Greatest value of a distribution", examples=[0.52])
+    mean: Number | None = Field(default=None, examples=[0.5])
+    """By default the base stage's own value"""
+    sd: Step | None = Field(default=None, examples=[0.005])
+    """Standard deviation"""
+    lower: Number | None = Field(default=None, examples=[0.48])
+    """Least value of a distribution"""
+    upper: Number | None = Field(default=None, examples=[0.52])
+    """Greatest value of a distribution"""
 
     @model_validator(mode="after")
     def _names_keys(self) -> Factor:

@@ -13,8 +13,8 @@ import pytest
 from matplotlib import pyplot
 
 import flexfem
+from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
-from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.results import Result
 from flexfem.study.findings import (
     AxisText,
