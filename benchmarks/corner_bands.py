@@ -23,8 +23,8 @@ from random_stages import dimensions, scattered
 
 from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
-from flexfem.clock import Limit
 from flexfem.design.proof import OF_CORNERS, quantity_band
+from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible

@@ -50,15 +50,15 @@ if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.questions.bands import converge as converge
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.check import check as check
+    from flexfem.questions.check import hinge_review as hinge_review
+    from flexfem.questions.check import known_formulas as known_formulas
+    from flexfem.questions.check import thickness_review as thickness_review
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.errors import verification as verification
     from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.gravity import gravity as gravity
     from flexfem.questions.heat import drift as drift
-    from flexfem.questions.hinges import hinge_review as hinge_review
-    from flexfem.questions.hinges import known_formulas as known_formulas
-    from flexfem.questions.hinges import thickness_review as thickness_review
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life

@@ -32,11 +32,11 @@ from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import converge, levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
+from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
 from flexfem.questions.gravity import gravity
 from flexfem.questions.heat import drift
-from flexfem.questions.hinges import hinge_review, thickness_review
 from flexfem.questions.large import large
 from flexfem.questions.life import life
 from flexfem.questions.modes import modes
@@ -117,7 +117,7 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
 
 
 def baseline(*files: Path, reason: str, baselines: Path | None = None, progress: Progress | None = None) -> list[Path]:
-    """Accept what flexfem answers of input files now as their baselines.
+    """Accept what flexfem answers of input files now as their baselines; returns the files written.
 
     Parameters
     ----------
@@ -129,11 +129,6 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
         Folder of the baselines; by default `baselines` beside each file.
     progress : callable, optional
         Called with the name of every file.
-
-    Returns
-    -------
-    list of Path
-        The baselines written.
 
     Raises
     ------
@@ -229,26 +224,21 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
         old, new = was.get(question, {}), now.get(question, {})
         for key in dict.fromkeys([*old, *new]):
             place = f"{name}: {question}.{key}"
-            if key not in new:
-                yield f"{place} is gone, was {old[key][0]:.12g}"
-            elif key not in old:
-                yield f"{place} is new: {new[key][0]:.12g}"
-            else:
-                value, band, accepted, accepted_band = new[key]
-                before, *bands = map(float, old[key])
-                if not (value == before or abs(value - before) <= accepted):
-                    said = f"was {before:.15g}, is {value:.15g}, moved {value - before:+.3g}, accepted {accepted:.2g}"
-                    yield f"{place} {said}"
-                if bands and not np.isnan(band) and not abs(band - bands[0]) <= accepted_band + accepted:
-                    yield f"{place}: its band was {bands[0]:.6g}, is {band:.6g}, accepted {accepted_band:.2g}"
-        had = _banded(key for key, each in old.items() if len(each) == 2)
-        for quantity in had ^ _banded(key for key, each in new.items() if not np.isnan(each[1])):
+            if key not in new or key not in old:
+                said = f"gone, was {old[key][0]:.12g}" if key in old else f"new: {new[key][0]:.12g}"
+                yield f"{place} is {said}"
+                continue
+            value, band, accepted, accepted_band = new[key]
+            before, *bands = map(float, old[key])
+            if not (value == before or abs(value - before) <= accepted):
+                said = f"was {before:.15g}, is {value:.15g}, moved {value - before:+.3g}, accepted {accepted:.2g}"
+                yield f"{place} {said}"
+            if bands and not np.isnan(band) and not abs(band - bands[0]) <= accepted_band + accepted:
+                yield f"{place}: its band was {bands[0]:.6g}, is {band:.6g}, accepted {accepted_band:.2g}"
+        # which one of equal highest stresses has the band is up to round-off
+        had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
+        for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each[1])}:
             yield f"{name}: {question}.{quantity}: its bands came or went"
-
-
-def _banded(paths: Iterable[str]) -> set[str]:
-    """Quantities of paths with bands: which one of equal highest stresses has the band is up to round-off."""
-    return {path.partition(".")[0] for path in paths}
 
 
 def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
@@ -290,12 +280,11 @@ def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
 
 
 def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    parts = tree.items() if isinstance(tree, Mapping) else enumerate(tree) if isinstance(tree, list | tuple) else None
-    if parts is None:
-        yield path, tree if isinstance(tree, str | int | float | bool) else str(tree)
-    else:
-        for key, part in parts:
-            yield from _leaves(part, (*path, key))
+    if not isinstance(tree, dict | list):
+        yield path, tree if isinstance(tree, str | int | float) else str(tree)
+        return
+    for key, part in tree.items() if isinstance(tree, dict) else enumerate(tree):
+        yield from _leaves(part, (*path, key))
 
 
 # what is recorded of a file

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
@@ -315,27 +316,22 @@ class Result:
     def read(cls, path: Path) -> Self:
         """Read a stored result of this kind, or of any for `Result`. Raises BadInput when it is none or was changed."""
         data = unsealed(path)
-        found = Result.kinds.get(str(data.get("result")))
-        if found is None or not issubclass(found, cls):
+        kind = Result.kinds.get(str(data.get("result")))
+        if kind is None or not issubclass(kind, cls):
             raise BadInput(f"{place_of(path)}: a result of kind {data.get('result')!r}, expected {cls.kind()!r}")
         try:
-            return found._from(data)
+            parts: dict[str, dict[str, Array]] = {"values": {}, "bands": {}}
+            for name, part in product(data["quantities"], parts):
+                if part in data["quantities"][name]:
+                    array = np.array(_numbers(data["quantities"][name][part]), dtype=float)
+                    parts[part][name] = array / kind.quantities[name].factors(array.shape)
+            about = About(**{key: data[key] for key in About._fields})
+            rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
+            found = kind(about, parts["values"], parts["bands"], **rest)
+            found.versions = data["versions"]
         except (KeyError, TypeError, ValueError, AssertionError):
             raise BadInput(f"{place_of(path)}: not what this version of flexfem stores, make it again") from None
-
-    @classmethod
-    def _from(cls, data: Mapping[str, Any]) -> Self:
-        parts: dict[str, dict[str, Array]] = {"values": {}, "bands": {}}
-        for name, each in data["quantities"].items():
-            for part, found in parts.items():
-                if part in each:
-                    array = np.array(_numbers(each[part]), dtype=float)
-                    found[name] = array / cls.quantities[name].factors(array.shape)
-        about = About(**{key: data[key] for key in About._fields})
-        rest = {key: data[key] for key in ("axes", "settings", "warnings", "notes")}
-        result = cls(about, parts["values"], parts["bands"], **rest)
-        result.versions = data["versions"]
-        return result
+        return found
 
     @classmethod
     def schema(cls) -> dict[str, Any]:
@@ -608,12 +604,10 @@ def unsealed(path: PathLike) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that move numbers."""
-    found = {}
+    found = dict.fromkeys(PACKAGES, "not installed as a package")
     for package in PACKAGES:
-        try:
+        with suppress(PackageNotFoundError):
             found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed as a package"
     return found
 
 

@@ -1,7 +1,9 @@
-"""The sources that run are those that were hashed: children of a command run what it began with, or nothing.
+"""The Python that runs is that which was hashed: flexfem's own sources, and a file of the user's.
 
-A child starts with the parent's path less the current folder, so that no file lying there is imported, and compares all
-sources of flexfem with the hashes that the parent took when it began.
+Children of a command run what it began with, or nothing: they start with the parent's path less the current folder, so
+that no file lying there is imported, and compare all sources of flexfem with the hashes that the parent took when it
+began. `flexfem --with FILE ...` puts a file that registers hinge formulas and materials, and its hash, into the
+environment; children, such as the workers of a study, inherit both and refuse the file when it is no longer that one.
 """
 
 from __future__ import annotations
@@ -11,16 +13,19 @@ import importlib
 import os
 import pickle
 import sys
+import traceback
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
-from flexfem.refused import SourcesChanged
+from flexfem.refused import BadInput, SourcesChanged
 
 PACKAGE = Path(__file__).parent
 CHANGED = 3  # exit code of a child
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}  # its environment
+WITH = "FLEXFEM_WITH"  # variable: hash, colon, absolute path of the user's file
+_begun: set[str] = set()  # values of the variable whose files ran or run: what a file calls may ask for it again
 
 
 def hashes(package: Path = PACKAGE) -> dict[str, str]:
@@ -64,3 +69,57 @@ def begin_child(module: str) -> None:
         print(changed, file=sys.stderr)
         sys.exit(CHANGED)
     importlib.import_module(module).main()
+
+
+def use_own(path: Path) -> None:
+    """Let this process and its children take what a file registers. Raises BadInput when it cannot be read or run."""
+    os.environ[WITH] = f"{hashlib.sha256(_bytes(path)).hexdigest()}:{path.absolute()}"
+    load_own()
+
+
+def own_hash() -> str:
+    """SHA-256 of the user's file, "" when there is none."""
+    return os.environ.get(WITH, "").partition(":")[0]
+
+
+def load_own() -> None:
+    """Run the file that the environment names, once. Raises BadInput, naming file and line, when it cannot be."""
+    named = os.environ.get(WITH, "")
+    if named and named not in _begun:
+        _begun.add(named)
+        try:
+            _run(named)
+        except BadInput:
+            _begun.discard(named)
+            raise
+
+
+def _run(named: str) -> None:
+    expected, _, name = named.partition(":")
+    path, content = Path(name), _bytes(Path(name))
+    if hashlib.sha256(content).hexdigest() != expected:
+        raise BadInput(f"{path}: changed since this command began, expected the same file in every process")
+    try:
+        exec(compile(content, path, "exec"), {"__name__": "flexfem_with", "__file__": str(path)})
+    except BadInput as refusal:
+        raise BadInput(f"{_place(path, refusal)}: {refusal}") from None
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # the user's file may raise anything, and call sys.exit
+        raised = f"{type(error).__name__}: {error}".removesuffix(": ")
+        said = f"{raised}, expected Python that registers formulas or materials"
+        raise BadInput(f"{_place(path, error)}: {' '.join(said.split())}") from None
+
+
+def _place(path: Path, error: BaseException) -> str:
+    """File and line of the user's file, the deepest on the way to an error."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+    lines = lines or [error.lineno] if isinstance(error, SyntaxError) else lines
+    return f"{path}, line {lines[-1]}" if lines and lines[-1] else str(path)
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None

@@ -211,7 +211,7 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
     output : path, optional
         Folder of the figures.
     """
-    from flexfem.questions.hinges import hinge_review, known_formulas, thickness_review
+    from flexfem.questions.check import hinge_review, known_formulas, thickness_review
 
     written: list[Path] = []
     if output is not None:

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem import own
+from flexfem import sources
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.materials import REGISTERED
 
@@ -243,25 +243,25 @@ def test_what_is_wrong_in_a_users_file_is_said_with_its_line(tmp_path, monkeypat
     for text, said in wrong.items():
         path = tmp_path / "own.py"
         path.write_text(f"import flexfem{text}\n")
-        monkeypatch.setenv(own.VARIABLE, "")
+        monkeypatch.setenv(sources.WITH, "")
         with pytest.raises(flexfem.BadInput) as refused:
-            own.use(path)
+            sources.use_own(path)
         assert str(refused.value).startswith(f"{path}, line 3: {said}") and "\n" not in str(refused.value)
     path.write_text("\0")
     with pytest.raises(flexfem.BadInput, match=r"own\.py: \w+Error: source code"):
-        own.use(path)
+        sources.use_own(path)
 
 
 def test_a_users_file_that_changes_under_a_command_is_refused(tmp_path, monkeypatch):
     path = tmp_path / "own.py"
     path.write_text("x = 1\n")
-    monkeypatch.setenv(own.VARIABLE, "")
-    own.use(path)
-    assert own.own_hash() == hashlib.sha256(b"x = 1\n").hexdigest()  # among the versions of the answers of a study
+    monkeypatch.setenv(sources.WITH, "")
+    sources.use_own(path)
+    assert sources.own_hash() == hashlib.sha256(b"x = 1\n").hexdigest()  # among the versions of the answers of a study
     path.write_text("x = 2\n")
-    monkeypatch.setattr(own, "_begun", set())  # as in a child process
+    monkeypatch.setattr(sources, "_begun", set())  # as in a child process
     with pytest.raises(flexfem.BadInput, match=r"own\.py: changed since this command began"):
-        own.load()
+        sources.load_own()
 
 
 OWN = """

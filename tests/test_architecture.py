@@ -19,7 +19,7 @@ from .conftest import nodes_of, syntax_of
 ROOT = Path(__file__).parent.parent
 MODULES = sorted((ROOT / "flexfem").rglob("*.py"))
 LAYERS = (  # each takes from those before it, and from no other folder of its own layer
-    ("arguments", "arrays", "refused", "units", "clock", "own", "sources"),
+    ("arguments", "arrays", "refused", "units", "sources"),
     ("files",),
     ("results",),
     ("mechanism",),

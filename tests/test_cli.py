@@ -12,7 +12,7 @@ import meshio
 import numpy as np
 import pytest
 
-from flexfem import own
+from flexfem import sources
 from flexfem.commands import cli
 from flexfem.mechanism.stage import load_feasible
 from flexfem.questions.case import LoadedCase
@@ -299,8 +299,8 @@ def test_no_command_writes_over_a_file_that_it_has_read(flexfem, monkeypatch, co
     Path(target).parent.mkdir(exist_ok=True)
     os.link(read, target)
     before = {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()}
-    monkeypatch.setenv(own.VARIABLE, "")
-    monkeypatch.setattr(own, "_begun", set())
+    monkeypatch.setenv(sources.WITH, "")
+    monkeypatch.setattr(sources, "_begun", set())
     code, out, err = flexfem("--with", "own.py", *command)
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert target in err and "which is read for what is to be written, expected another file" in err

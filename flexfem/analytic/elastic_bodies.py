@@ -1,41 +1,20 @@
-"""Compliances of the bodies between the hinges: bars, and boundary elements for platform and pads.
-
-Pads and links are straight and curved bars along the path they are drawn on. The platform and the edge that a pad is
-clamped along are plane elastic bodies, by straight boundary elements with quadratic displacements and tractions,
-integrated exactly. Points, displacements `u + iv` and tractions are complex numbers. With Kolosov's `kappa = (3 - nu) /
-(1 + nu)`, shear modulus and thickness one, the displacement at a point z of a body is
-
-    U(z) = int [-2 kappa ln|z - s| t + (z - s)/(z - s)* t*] |ds| / (4 pi (1 + kappa))
-         + int [u (kappa d ln(s - z) - d ln(s - z)*) + u* d((s - z)/(s - z)*)] / (2 pi i (1 + kappa))
-
-over its boundary s, the body to the left, a star for the conjugate: Somigliana's identity, Kelvin's forces in the first
-line and dislocations in the second, from 2 U = kappa phi - z phi'* - psi* (N. I. Muskhelishvili, Some Basic Problems of
-the Mathematical Theory of Elasticity, Noordhoff 1953, sections 32 and 56). Asked at the boundary's own points, it is
-the linear system that is solved here.
-
-A lug is as short as it is wide and loaded over a neck alone: it is no beam. What it does to the hinge is a difference:
-the compliance of the drawn platform, each lug with its half of the notch, less that of the same half notch on a
-straight block, which the calibrated hinge already has; the block as a beam was never part of the hinge and is left out.
-Both are cut in the neck and bear the stresses of a beam there. What these miss, and what the notch's elements miss, is
-in both: the difference depends little on it.
-
-A frame of another expansion strains and bows the clamped edges of the pads. The edge is as long as the pad is wide, so
-one place and one direction do not tell how it is held. The neck at the end of the pad bears nothing and goes along as a
-rigid body: by boundary elements on the drawn pad with half of its notch.
+"""Compliances of the bodies between the hinges: pads and links as bars along the path they are drawn on, the platform
+and the clamped edges of pads by plane boundary elements, with points, displacements and tractions as complex numbers.
 """
 
 from __future__ import annotations
 
 import cmath
 from collections.abc import Callable, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import AnyArray, Array
-from flexfem.hinges.beam import SHEAR_CORRECTION
+from flexfem.hinges.chart import SHEAR_CORRECTION
 from flexfem.mechanism.bodies import (
     Pose,
     Segment,
@@ -84,9 +63,7 @@ def divided(segments: Sequence[Segment], size: Callable[[complex], float], turn:
 
 
 def _halved(segment: Segment, size: Callable[[complex], float], turn: float) -> list[Segment]:
-    middle = (segment.start + segment.end) / 2
-    if segment.centre is not None:
-        middle = segment.centre + (segment.start - segment.centre) * np.exp(0.5j * segment.turn)
+    middle = complex(segment.at(0.5))
     if segment.length <= size(middle) and abs(segment.turn) <= turn:
         return [segment]
     halves = (Segment(segment.start, middle, segment.centre), Segment(middle, segment.end, segment.centre))
@@ -106,7 +83,7 @@ def displacements(
 
     Notes
     -----
-    In each copy's own frame the equations are the same, so a discrete Fourier transform parts them: with x_d in copy d,
+    A discrete Fourier transform over the copies parts the equations: with x_d in copy d, in its own frame,
     `x_d = sum_m w^(m d) (sum_e w^(m e) A_e)^-1 b / copies`, w the root of unity, A_e what copy e does to the first.
     """
     given = (np.ascontiguousarray(each, dtype=complex).tobytes() for each in (*boundary, tractions))
@@ -117,7 +94,6 @@ def displacements(
 def _displacements(
     start: bytes, end: bytes, tractions: bytes, held: bytes, poissons_ratio: float, copies: int
 ) -> AnyArray:
-    """As `displacements`, which gives arrays by their bytes."""
     boundary, fixed = Boundary(np.frombuffer(start, complex), np.frombuffer(end, complex)), np.frombuffer(held, bool)
     single, double = _system(boundary, poissons_ratio, copies)
     clamped = np.concatenate([fixed, fixed])
@@ -142,6 +118,17 @@ def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Arr
     """Matrices (copies, 2n, 2n), real parts before imaginary ones, of tractions and of displacements.
 
     What they make of those of all copies, each in its frame, sums to zero at the nodes of the first.
+
+    Notes
+    -----
+    Somigliana's identity, the body left of its boundary s, a star for the conjugate, `kappa = (3 - nu) / (1 + nu)`:
+
+        U(z) = int [-2 kappa ln|z - s| t + (z - s)/(z - s)* t*] |ds| / (4 pi (1 + kappa))
+             + int [u (kappa d ln(s - z) - d ln(s - z)*) + u* d((s - z)/(s - z)*)] / (2 pi i (1 + kappa))
+
+    Kelvin's forces and dislocations from 2 U = kappa phi - z phi'* - psi* (N. I. Muskhelishvili, Some Basic Problems
+    of the Mathematical Theory of Elasticity, Noordhoff 1953, sections 32 and 56). Displacements and tractions are
+    quadratic in straight elements, their integrals exact.
     """
     kappa = (3 - poissons_ratio) / (1 + poissons_ratio)
     force, jump = SHAPES / (4 * np.pi * (1 + kappa)), SHAPES / (2j * np.pi * (1 + kappa))
@@ -214,8 +201,9 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
 
     Notes
     -----
-    A wrench of one chain on the platform moves the lugs of the others too, the hub standing still. Where hinges differ
-    from chain to chain, what two lugs do to each other is the mean of what either would do to its like.
+    A lug is no beam. It adds the difference of two bodies, both cut in the neck under the stresses of a beam: the drawn
+    platform, less half the notch on a straight block, which the calibrated hinge has. Where hinges differ from chain to
+    chain, what two lugs do to each other is the mean of what either would do to its like.
     """
     cut_angle(stage)  # refuses lugs with no rim between them
     hinges = [stage.hinge(chain, "platform") for chain in CHAINS]
@@ -225,17 +213,8 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     added = np.array([[(alike[i][i - j] + alike[j][i - j]) / 2 for j in range(3)] for i in range(3)])
     poses, turns = [necks(stage, chain)[2] for chain in CHAINS], np.exp(1j * CHAIN_TURN * np.arange(3))
     along = np.exp(1j * np.array([pose.heading for pose in poses])) * turns
-    J = motions(np.array([pose.point for pose in poses]) * turns, along)
+    J = freedom_motions(np.array([pose.point for pose in poses]) * turns, along)
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, added, J).reshape(9, 9))
-
-
-def motions(at: AnyArray, along: AnyArray) -> Array:
-    """Motion (n, 3, 3) of the platform, x, y, theta, for rotation, axial, shear at points (n,) along directions."""
-    zero = np.zeros(len(at))
-    rotation = np.stack([at.imag, -at.real, zero + 1], axis=-1)  # the centre of the platform is the origin
-    axial = np.stack([along.real, along.imag, zero], axis=-1)
-    shear = np.stack([-along.imag, along.real, zero], axis=-1)
-    return np.stack([rotation, axial, shear], axis=-1)
 
 
 def _added(stage: Stage, material: Elastic, chain: int) -> Array:
@@ -247,10 +226,7 @@ def _added(stage: Stage, material: Elastic, chain: int) -> Array:
 
 
 def _body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
-    """Compliance (3, 3, 3), each neck under loads of the first: moment, force along, across; G and thickness one.
-
-    One sector of the platform is enough, with its lug, its part of the hub and the rim up to the next lug.
-    """
+    """Compliance (3, 3, 3), each neck under loads of the first: moment, force along, across; G and thickness one."""
     neck, hinge, hub = necks(stage, chain)[2], stage.hinge(chain, "platform"), stage.platform.hub_radius
     left, right = (body_sides(stage, chain, side)[3] for side in (1, -1))
     size, spin = element_size(stage.chain.link_width, neck, hinge), cmath.exp(1j * CHAIN_TURN)
@@ -321,10 +297,7 @@ def beam_stress(pose: Pose, height: float, nodes: AnyArray, on: AnyArray) -> Any
 
 
 def _work(boundary: Boundary, loads: AnyArray, held: AnyArray, poissons_ratio: float, copies: int = 1) -> Array:
-    """Compliance (copies, k, k) of each copy under loads on the first, shear modulus and thickness one.
-
-    By reciprocity that of copy d is the transpose of that of copy -d; taking the mean removes what errors leave.
-    """
+    """Compliance (copies, k, k) of each copy under loads on the first, G and thickness one; made reciprocal."""
     moved = displacements(boundary, loads, held, poissons_ratio, copies)
     work = ((np.conj(loads) * boundary.weights[:, None]).T @ moved).real
     back = np.swapaxes(work[-np.arange(copies)], -1, -2)
@@ -346,62 +319,43 @@ def body_compliance(stage: Stage, plane: Plane | None = None) -> Array:
     Raises BadInput when they cannot be drawn.
     """
     material = elastic(plane or stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio)
-    return bars_compliance(stage, material) + platform_compliance(stage, material)
-
-
-def bars_compliance(stage: Stage, material: Elastic) -> Array:
-    """What pads and links alone add, as `body_compliance`."""
-    bodies = np.zeros((3, 3, 3, 3))
+    bars = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
-        segments = [segment for line in centrelines(stage, chain) for segment in line]
-        bars, R = [bar_density(stage, material, segment)[0] for segment in segments], chain_rotation(chain - 1)
-        bodies[chain - 1, :, chain - 1] = R @ np.sum(bars, axis=(0, 1)) @ R.T
-    return bodies.reshape(9, 9)
+        each = [bar_density(stage, material, segment)[0] for line in centrelines(stage, chain) for segment in line]
+        R = chain_rotation(chain - 1)
+        bars[chain - 1, :, chain - 1] = R @ np.sum(each, axis=(0, 1)) @ R.T
+    return bars.reshape(9, 9) + platform_compliance(stage, material)
 
 
 def bar_density(
     stage: Stage, material: Elastic, segment: Segment, first: float = 0.0, last: float = 1.0
 ) -> tuple[Array, Array]:
-    """Compliances (q, 3, 3) at the platform of pieces of one line or arc, and where they are: shares (q,) of it.
-
-    The strip is as wide as the link; `first` and `last` are the shares between which it is taken.
-    """
-    nodes, weights = _gauss(POINTS)
+    """Compliances (q, 3, 3) at the platform of pieces of one line or arc, between two shares, and their shares (q,)."""
+    nodes, weights = np.polynomial.legendre.leggauss(POINTS)
     share = first + (last - first) * (nodes + 1) / 2
+    along = segment.tangent(share)
     if segment.centre is None:
-        at = segment.start + share * (segment.end - segment.start)
-        along, (E, nu), width = (
-            np.full(POINTS, (segment.end - segment.start) / segment.length),
-            material,
-            stage.chain.link_width,
-        )
+        at, (E, nu), width = segment.at(share), material, stage.chain.link_width
         density = np.diag([12 / width**2, 1.0, SHEAR_CORRECTION * 2 * (1 + nu)]) / (E * stage.thickness * width)
     else:
-        side = float(np.sign(segment.turn))
-        spoke = (segment.start - segment.centre) * np.exp(1j * segment.turn * share)
-        at, along = np.full(POINTS, segment.centre), 1j * side * spoke / np.abs(spoke)
+        at, side = np.full(POINTS, segment.centre), float(np.sign(segment.turn))
         density = _curved(stage, material, abs(segment.start - segment.centre)) * np.outer([side, 1, 1], [side, 1, 1])
-    J = motions(at, along)
+    J = freedom_motions(at, along)
     pieces = weights / 2 * segment.length * (last - first)
     return np.asarray(np.einsum("q,qia,ab,qjb->qij", pieces, J, density, J)), share
 
 
 def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
-    """Compliance per length of the middle line (3, 3) of a curved bar, for loads at the centre of curvature.
-
-    Moment, axial force and shear of a bar counter-clockwise about its centre; a force through the centre bends it too.
+    """Compliance per length (3, 3) of a curved bar, by moment, axial force and shear at the centre of curvature.
 
     Notes
     -----
-    The plane stresses are exact: those of a moment by Golovin, with
-    `q = (a b / r)^2 ln(b/a)`, `sr ~ q + b^2 ln(r/b) + a^2 ln(a/r)`, `st ~ sr - 2 q + b^2 - a^2`;
-    those of a force through the centre `sr ~ r + a^2 b^2/r^3 - (a^2 + b^2)/r`, `st ~ 3 r - a^2 b^2/r^3 - (a^2 + b^2)/r`
-    where it pulls, and a shear stress as `sr` where it shears: S. Timoshenko, J. N. Goodier, Theory of Elasticity,
-    3rd ed., 1970, sections 29 and 33. A sharp bend (b/a = 9) is 44 % softer than Winkler's bar.
+    By Golovin's exact plane stresses, S. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., 1970, sections 29
+    and 33: a sharp bend (b/a = 9) is 44 % softer than Winkler's bar.
     """
     (E, nu), width = material, stage.chain.link_width
     a, b = radius - width / 2, radius + width / 2
-    nodes, weights = _gauss(RADII)
+    nodes, weights = np.polynomial.legendre.leggauss(RADII)
     r = a * (b / a) ** ((nodes + 1) / 2)
     dr = weights / 2 * np.log(b / a) * r
     q = (a * b / r) ** 2 * np.log(b / a)
@@ -417,9 +371,6 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
     return density / (E * stage.thickness * radius)
 
 
-_gauss = cache(np.polynomial.legendre.leggauss)
-
-
 CORNER = 1 / 100  # size of elements at the clamped corners, per link width; it grows as from the neck
 
 
@@ -427,16 +378,14 @@ CORNER = 1 / 100  # size of elements at the clamped corners, per link width; it 
 def edge_motions(stage: Stage, wider: float = 1.0) -> Array:
     """Motions (3 chains, 3, 3 cases) of the platform, hinges at rest, by what strains and bows the clamped edges.
 
-    Per expansion of the frame beyond the stage's: by 1 K, 1 K/mm along x, 1 K/mm along y about the platform's centre.
-
-    Parameters
-    ----------
-    wider : factor on the necks of the base hinges.
+    Per expansion of the frame beyond the stage's: by 1 K, 1 K/mm along x, 1 K/mm along y about the platform's centre;
+    `wider` is a factor on the necks of the base hinges.
 
     Notes
     -----
     From the middle z of the edge of a pad along e, at z + i e eta, the free fields `z`, `z^2/2`, `-i z^2/2` of x + iy
-    differ from a rigid motion by a strain of 1, Re z, Im z and a bow of `-(e eta)^2/2` and `i (e eta)^2/2`.
+    differ from a rigid motion by a strain of 1, Re z, Im z and a bow of `-(e eta)^2/2` and `i (e eta)^2/2`. The neck at
+    the end of the pad bears nothing and goes along as a rigid body.
     """
     width, metal = stage.chain.link_width, stage.material
     nu = float(elastic(stage.model, metal.youngs_modulus, metal.poissons_ratio).poissons_ratio)
@@ -480,10 +429,8 @@ def _of_pad(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
 
 
 def _fields(z: AnyArray, normal: AnyArray, poissons_ratio: float) -> tuple[AnyArray, AnyArray]:
-    """Displacements in equilibrium that are as wanted on the edge (n, 3), and their tractions; shear modulus one.
+    """Displacements in equilibrium (n, 3) that are as wanted on the edge, and their tractions; shear modulus one.
 
-    Notes
-    -----
     Of a stress E along the edge, eta; E xi; E eta with a shear stress of -E xi, xi ahead of the edge.
     """
     nu, x, y = poissons_ratio, z.real, z.imag

@@ -1,27 +1,10 @@
 """Finite displacements: equilibrium under a load or at a pose, and the stage with its stacks pushing.
 
-Equilibrium is exact, with closed loops. What the two second-order terms of (16), `- tau_p o H_p - F_u o H_u`, are worth
-away from rest follows from it.
-
-Internal forces, those of preloads too, add to (16). A stack that pushes with N against its opening g has the potential
-`-N g`. To the tangent stiffness it adds `-N g''`, beside the `k g' g'` of its own stiffness: in the terms of (16) the
-antagonistic load times the second-order influence coefficients of its contact.
-
-Two stacks on one line that push a body from both sides with equal forces leave no force in any neck. Their own terms
-remain: when the body turns by phi about a hinge of a still carrier, a push with a fixed direction through a point of
-the body that is h before the hinge, measured along the push, has the moment `N h phi` with the turn; a push that turns
-with the body, through a fixed point, has it against the turn. The partner has the same. Which of the two is meant, and
-which point, is `Stack.pivot`: normal to a smooth flat of the pushed body, through the centre of a ball on the carrier
-("pushed"), or with the carrier, through the contact on the pushed body ("carrier"). A stack that hinges at both ends is
-neither.
-
-Single stacks, unequal preloads and commands load the necks. Chains that carry a wrench w then add `-w x''` of their
-pose x, as in (16), and the stage is no longer where it was. An axial force of 10 N in the base hinges of the reference
-stage alone changes K_xx by 1.2 %.
-
-Here a chain is elastic joints in series, base to platform: hinges by rotation, axial and shear, in this order, as in
-`paper`, pieces of elastic links, and what the elastic platform gives between its end and the hub. What a force along a
-notch does to the stiffness of the notch itself is not in.
+Internal forces, those of preloads too, add to (16). A chain is elastic joints in series, base to platform: hinges by
+rotation, axial and shear, in this order, as in `paper`, pieces of elastic links, and what the elastic platform gives. A
+stack that pushes with N against its opening g has the potential `-N g`: to the tangent stiffness it adds `-N g''`,
+which depends on what its push turns with and on the point it goes through, `Stack.pivot`. What a force along a notch
+does to the stiffness of the notch itself is not in.
 """
 
 from __future__ import annotations
@@ -31,8 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexfem.analytic.elastic_bodies import motions, platform_compliance
+from flexfem.analytic.elastic_bodies import platform_compliance
 from flexfem.analytic.model import AnalyticResult
+from flexfem.analytic.network import freedom_motions
 from flexfem.analytic.paper import KINDS, PaperModel, apply, first_order, resting, stiffness
 from flexfem.analytic.responses import beyond, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
@@ -119,14 +103,8 @@ class Equilibrium(NamedTuple):
 
     @property
     def without_terms(self) -> Equilibrium:
-        """The same without the second-order terms of (16), `- tau_p o H_p - F_u o H_u`.
-
-        Notes
-        -----
-        The springs of all joints stay, with the influence coefficients of the displaced stage. Only both terms together
-        mean something: in equilibrium their sum does not depend on which joints are called independent, while each
-        alone does and may be many times the sum.
-        """
+        """The same without the second-order terms of (16), `- tau_p o H_p - F_u o H_u`, which mean something together
+        only: their sum does not depend on which joints are called independent, as each alone does."""
         return self._replace(inner=np.broadcast_to(np.eye(self.inner.shape[-1]), self.inner.shape))
 
     def stable(self, stacks: Array) -> bool:
@@ -191,8 +169,6 @@ def _of_paper(of: PaperModel, target: Array, hold: bool) -> Equilibrium:
 def _equilibrium(of: Serial, force: Array, target: Array, hold: bool, steps: int) -> Equilibrium:
     """Equilibrium with forces (n,) and a target (..., 3), a load or (hold) a pose; nan where Newton does not converge.
 
-    Notes
-    -----
     With joints q of unit stiffness, wrenches w at the ends of the chains and the pose u: `q = J' f + G' w`, the poses
     of the chains are u, and the wrenches sum up to the load.
     """
@@ -277,7 +253,7 @@ def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]
     """Twists (3, k) of the joints of a chain, share (pushes, k) of each push beyond them, and which are of links."""
     root = np.sqrt(np.stack(np.broadcast_arrays(*result.hinges), axis=-1))[chain - 1]
     frames = stage_frames(stage)
-    G = motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
+    G = freedom_motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
     allowed = np.array([[kind in hinge for kind in KINDS] for hinge in result.freedoms[chain - 1]])
     R, pieces = chain_rotation(chain - 1), link_pieces(stage, chain, pushes) if result.links else []
     twists, shares, of_links = list[Array](), list[Array](), list[Array]()
@@ -345,11 +321,9 @@ def moved(of: Serial, q: Array, wrench: Array, force: Array) -> JointState:
 def _opening(
     chain: ChainJoints, of: ChainStack, spun: AnyArray, origin: AnyArray, v: AnyArray
 ) -> tuple[Array, Array, Array]:
-    """Derivative (k,) of the opening of a stack by the joints, and two vectors (k,), the first by the joint nearer
-    the base, the second by the farther one, whose products are its second derivatives.
+    """Derivative (k,) of the opening of a stack by the joints, and two vectors (k,), by the joint nearer the base and
+    by the farther one, whose products are its second derivatives.
 
-    Notes
-    -----
     Where the pivot is on the far body, a joint nearer the base turns how it is moved by one beyond it; where it is on
     the near body, seen from the far one, the other way about. Only joints between the two bodies count.
     """
@@ -382,10 +356,7 @@ def along(commanded: Array, axis: int) -> Array:
 
 
 def summed_loads(of: PaperModel, commanded: Array, axis: int) -> dict[str, Array]:
-    """Loads (n, 3) by summing the stiffness `tangent` and `without` along the way from rest, one of the commands (n,).
-
-    Raises ComputationFailed when a pose on the way is not reached.
-    """
+    """Loads (n, 3) by summing the stiffness `tangent` and `without` from rest on; rest is one of the commands (n,)."""
     half = np.diff(commanded)[:, None] / 2
     found = at_pose(of, along(commanded[:-1, None] + half * (1 + PLACES), axis))
     loads = {}
@@ -405,11 +376,7 @@ def at_every(of: PaperModel) -> PaperModel:
 def missed(of: PaperModel, amplitude: Array, lever: ArrayLike) -> Missed:
     """What linear positions and tangents miss at corners, edges and faces of a box of poses (3,), mm and rad.
 
-    Parameters
-    ----------
-    of : with leading axes (...) of designs, or none.   lever : (...), mm.
-
-    Raises ComputationFailed when one of the poses is not reached.
+    of : with leading axes (...) of designs, or none.   lever : (...), mm.   Raises ComputationFailed as `at_pose`.
     """
     far = np.asarray(lever, dtype=float)
     poses = amplitude * np.array([np.subtract(place, 1.0) for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)])

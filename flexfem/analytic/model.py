@@ -22,7 +22,7 @@ from flexfem.analytic.paper import (
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
@@ -63,13 +63,10 @@ class PlatformAtRest(NamedTuple):
 class AnalyticResult(NamedTuple):
     """The analytic model of one stage at rest.
 
-    stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.
-    mobility : by (1).   freedoms : of each hinge, 3 chains by 3 hinges.   formula : name of the hinge formula.
-    hinges : Compliance of the nine hinges, fields (3, 3).
-    in_range : (3, 3), whether t/R is within the range of the formula.
-    links : whether pads, links and platform are elastic.
+    stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.   mobility : by (1).
+    freedoms, hinges : of each hinge, 3 chains by 3 hinges.   in_range : (3, 3), whether `formula` is meant for its t/R.
+    links : whether pads, links and platform are elastic.   plane : how the stage is made a plane problem.
     wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
-    plane : how the stage is made a plane problem.
     """
 
     stiffness: Array
@@ -145,9 +142,6 @@ def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broke
 def lowered(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> network.Mechanism:
     """The stages as networks: the platform, the links of chain 1, 2 and 3; the joints are the nine hinges.
 
-    Parameters
-    ----------
-    frames : centres (..., 3, 3, 2).   hinges : fields (..., 3, 3).
     bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as of `body_compliance`.
     """
     allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms])
@@ -170,15 +164,9 @@ def at_necks(frames: Frames, wrenches: Array) -> Wrench:
 
 
 def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> PlatformAtRest:
-    """The platform of n designs at rest, by hinges of compliances (n, 3, 3).
+    """The platform of n designs at rest, by hinges of compliances (n, 3, 3); the stiffness is that of (18).
 
-    Parameters
-    ----------
     bodies : (n, 9, 9), of `body_compliance`; None where pads, links and platform are rigid.
-
-    Notes
-    -----
-    The stiffness is (18) at rest by another route: a network of bodies and joints.
     """
     found = network.stiffness(lowered(designs.frames, hinges, freedoms, bodies))
     wrench = at_necks(designs.frames, found.wrenches.reshape(-1, 3, 3, 3, 3))
@@ -248,12 +236,8 @@ def choose(stage: Stage, asked: tuple[int | None, str, bool] | None, warnings: l
 def best_model(stage: Stage, warnings: list[str], formula: str | None = None) -> ModelChoice:
     """The model of every question that names none: calibrated hinges, elastic links, hinges corrected for thickness.
 
-    A `model` that the stage file states is kept. Where a chart does not reach a hinge, the default formula or plane
-    stress is taken, and a warning is added.
-
-    Parameters
-    ----------
-    formula : of the hinges, instead of the calibrated one.
+    A `model` that the stage file states, and a `formula`, are kept. Where a chart does not reach a hinge, the default
+    formula or plane stress is taken, and a warning is added.
     """
     if formula is None:
         try:
@@ -313,9 +297,8 @@ def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_F
 def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance:
     """Compliances of the nine hinges of one stage, fields (3 chains, 3 hinges).
 
-    Raises BadInput for a stage that cannot be made, for an unknown formula, for one that is not even positive at some
-    hinge's t/R, and for a chart that some hinge is not on: the formula's, or that of the thickness when the stage's
-    model is "corrected".
+    Raises BadInput for a stage that cannot be made, and for a formula that is unknown, or that has, as the chart of a
+    "corrected" model, no answer for some hinge.
     """
     check_closed_form(stage)
     with np.errstate(all="ignore"):  # off a chart, or where a formula has no value: refused below

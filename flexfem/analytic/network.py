@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.arrays import Array, inverse
+from flexfem.arrays import AnyArray, Array, inverse
 
 GROUND = -1
 SINGULAR = 1e-14  # of the largest eigenvalue of a joint's scaled compliance: no freedom of the joint
@@ -134,6 +134,16 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
     G = np.asarray(np.kron(np.array(incidence), np.eye(3)), dtype=np.float64)
     return Topology(kept, tuple(paths), np.array(signs), G, borne, beyond)
+
+
+def freedom_motions(at: AnyArray, along: AnyArray) -> Array:
+    """Motions (..., 3, 3) of the origin, x, y, theta, for rotation, axial, shear of joints at complex places along
+    complex unit vectors (...)."""
+    zero = np.zeros(at.shape)
+    rotation = np.stack([at.imag, -at.real, zero + 1], axis=-1)
+    axial = np.stack([along.real, along.imag, zero], axis=-1)
+    shear = np.stack([-along.imag, along.real, zero], axis=-1)
+    return np.stack([rotation, axial, shear], axis=-1)
 
 
 def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:

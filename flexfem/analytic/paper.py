@@ -8,19 +8,20 @@ from the joint springs (10) to (18) and inverse kinematics (28) to (31). At rest
 from __future__ import annotations
 
 from collections.abc import Iterable
+from itertools import pairwise
 from numbers import Integral
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import Array, Index, inverse
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import Frames, direction
 from flexfem.refused import BadInput
 
 CHAINS = 3
-HINGES = 3
 LINKS = 8  # ground, platform, two links in each of three chains
 KINDS = ("rotation", "axial", "shear")
 
@@ -76,10 +77,9 @@ class Joints(NamedTuple):
         return 9 * self.chain + 3 * self.hinge + self.kind
 
     @property
-    def chains(self) -> tuple[slice, slice, slice]:
+    def chains(self) -> list[slice]:
         """Where each chain's joints are."""
-        ends = np.searchsorted(self.chain, [0, 1, 2, 3])
-        return slice(ends[0], ends[1]), slice(ends[1], ends[2]), slice(ends[2], ends[3])
+        return [slice(*ends) for ends in pairwise(np.searchsorted(self.chain, [0, 1, 2, 3]).tolist())]
 
     @property
     def mobility(self) -> int:
@@ -142,29 +142,20 @@ def resting(frames: Frames, joints: Joints) -> Configuration:
     return chain_poses(frames, joints, np.zeros(len(joints.kind)))
 
 
-def first_order(joints: Joints, at: Configuration) -> tuple[Array, Array, Array]:
+def first_order(joints: Joints, at: Configuration) -> list[Array]:
     """Influence coefficients iG of each chain, (..., 3, N_i): u' = iG iphi' (4).
 
-    Notes
-    -----
     Revolute at p: (-(y - p_y), x - p_x, 1); prismatic along d: (d_x, d_y, 0).
     """
-    r = at.pose[..., :, None, :2] - at.pivots
-    zero, one = np.zeros(r.shape[:-1]), np.ones(r.shape[:-1])
-    c, s = np.cos(at.axes), np.sin(at.axes)
-    rotation = np.stack([-r[..., 1], r[..., 0], one], axis=-1)
-    axial, shear = np.stack([c, s, zero], axis=-1), np.stack([-s, c, zero], axis=-1)
-    columns = np.stack([rotation, axial, shear], axis=-2)  # (..., chain, hinge, kind, row)
-    G = np.swapaxes(columns.reshape(*columns.shape[:-4], 27, 3)[..., joints.slot, :], -1, -2)
-    one_, two_, three_ = joints.chains
-    return G[..., one_], G[..., two_], G[..., three_]
+    there = (at.pivots - at.pose[..., :, None, :2]) @ np.array([1, 1j])
+    columns = np.moveaxis(freedom_motions(there, np.exp(1j * at.axes)), -2, -4)  # (..., row, chain, hinge, kind)
+    G = columns.reshape(*columns.shape[:-3], 27)[..., joints.slot]
+    return [G[..., mine] for mine in joints.chains]
 
 
-def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+def second_order(joints: Joints, iG: list[Array]) -> list[Array]:
     """Influence coefficients iH of each chain, (..., 3, N_i, N_i): u'' = iG iphi'' + iphi'^T iH iphi'.
 
-    Notes
-    -----
     A revolute nearer the base, or the joint itself, turns the translation of the distal joint's column by a quarter:
     revolute-revolute (-(x - p_nx), -(y - p_ny), 0), revolute-prismatic (-d_ny, d_nx, 0); a proximal prismatic
     joint turns nothing: 0. Symmetric in its two joints.
@@ -174,7 +165,7 @@ def second_order(joints: Joints, iG: tuple[Array, Array, Array]) -> tuple[Array,
         turns = joints.kind[mine] == ROTATION
         m, n = np.indices((len(turns), len(turns)))
         found.append(turns[np.minimum(m, n)] * (QUARTER @ G)[..., np.maximum(m, n)])
-    return tuple(found)
+    return found
 
 
 DEPENDENT = 6  # three equations in each of two loops
@@ -212,16 +203,12 @@ class Influence(NamedTuple):
 def choose(frames: Frames, joints: Joints, springs: Array) -> Choice:
     """Independent joints: the paper's where its two tables apply, else by rank-revealing elimination at rest.
 
-    Mobility three: the base joints; mobility six with the axial freedom at the base: phi_1 and phi_2 of every chain.
-    The latter makes stiff prismatic joints dependent, which costs digits of K_uu in proportion to their entries of G_p
-    (2e-12 while these stay below 1e3 mm/rad, 1e-7 at 1e5); `rank_revealing` does not lose them.
+    Mobility three: the base joints; mobility six with the axial freedom at the base: phi_1 and phi_2 of every chain,
+    which costs digits of K_uu (1e-7 where entries of G_p are 1e5 mm/rad); `rank_revealing` does not lose them.
     """
-    turning = joints.kind == ROTATION
-    others = (joints.chain[~turning].tolist(), joints.hinge[~turning].tolist(), joints.kind[~turning].tolist())
-    if len(turning) == 9:
-        return chosen(joints, turning & (joints.hinge == 0))
-    if others == ([0, 1, 2], [0, 0, 0], [1, 1, 1]):
-        return chosen(joints, turning & (joints.hinge <= 1))
+    for number, last in ((3, 0), (6, 1)):
+        if np.array_equal(joints.slot, joints_of(FREEDOMS_BY_MOBILITY[number]).slot):
+            return chosen(joints, (joints.kind == ROTATION) & (joints.hinge <= last))
     return rank_revealing(frames, joints, springs)
 
 
@@ -235,8 +222,6 @@ def chosen(joints: Joints, independent: Array | Index) -> Choice:
 def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     """Six dependent joints for every design by pivoted modified Gram-Schmidt on the loop Jacobian at rest.
 
-    Notes
-    -----
     Columns are weighted by k^-1/2 (joint motions of equal energy), rows of rotation by the mean distance of the hinges
     from the platform centre: pivots then do not depend on units. Each pivot is the softest joint that the loops still
     hold, so stiff joints stay independent, where (16) adds their springs to the diagonal without rounding the others.
@@ -283,7 +268,7 @@ def _both_sides(H: Array, G: Array) -> Array:
     return np.swapaxes(G, -1, -2) @ H @ G
 
 
-def _loops(poses: Array, iG: tuple[Array, Array, Array]) -> tuple[Array, Array]:
+def _loops(poses: Array, iG: list[Array]) -> tuple[Array, Array]:
     """Loop Jacobian (..., 6, N), L phi' = 0, and gap (..., 6), by poses (..., 3, 3) and coefficients of the chains."""
     G1, G2, G3 = iG
     O2, O3 = np.zeros_like(G2), np.zeros_like(G3)
@@ -344,10 +329,7 @@ class JointMotion(NamedTuple):
 
 
 def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
-    """Put springs on the joints that `freedoms` allows, each the inverse of its compliance (..., 3, 3).
-
-    `choice` None takes `choose`.
-    """
+    """Put springs on the joints that `freedoms` allows, inverses of compliances (..., 3, 3); None takes `choose`."""
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
     springs = 1.0 / table.reshape(*table.shape[:-3], 27)[..., joints.slot]  # (10)
@@ -377,16 +359,11 @@ def stiffness(of: PaperModel, displacement: Array | None = None, load: Array | N
 def _joint_compliance(K_a: Array, K_p: Array, G_p: Array, S: Array) -> Array:
     """K_aa^-1 from the factors of (16), S being its second-order terms.
 
-    Notes
-    -----
-    Stiff dependent springs (the paper's prismatic joints) would round the soft ones off in the sum K_aa. With
-    K_a + G_p^T K_p G_p = R^T R from the QR factors of the weighted rows, K_aa = R^T (1 - R^-T S R^-1) R keeps them.
+    Stiff dependent springs would round the soft ones off in the sum K_aa. With K_a + G_p^T K_p G_p = R^T R from the QR
+    factors of the weighted rows, K_aa = R^T (1 - R^-T S R^-1) R keeps them.
     """
-    rows = np.concatenate(
-        [diagonal(np.broadcast_to(np.sqrt(K_a), (*G_p.shape[:-2], G_p.shape[-1]))), np.sqrt(K_p)[..., None] * G_p],
-        axis=-2,
-    )
-    R_inverse = inverse(np.linalg.qr(rows).R)
+    soft = diagonal(np.broadcast_to(np.sqrt(K_a), (*G_p.shape[:-2], G_p.shape[-1])))
+    R_inverse = inverse(np.linalg.qr(np.concatenate([soft, np.sqrt(K_p)[..., None] * G_p], axis=-2)).R)
     R_inverseT = np.swapaxes(R_inverse, -1, -2)
     return R_inverse @ inverse(np.eye(G_p.shape[-1]) - R_inverseT @ S @ R_inverse) @ R_inverseT
 

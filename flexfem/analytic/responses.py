@@ -8,9 +8,8 @@ the hinges have; its rank is the mobility. With their mass matrix M, the eigenva
 Every body is drawn up to the narrowest section of its hinges: half a notch moves with either side.
 
 Heat: a chain that warms with its hinges at rest carries the platform, as the ground does on a frame that warms. The
-difference is an opening of the chain. The change dT and the gradient are about the platform's centre; before it, stage
-and frame are taken to be alike. The frame also strains and bows the edge that an elastic pad is clamped along
-(`edge_motions`): 1.1 % of the pose per gradient of the shipped stages.
+difference is an opening of the chain. The change dT and the gradient are about the platform's centre. The frame also
+strains and bows the edge that an elastic pad is clamped along (`edge_motions`): 1.1 % of the pose per gradient.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from flexfem.analytic.model import JOINTS, AnalyticResult, at_necks, lowered
 from flexfem.analytic.model import LINKS as LINKS_OF
 from flexfem.analytic.paper import Freedoms, mobility
 from flexfem.arrays import Array
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress, stress_raised
 from flexfem.mechanism.bodies import (
     Payload,
@@ -200,12 +199,7 @@ class Dynamics(NamedTuple):
 
 
 def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
-    """The dynamics of one stage by the hinges, freedoms and links of an analytic model.
-
-    Parameters
-    ----------
-    stacks : engaged ones, whose openings (n) are added to the compliance, for `engaged`.
-    """
+    """The dynamics of one stage by an analytic model, with openings of `stacks` in the compliance, for `engaged`."""
     found = driven_model(stage, of, (*on_bodies(stage if of.links else None), *stacks))
     return Dynamics(found.compliance, _mass_of(stage, payload), FREEDOMS if of.links else of.mobility)
 
@@ -268,8 +262,6 @@ def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
 def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleration: Array) -> tuple[Array, Array]:
     """Pose (3,) and highest neck stress (3 chains, 3 hinges), MPa, of a stage whose bodies weigh on it.
 
-    Parameters
-    ----------
     acceleration : (2,), of gravity in the plane, mm/s^2.
     """
     found = driven_model(stage, of, on_bodies(stage if of.links else None))

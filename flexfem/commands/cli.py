@@ -29,7 +29,7 @@ from flexfem.commands import study
 from flexfem.commands.console import Json, Wanted, show, usable
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
-from flexfem.sources import ONE_THREAD, manifest
+from flexfem.sources import ONE_THREAD, manifest, use_own
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
@@ -51,9 +51,8 @@ RENAMED = {  # old names of commands, and what they are called now
     "cross-check": "make validation",
 }
 OWN = ("study", "design")  # commands with code of their own
-MADE = {name: name for group in GROUPS.values() for name in group if name not in OWN}  # and the functions behind them
-MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "as-built": "as_built", "verify": "verification"}
-MADE |= {"plot": "plot_results"}
+MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in OWN}  # the functions
+MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
 OF_PYTHON = ("progress", "law")  # parameters that are no options
 TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
 STAGE = {"stage": "Stage file, see flexfem schema stage."}
@@ -275,9 +274,7 @@ def _common(
 ) -> None:
     manifest()  # before what computes is loaded
     if formulas is not None:
-        from flexfem.own import use
-
-        use(formulas)
+        use_own(formulas)
 
 
 def main() -> None:

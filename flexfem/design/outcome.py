@@ -375,10 +375,9 @@ def doubts_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list
     of, study = loaded.requirements, replace(loaded.study, stage=stage)
     own = [key for key, source in of.provenance.items() if is_assumed(source)], of.not_stated
     warm = study.study.drift is not None
+    asked = [[key for key in keys if key.startswith("stage: ") and (warm or not of_heat(key.removeprefix("stage: ")))]
+             for keys in study.doubts]  # fmt: skip
     assumed, not_stated = (
-        [f"stage: {key}" for key in (each.removeprefix("stage: ") for each in said if each.startswith("stage: "))
-         if warm or not of_heat(key)]
-        + [f"requirements: {key}" for key in keys]
-        for said, keys in zip(study.doubts, own, strict=True)
-    )  # fmt: skip
+        [*of_stage, *(f"requirements: {key}" for key in keys)] for of_stage, keys in zip(asked, own, strict=True)
+    )
     return assumed, not_stated

@@ -18,8 +18,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array, Index
-from flexfem.clock import Limit
-from flexfem.fem.mesher import Cone, Job, Made, mesh_faces, run_jobs
+from flexfem.fem.mesher import Cone, Job, Limit, Made, mesh_faces, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import Face, area, draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned

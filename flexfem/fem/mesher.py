@@ -11,6 +11,7 @@ import ctypes
 import os
 import pickle
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from subprocess import PIPE, Popen
@@ -21,7 +22,6 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.clock import Limit, Stopwatch
 from flexfem.mechanism.bodies import Face, Segment
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
@@ -30,6 +30,7 @@ SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
 TRIANGLE, EDGE = 2, 1  # gmsh's numbers of the linear ones
 STRAIGHT = complex(np.nan)  # for a centre
 LOOK = 0.25  # s between two looks at a process
+STEP = 1.0  # s; a longer gap between two looks is taken for a stop of whoever looks: of the machine, or of the job
 MOST_KEPT = 10_000_000  # bytes of meshes; the process of a larger answer ends, so that its memory is free again
 OPTIONS = {
     "General.NumThreads": 1,  # more make the order of the nodes vary from run to run
@@ -259,6 +260,25 @@ def main() -> None:
                 sys.exit(f"gmsh: {' '.join(str(error).split())}")
             pickle.dump(answers, made)
             made.flush()
+
+
+class Stopwatch:
+    """Seconds of the monotonic clock, of every gap between two looks `STEP` at most; look more often than that."""
+
+    def __init__(self) -> None:
+        self._seen = time.monotonic()
+
+    def step(self) -> float:
+        """Seconds since the look before."""
+        before, self._seen = self._seen, time.monotonic()
+        return min(self._seen - before, STEP)
+
+
+class Limit:
+    """Seconds that are `left` for work of several pieces, each of which takes off what it has used."""
+
+    def __init__(self, seconds: float) -> None:
+        self.left = seconds
 
 
 class MeshTimeout(ComputationFailed):

@@ -212,24 +212,21 @@ def merged(problems: list[Problem]) -> list[Problem]:
 
 def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[str]:
     """The keys that a missing key stands for: itself, or all that its table needs."""
-    inside = _model_at(model, problem.path)
-    fields = inside.model_fields.items() if inside is not None else ()
+    inside = _annotation_at(model, problem.path)
+    fields = inside.model_fields.items() if isinstance(inside, type) and issubclass(inside, BaseModel) else ()
     names = [field.alias or name for name, field in fields if field.is_required()]
     keys = [key for name in names for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
     return keys or [key_path(problem.path, data)]  # also a table of which no single key is a must
 
 
-def _model_at(model: type[BaseModel], path: KeyPath) -> type[BaseModel] | None:
-    """The model of the table at a key path, None where a value or an array belongs."""
+def _annotation_at(model: type[BaseModel], path: KeyPath) -> Any:
+    """The type of the value at a path of keys or names, None where there is none."""
     annotation: Any = model
     for part in (each for each in path if isinstance(each, str)):
         table = next(_models_in(annotation), None)
-        fields = {known.alias or name: known for name, known in table.model_fields.items()} if table else {}
-        if part not in fields:
-            return None
-        annotation = fields[part].annotation
-    whole = not path or isinstance(path[-1], int) or get_origin(annotation) is None
-    return next(_models_in(annotation), None) if whole else None
+        fields = table.model_fields.items() if table else ()
+        annotation = next((field.annotation for name, field in fields if part in (name, field.alias)), None)
+    return annotation
 
 
 def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_name: bool = False) -> str:
@@ -251,11 +248,8 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
 
 def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
     """Keys of files for the fields of the table at a path, by themselves or by name; that of the provenance last."""
-    for part in path:
-        inner = model.model_fields.items()
-        kinds = {name if by_name else field.alias or name: field.annotation for name, field in inner}
-        model = next(_models_in(kinds.get(str(part))), model)
-    keys = {name: field.alias or name for name, field in model.model_fields.items()}
+    table = next(_models_in(_annotation_at(model, path)), model)
+    keys = {name: field.alias or name for name, field in table.model_fields.items()}
     return {name if by_name else keys[name]: keys[name] for name in sorted(keys, key="provenance".__eq__)}
 
 

@@ -6,6 +6,7 @@ dotted keys so deep that `tomllib` would overflow the stack or take quadratic ti
 
 from __future__ import annotations
 
+import csv
 import os
 import re
 import stat
@@ -261,6 +262,20 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         place = place_of(path, data.count(b"\n", 0, error.start) + 1)
         raise BadInput(f"{place}: byte {data[error.start]:#04x} is not UTF-8") from None
+
+
+def read_csv(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
+    """Rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
+    texts = {k: text for k, text in enumerate(read_text(path).splitlines(), 1) if text.strip() and text[0] != "#"}
+    rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
+    line, head = rows.pop(0)
+    if len(set(head)) < len(head) or not set(required) <= set(head) <= {*required, *optional}:
+        columns = f"{one_line(', '.join(head), 60) or 'none'}, expected {', '.join(required)}"
+        raise BadInput(f"{place_of(path, line)}: columns {columns}{''.join(f', [{key}]' for key in optional)}")
+    for line, row in rows:
+        if len(row) != len(head):
+            raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(head)}, as the first line has")
+    return {line: dict(zip(head, row, strict=True)) for line, row in rows}
 
 
 def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:

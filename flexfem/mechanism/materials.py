@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_model, model_validator
 
-from flexfem import own
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import key_path, place_of, refusal, shown
 from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
-from flexfem.sources import PACKAGE
+from flexfem.sources import PACKAGE, load_own
 
 NEAREST = 5  # names listed beside one that is not known
 
@@ -173,7 +172,7 @@ def _known(name: Any) -> Registered | None:
     """The registered material of a name, None of none; what is shipped or the user's own is read when first asked."""
     while _unread:
         REGISTERED.update(read_materials(_unread.pop()))
-    own.load()
+    load_own()
     return REGISTERED.get(name) if isinstance(name, str) else None
 
 

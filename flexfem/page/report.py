@@ -65,11 +65,7 @@ ASKED: dict[str, tuple[str, Callable[..., Any], str]] = {  # title, question, wh
     "life": ("Fatigue life", life, "The S-N curve of the material with the necks."),
 }
 OF_DESIGNS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # likewise, with what draws it
-    "design": (
-        "Design",
-        design_figure,
-        "Outline of the stage, margins of its requirements, history of the search.",
-    ),
+    "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),
     "requirements": ("Requirements", None, ""),
     "sensitivity": ("Sensitivity to each dimension", sensitivity_figure, "Bars of how quantities follow it."),
     "front": ("Front", front_figure, "The front by finite elements, and its designs to one scale."),
@@ -167,18 +163,13 @@ def report(
 
 
 def command_line(
-    files: Sequence[Path],
-    target: Path,
-    sections: Sequence[str] = STANDARD,
-    amplitude: Any = None,
-    folder: Path = REPORTS,
+    files: Sequence[Path], target: Path, sections: Sequence[str] = STANDARD, amplitude: Any = None, kept: Path = REPORTS
 ) -> str:
     """The command that makes a page again, for a shell."""
     words = ["flexfem", "report", *map(str, files), "-o", str(target)]
     words += ["--sections", ",".join(sections)] if tuple(sections) != STANDARD else []
     words += ["--amplitude", *map(repr, checked_amplitude(amplitude).tolist())] if amplitude is not None else []
-    words += ["--folder", str(folder)] if folder != REPORTS else []
-    return shlex.join(words)
+    return shlex.join(words + (["--folder", str(kept)] if kept != REPORTS else []))
 
 
 def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = False) -> Drawn:
@@ -218,15 +209,14 @@ def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...
     wanted = tuple(name.strip() for each in sections for name in str(each).split(",") if name.strip()) or STANDARD
     if wanted == ("all",):
         wanted = tuple(name for name in SECTIONS if name != "life" or amplitude is not None)
-    unknown = [name for name in wanted if name not in SECTIONS]
-    if unknown:
+    if unknown := [name for name in wanted if name not in SECTIONS]:
         raise BadInput(f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}")
     if "life" in wanted and amplitude is None:
         raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
+    if "life" not in wanted and amplitude is not None:
+        raise BadInput("an amplitude without section life, expected none: it is of no other section")
     if amplitude is not None:
         checked_amplitude(amplitude)
-        if "life" not in wanted:
-            raise BadInput("an amplitude without section life, expected none: it is of no other section")
     return wanted
 
 
@@ -264,7 +254,7 @@ def _study(path: Path, folder: Path) -> Subject:
     texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
     rows = [[key, said, texts.get(key) or ""] for kind, said in KINDS.items() for key in status[kind]]
-    parts: list[Part] = [*study_parts(found.source, found.found, status)]
+    parts = study_parts(found.source, found.found, status)
     parts.append(("sources", partial(_sources, rows, "source")))
     return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
 

@@ -13,13 +13,12 @@ from typing import Any
 _NAMES = {
     "design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
     "drive": "plot_drive plot_forces plot_large plot_open_loop plot_section plot_solid plot_strokes",
-    "errors": "plot_budget plot_convergence plot_displaced plot_errors",
-    "experiment": "plot_push plot_region plot_remains",
+    "errors": "plot_budget plot_convergence plot_errors",
+    "experiment": "plot_life plot_push plot_region plot_remains",
     "fields": "plot_displacement plot_drift",
     "hinge": "plot_formulas plot_hinge plot_hinge_table plot_thickness",
-    "life": "plot_life",
     "modes": "plot_mode plot_response",
-    "stage": "plot_dimensions plot_mesh plot_model plot_neck plot_notch plot_stage",
+    "stage": "plot_dimensions plot_mesh plot_model plot_neck plot_stage",
     "study": "plot_front plot_histogram plot_map plot_shares",
 }
 _HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,55 +11,20 @@ from matplotlib.figure import Figure
 from flexfem.files.refusals import shown
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
-from flexfem.plot.text import BANDS, BRIEF, OF_STAGE, banded, minus, scientific
+from flexfem.plot.text import banded, minus, scientific
 from flexfem.questions.bands import MeshConvergence
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
 from flexfem.questions.errors import Verification
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, LENGTH, Direction, Unit, unit_for
+from flexfem.units import DIRECTIONS, LENGTH, Direction, unit_for
 
 ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
 HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
 THINNEST, THICKEST = 1.4, 3.4  # points: earlier curves are broader and show below later ones
 WIDTH = 8.27  # in
 LEGEND, NAME = 1.65, 2.1  # in, of a legend's text, and of the name of a share
+BY = {"force": "force by (18)", "joints": "joints imposed by (29)", "strokes": "strokes commanded by (29)"}
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
-
-
-class Panel(NamedTuple):
-    """What a panel shows: unit of the errors; half the axis and largest |error| in it; whether all is round-off."""
-
-    unit: Unit
-    half: float
-    largest: float
-    round_off: bool
-
-
-def _comparable(result: Verification, label: str, freedom: Direction) -> float:
-    """What a command is in another direction, by the lever l3."""
-    lever = result.models[label].lever
-    return (lever if result.direction == "theta" else 1.0) / (lever if freedom == "theta" else 1.0)
-
-
-def panel_of(result: Verification, freedom: Direction) -> Panel:
-    """Unit and axis of the panel of one freedom, and whether it has anything but round-off to show."""
-    sizes = np.max(np.abs(result.at("error", direction=freedom)), axis=-1)
-    amplitude = max(map(abs, result.commanded))
-    commands = amplitude * np.array([_comparable(result, label, freedom) for label in result.curves])
-    largest, honest, round_off = float(sizes.max()), HONEST * commands.max(), bool(np.all(sizes < ROUND_OFF * commands))
-    unit = unit_for(freedom, honest if round_off else largest)
-    return Panel(unit, unit.factor * (honest if round_off else 1.1 * largest), largest * unit.factor, round_off)
-
-
-def normalisation(result: Verification) -> str:
-    """How the percentages of the figure are normalised, in words."""
-    levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
-    command, l3, theta = NAMES[result.direction], f"l₃ = {levers} {LENGTH}", NAMES["theta"]
-    cross = f"X and Y relative to the commanded rotation times {l3}"
-    if result.direction != "theta":
-        other = "Y" if command == "X" else "X"
-        cross = f"{other} relative to the commanded translation; {theta} times {l3} likewise"
-    return f"Percentages at the largest command. {command}: relative to the command; cross directions: {cross}."
 
 
 @style.in_house_style
@@ -70,72 +35,65 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
     have it, instead of its error. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
     """
     what = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
-    where = OF_STAGE[result.elements].replace(",", "")
-    given = "large displacements in both models" if result.analysis == "nonlinear" else BRIEF[result.drive]
-    said = f"Finite-element displacement{where} {what}, {given}. ±, shaded: {BANDS[result.elements]}."
-    figure, found = panels((WIDTH, 8.6), result.name, [said, normalisation(result)], 3, doubts=result)
+    given = "large displacements in both models" if result.analysis == "nonlinear" else BY[result.drive]
+    solid = result.elements == "three_dimensional"
+    where, band = (" in three dimensions", "band of mesh and layers") if solid else ("", "mesh band")
+    levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
+    lines = [
+        f"Finite-element displacement{where} {what}, {given}. ±, shaded: {band}.",
+        f"Percentages at the largest command, relative to it; rotations count times l₃ = {levers} {LENGTH}.",
+    ]
+    figure, found = panels((WIDTH, 8.6), result.name, lines, 3, doubts=result)
     for letter, axes, freedom in zip("abc", found, DIRECTIONS, strict=True):
         along = freedom == result.direction
         titled(axes, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
-        if along and displacement:
-            plot_displaced(axes, result)
-        else:
-            plot_errors(axes, result, freedom)
+        plot_errors(axes, result, freedom, along and displacement)
         axes.label_outer()
     figure.align_ylabels()
     return figure
 
 
-def plot_displaced(ax: Axes, result: Verification) -> Axes:
-    """Draw displacement over command of every curve, with mesh bands, and the command itself in grey; returns `ax`."""
-    freedom = result.direction
-    unit = unit_for(freedom, max(map(abs, result.commanded)))
-    x = np.array(result.commanded) * unit.factor
-    ax.plot(x, x, color=GREY, linewidth=0.8, zorder=1, label="_command")
-    ax.text(0.99, 0.04, "grey: displacement = command", transform=ax.transAxes, ha="right", color=INK, size=9)
-    _draw_curves(ax, result, freedom, unit, x, f"displacement in {NAMES[freedom]} ({unit})", "error ")
-    return ax
-
-
-def plot_errors(ax: Axes, result: Verification, freedom: Direction) -> Axes:
+def plot_errors(ax: Axes, result: Verification, freedom: Direction, displacement: bool = False) -> Axes:
     """Draw the errors of every curve in one direction over the command, with their mesh bands; returns `ax`.
 
-    The legend beside states the percentages at the largest command.
+    The legend beside states the percentages at the largest command. `displacement` : draw the displacement in the
+    commanded direction instead, beside the command itself in grey.
     """
-    panel = panel_of(result, freedom)
-    ax.axhline(0.0, color=GREY, linewidth=0.8, zorder=1)
-    _draw_curves(ax, result, freedom, panel.unit, 0.0, f"error in {NAMES[freedom]} ({panel.unit})")
-    if panel.half > 0:
-        ax.set_ylim(-panel.half, panel.half)
-    ax.locator_params(axis="y", nbins=7)
-    if panel.round_off:
-        style.boxed(ax, 0.8, f"round-off only: largest {scientific(panel.largest)} {panel.unit}")
-    return ax
-
-
-def _draw_curves(
-    ax: Axes, result: Verification, freedom: Direction, unit: Unit, base: Any, ylabel: str, said: str = ""
-) -> None:
-    """Draw every curve above `base` with its band, its percentage in the legend."""
-    command = unit_for(result.direction, max(map(abs, result.commanded)))
-    x, lines, texts = np.array(result.commanded) * command.factor, [], []
-    round_off = panel_of(result, freedom).round_off
-    size = 9.0 if len(result.curves) < 5 else 6.5 if len(result.curves) < 9 else 5.0
+    x, errors = np.array(result.commanded), result.at("error", direction=freedom)
+    levers = {"theta": [result.models[label].lever for label in result.curves]}  # make commands comparable
+    scale = np.divide(levers.get(result.direction, 1.0), levers.get(freedom, 1.0)) * np.ones(len(result.curves))
+    far, largest = float(np.max(np.abs(x))), float(np.max(np.abs(errors)))
+    round_off = bool(np.all(np.abs(errors).max(axis=-1) < ROUND_OFF * far * scale))
+    half = HONEST * far * float(scale.max()) if round_off else 1.1 * largest
+    command = unit_for(result.direction, far)
+    unit = command if displacement else unit_for(freedom, half if round_off else largest)
+    base, what = (unit.factor * x, "displacement") if displacement else (0.0 * x, "error")
+    ax.plot(command.factor * x, base, color=GREY, linewidth=0.8, zorder=1, label="_command")
+    size, count = 9.0 if len(errors) < 5 else 6.5 if len(errors) < 9 else 5.0, len(errors)
+    lines, texts = [], []
     for index, label in enumerate(result.curves):
-        where = {"curve": label, "direction": freedom}
-        share = _comparable(result, label, freedom) * result.band("percent", **where) / 100.0
-        y, band = base + result.at("error", **where) * unit.factor, np.abs(result.commanded) * share
-        lines += ax.plot(x, y, label=f"{label} ", **curve_style(index, len(result.curves), len(x)))
+        percent, band = (float(of("percent", curve=label, direction=freedom)) for of in (result.at, result.band))
+        y = base + unit.factor * errors[index]
+        lines += ax.plot(command.factor * x, y, label=f"{label} ", **curve_style(index, count, len(x)))
         if not round_off:
-            ends = y - band * unit.factor, y + band * unit.factor
-            ax.fill_between(x, *ends, color=lines[-1].get_color(), alpha=0.3, linewidth=0, zorder=1.5)
-        percentage = banded(float(result.at("percent", **where)), float(result.band("percent", **where)))
-        text = wrapped(f"{label}: {said}{percentage}", LEGEND, size)
-        texts.append(f" {text}" if text.startswith("_") else text)  # matplotlib hides "_..."
+            wide = unit.factor * np.abs(x) * scale[index] * band / 100.0
+            look: dict[str, Any] = {"color": lines[-1].get_color(), "alpha": 0.3, "linewidth": 0, "zorder": 1.5}
+            ax.fill_between(command.factor * x, y - wide, y + wide, **look)
+        said = wrapped(f"{label}: {'error ' if displacement else ''}{banded(percent, band)}", LEGEND, size)
+        texts.append(f" {said}" if said.startswith("_") else said)  # matplotlib hides "_..."
     ax.margins(x=0.03)
     ax.grid()
-    ax.set(ylabel=ylabel, xlabel=f"commanded {NAMES[result.direction]} ({command})")
+    ax.set(ylabel=f"{what} in {NAMES[freedom]} ({unit})", xlabel=f"commanded {NAMES[result.direction]} ({command})")
     style.legend_beside(ax, handles=lines, labels=texts, fontsize=size, handlelength=4.4, labelspacing=0.6)
+    if displacement:
+        ax.text(0.99, 0.04, "grey: displacement = command", transform=ax.transAxes, ha="right", color=INK, size=9)
+        return ax
+    if half > 0:
+        ax.set_ylim(-half * unit.factor, half * unit.factor)
+    ax.locator_params(axis="y", nbins=7)
+    if round_off:
+        style.boxed(ax, 0.8, f"round-off only: largest {scientific(largest * unit.factor)} {unit}")
+    return ax
 
 
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:

@@ -13,10 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.mechanism.bodies import BODIES
 from flexfem.plot.stage import QUARTERS, arrow, boundary_of, draw_boundary, draw_hub, fit
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
-from flexfem.plot.text import SHOWN_OF_SOLID, round_factor, significant
+from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.refused import BadInput
@@ -58,16 +57,8 @@ def plot_displacement(
 ) -> Axes:
     """Draw a stage displaced by finite elements, coloured by von Mises stress; in grey its outline at rest.
 
-    Parameters
-    ----------
-    ax : Axes or None
-        None makes new axes.
-    fields : Fields
-        Nodes and displacement, mm, and stress, MPa, under one load.
-    factor, norm : float, LogNorm, optional
-        Exaggeration and scale of stress; by default those that suit these fields.
-    hub_radius : float
-        Of the rigid disc at the platform centre, mm, which is filled; 0 leaves its hole.
+    `factor`, `norm` : exaggeration and scale of stress, by default those that suit the fields.   `hub_radius` : of the
+    rigid disc, mm, which is filled; 0 leaves its hole. Returns `ax`, or new axes.
     """
     ax = ax or new_axes()
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
@@ -128,14 +119,15 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
     lines = [f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command}, displacements"]
-    lines += [f"Three dimensions. {SHOWN_OF_SOLID}"] if result.elements == "three_dimensional" else []
+    if result.elements == "three_dimensional":
+        lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
     hubs = [models[label].hub_radius for label in drawn]
     figure, found, factor = _displaced(result.name, lines, drawn, hubs, columns, result)
     for axes, (label, each) in zip(found, drawn.items(), strict=True):
         moved, (node, place) = each.nodes + factor * each.displacement, largest_stress(models[label], each)
-        text = f"largest {significant(float(each.stress[node]), 3)} {STRESS} at {place}"
+        text = f"largest {significant(float(each.stress[node]), 3)} {STRESS} near {place}"
         axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
         outwards = 0.12 * np.ptp(moved) * moved[node] / np.linalg.norm(moved[node])
         arrow(axes, moved[node] + outwards, moved[node], colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)
@@ -144,21 +136,13 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
 
 
 def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
-    """Node of the largest stress and the name of its place; of places alike, as by symmetry, the first by name."""
+    """Node of the largest stress and the hinge next to it; of stresses alike, as by symmetry, at the first hinge."""
     nodes = np.flatnonzero(fields.stress >= fields.stress.max() * (1 - ALIKE))
-    places = {name_of_place(model, fields, int(node)): int(node) for node in reversed(nodes)}
-    first, *others = sorted(places)
-    return places[first], f"{first} and {len(others)} more alike" if others else first
-
-
-def name_of_place(model: CurveModels, fields: Fields, node: int) -> str:
-    """The hinge whose notch holds a node, else the body."""
-    for number, hinge in enumerate(model.hinges, start=1):
-        if np.hypot(*(fields.nodes[node] - hinge.centre)) <= hinge.radius + hinge.neck:
-            return f"hinge {number} ({hinge.hinge}, chain {hinge.chain})"
-    triangle = int(np.argmax((fields.triangles == node).any(axis=1)))
-    chain, body = divmod(int(fields.bodies[triangle]), len(BODIES))
-    return BODIES[body] if BODIES[body] == "platform" else f"{BODIES[body]} of chain {chain + 1}"
+    centres = np.array([hinge.centre for hinge in model.hinges])
+    nearest = np.linalg.norm(fields.nodes[nodes, None] - centres, axis=2).argmin(axis=1)
+    number = int(nearest.min())
+    hinge = model.hinges[number]
+    return int(nodes[nearest.argmin()]), f"hinge {number + 1} ({hinge.hinge}, chain {hinge.chain})"
 
 
 @in_house_style

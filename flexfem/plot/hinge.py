@@ -16,8 +16,8 @@ from flexfem.plot import style
 from flexfem.plot.stage import arrow, hinges_of, write
 from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, panels, wrapped
 from flexfem.plot.text import SPACE, significant
+from flexfem.questions.check import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.questions.errors import CurveModels
-from flexfem.questions.hinges import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.units import LENGTH
 
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}
@@ -144,11 +144,6 @@ def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         look: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": style.DASHES[index % 7]}
         ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **look)
-    for index, (name, (ratio, width, *found)) in enumerate(review.marked.items()):
-        value = found[FREEDOMS.index(freedom)]
-        text = wrapped(f"{name}: t/R = {ratio:.3g}, b/t = {width:.3g}, factor {value:.3f}", 1.45, 8.5)
-        look = {"markersize": 7.0, "markerfacecolor": "white", "markeredgewidth": 1.6, "zorder": 4, "color": INK}
-        ax.plot([width], [value], style.MARKERS[index % 5], label=text, **look)
     _over(ax, x, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0), strain - 0.01, 1.0)
     ax.set(xlabel="b/t", ylabel="three dimensions / plane stress")
     style.legend_beside(ax, handlelength=3.2, labelspacing=0.7)

@@ -243,47 +243,39 @@ def mesh_size(model: CurveModels) -> str:
 
 @in_house_style
 def neck_figure(model: CurveModels, fields: Fields) -> Figure:
-    """Draw the three notches of chain 1 and, below, their narrowest sections, with mesh, radius and neck, in mm.
-
-    Coordinates run along and across each neck.
-    """
+    """Draw the three notches of chain 1 and, below, their narrowest sections, with mesh, radius and neck, in mm."""
     figure, found = panels((10.0, 7.1), f"{model.stage}: necks of chain 1", [mesh_size(model)], 2, 3, model)
     for column, hinge in enumerate(model.hinges[:3]):
-        plot_notch(found[column], fields, hinge).set_title(f"{hinge.hinge} hinge")
+        plot_neck(found[column], fields, hinge, whole=True).set_title(f"{hinge.hinge} hinge")
         plot_neck(found[3 + column], fields, hinge)
     for axes in (*found[1:3], *found[4:]):
         axes.set_ylabel("")
     return figure
 
 
-def plot_notch(ax: Axes, fields: Fields, hinge: HingeDrawing) -> Axes:
-    """Draw the mesh about a notch, seen along its neck, with the radius, in mm; returns `ax`."""
-    _draw_close(ax, fields, hinge, 1.2 * (hinge.radius + hinge.neck))
-    middle = np.array([0.0, -hinge.radius - hinge.neck / 2])
-    ax.plot(*middle, "+", color=INK, markersize=8, zorder=5)
-    arrow(ax, middle, middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)]))
-    ax.text(0.0, middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top")
-    return ax
+def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False) -> Axes:
+    """Draw the mesh at a neck, seen along it, in mm: its narrowest section with the width, or the `whole` notch with R.
 
-
-def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing) -> Axes:
-    """Draw the mesh at the narrowest section of a neck, seen along it, with its width, in mm; returns `ax`."""
-    _draw_close(ax, fields, hinge, 1.1 * hinge.neck)
-    arrow(ax, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
-    box = PLAIN | {"edgecolor": GREY, "linewidth": 0.5}
-    ax.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)
-    return ax
-
-
-def _draw_close(axes: Axes, fields: Fields, hinge: HingeDrawing, half: float) -> None:
-    """Draw the part of the mesh in a window so wide to each side of the neck's centre, along and across the neck."""
+    Returns `ax`.
+    """
+    half = 1.2 * (hinge.radius + hinge.neck) if whole else 1.1 * hinge.neck
     c, s = np.cos(hinge.axis), np.sin(hinge.axis)
     local = np.asarray((fields.nodes - np.array(hinge.centre)) @ np.array([[c, -s], [s, c]]))
     near = (np.abs(local[fields.triangles]) < 1.5 * half).all(axis=2).any(axis=1)
-    draw_mesh(axes, local, fields.triangles[near], width=0.45)
-    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
-    axes.set(xlabel=f"along the neck ({LENGTH})", ylabel=f"across the neck ({LENGTH})")
-    axes.locator_params(nbins=4)
+    draw_mesh(ax, local, fields.triangles[near], width=0.45)
+    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    ax.set(xlabel=f"along the neck ({LENGTH})", ylabel=f"across the neck ({LENGTH})")
+    ax.locator_params(nbins=4)
+    if whole:
+        middle = np.array([0.0, -hinge.radius - hinge.neck / 2])
+        ax.plot(*middle, "+", color=INK, markersize=8, zorder=5)
+        arrow(ax, middle, middle + hinge.radius * np.array([-np.sqrt(0.5), np.sqrt(0.5)]))
+        ax.text(0.0, middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top")
+    else:
+        arrow(ax, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
+        box = PLAIN | {"edgecolor": GREY, "linewidth": 0.5}
+        ax.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)
+    return ax
 
 
 @in_house_style
@@ -390,10 +382,10 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         labels += [(curve[30], said, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length, LINK)]
     for anchor, text, colour in labels:
         place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True, bbox=PLAIN)
-    for chain, (at, hinge) in enumerate(zip(points[:, 0], hinges[::3], strict=True), start=1):
-        foot = at - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+    for hinge in hinges[::3]:
+        foot = hinge.centre - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
         taken.append(shapely.Point(foot).buffer(3.0 * radius))
-        place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, size=10)
+        place_label(axes, foot, f"chain {hinge.chain}", taken, 0.06 * size, size=10)
 
 
 def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
@@ -474,12 +466,10 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         "material.name": stage.material.name,
     }
     lines = ["; ".join(text for key, text in facts.items() if found.given(key))]
-    if missing:
-        lines.append(f"missing: {', '.join(missing)}")
-    elif stage.chains_alike:
-        lines.append("Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees.")
+    lines += [f"missing: {', '.join(missing)}"] if missing else []
     if found.whole:
-        lines.append("Heavy lines: clamped. Disc: the hub, rigid in the models.")
+        alike = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
+        lines.append(f"{alike if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
     title = stage.name if found.given("name") else str(stage.origin)
     figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, doubts=found.doubts)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then

@@ -4,46 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from flexfem.results import number
 
 if TYPE_CHECKING:
-    from flexfem.questions.case import Drive, Elements
     from flexfem.questions.errors import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
 SPACE = "\N{NO-BREAK SPACE}"
 SYMBOLS = ("X", "Y", "θ")
-OF_STAGE: dict[Elements, str] = {"fe": "", "three_dimensional": ", in three dimensions"}
-BANDS: dict[Elements, str] = {"fe": "mesh band", "three_dimensional": "band of mesh and layers"}
-SHOWN_OF_SOLID = "Displacement of the mid-plane; stress: the highest through the thickness."
-EXTRUDED = (
-    "In three dimensions the stage is extruded: wedges of 18 nodes in layers, both faces free. Bands are then of the "
-    "mesh in the plane and of the layers, whose share is the change from fewer to more of them times 1.25."
-)
-BRIEF: dict[Drive, str] = {
-    "force": "force by (18)",
-    "joints": "joints imposed by (29)",
-    "strokes": "strokes commanded by (29)",
-}
-METHOD: dict[Drive, str] = {
-    "force": (
-        "The force that the analytic model predicts for a platform displacement by (18){exact} is applied to the "
-        "finite-element stage."
-    ),
-    "joints": (
-        "Where joints are imposed, the hinges of the finite-element stage are given the rotations that the model "
-        "computes for the displacement by (29) and (30), those of the base with mobility three, else of base and "
-        "elbow, and no force is on the platform. A hinge turns by the mean rotation of the sections directly beyond "
-        "its notch less that of those directly before."
-    ),
-    "strokes": (
-        "Where strokes are commanded, the stacks of the finite-element stage are given the strokes that the model "
-        "computes for the displacement by least energy, and no force is on the platform."
-    ),
-}
 
 
 def significant(value: float, digits: int = 4) -> str:
@@ -94,24 +65,19 @@ def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
 
     Keys of a case file begin with `case: `; alone they leave the dimensions of the stage undoubted.
     """
-    found = [f"assumed {_what(assumed)}"] if assumed else []
-    return "; ".join(found + ([f"{_what(not_stated)} without a source"] if not_stated else []))
-
-
-def _what(keys: Sequence[str]) -> str:
-    return "commands" if all(key.startswith("case: ") for key in keys) else "dimensions"
+    notes = []
+    for said, keys in (("assumed {}", assumed), ("{} without a source", not_stated)):
+        if keys:
+            notes.append(said.format("commands" if all(key.startswith("case: ") for key in keys) else "dimensions"))
+    return "; ".join(notes)
 
 
 def markdown_report(results: Sequence[Verification]) -> str:
     """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them."""
     kinds = ("assumed", "not_stated")
     note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in kinds))
-    exact = ", in nonlinear cases by its exact equilibrium," if any(r.analysis == "nonlinear" for r in results) else ""
-    drives = {each.drive for each in results}
-    said = " ".join(text for drive, text in METHOD.items() if drive in drives).format(exact=exact)
-    said += " The error is the finite-element displacement minus the commanded one."
-    said += f" {EXTRUDED}" if any(each.elements == "three_dimensional" for each in results) else ""
-    parts = ["# Verification: analytic stage against finite elements", said]
+    parts = ["# Verification: analytic stage against finite elements"]
+    parts += ["The error is the finite-element displacement minus the commanded one."]
     parts += [f"**{note}**: these numbers are listed at the end."] if note else []
     parts += [f"## {each.case}\n\n{each.to_markdown()}" for each in results]
     warnings = [f"- {each.case}: {text}" for each in results for text in each.warnings]
@@ -121,11 +87,11 @@ def markdown_report(results: Sequence[Verification]) -> str:
     return "\n\n".join([*parts, "\n".join(doubts or ["None: every number has a source."])]) + "\n"
 
 
-def doubt_rows(named: Sequence[tuple[str, object]]) -> list[list[str]]:
+def doubt_rows(named: Sequence[tuple[str, Any]]) -> list[list[str]]:
     """Keys of numbers in doubt with their kind and the names of the records that list them."""
     found: dict[tuple[str, str], list[str]] = {}
     for name, record in named:
-        for kind, attribute in (("assumed", "assumed"), ("source not stated", "not_stated")):
-            for key in getattr(record, attribute):
+        for kind, keys in (("assumed", record.assumed), ("source not stated", record.not_stated)):
+            for key in keys:
                 found.setdefault((key, kind), []).append(name)
     return [[key, kind, ", ".join(names)] for (key, kind), names in sorted(found.items())]

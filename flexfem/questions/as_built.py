@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import os
+from itertools import product
 from pathlib import Path
 from typing import Annotated, ClassVar, TypeAlias
 
@@ -14,16 +14,16 @@ from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import AnalyticResult, analyse, at_rest, hinge_compliances
 from flexfem.arrays import Array
 from flexfem.files import quantities
-from flexfem.files.provenance import Sourced, doubts
+from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import checked_path, one_line, place_of, problem_of, refusal, sentence
-from flexfem.files.toml import Table, read_text, read_toml, validate
+from flexfem.files.toml import Table, bad_key, read_csv, validate
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.dimensioned import in_unit
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import HingeName
 from flexfem.questions import warnings as warning
-from flexfem.questions.setup import DEFAULT, Analytic, about
+from flexfem.questions.setup import DEFAULT, Analytic, about, question
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -32,6 +32,7 @@ DRAWS, SEED = 4000, 2003
 QUANTILES = (0.025, 0.975)
 PLAUSIBLE = (0.5, 2.0)  # a measured neck over the drawn one; beyond it the unit or the hinge is more likely wrong
 WIDEST = 0.2  # standard deviation over the neck
+HINGES = tuple(product(CHAINS, HINGE_NAMES))
 
 Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *in_unit("um")]
 Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *in_unit("um")]
@@ -64,11 +65,11 @@ class Necks(Sourced):
 
     @model_validator(mode="after")
     def _every_hinge_once(self) -> Necks:
-        given = [(each.chain, each.hinge) for each in self.neck]
-        for index, one in enumerate(given):
-            if one in given[:index]:
+        places = [(each.chain, each.hinge) for each in self.neck]
+        for index, one in enumerate(places):
+            if one in places[:index]:
                 raise refusal("each hinge once", "neck", index)
-        missing = [f"{name} of chain {chain}" for chain in CHAINS for name in HINGE_NAMES if (chain, name) not in given]
+        missing = [f"{name} of chain {chain}" for chain, name in HINGES if (chain, name) not in places]
         if missing:
             raise refusal(f"nine hinges: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing", "neck")
         without = [index for index, each in enumerate(self.neck) if "sd" not in each.model_fields_set]
@@ -79,7 +80,7 @@ class Necks(Sourced):
     def array(self, what: str) -> Array:
         """`neck` or `sd` of all hinges (3 chains, 3 hinges), mm."""
         found = {(each.chain, each.hinge): getattr(each, what) for each in self.neck}
-        return np.array([[found[chain, name] for name in HINGE_NAMES] for chain in CHAINS])
+        return np.array([found[hinge] for hinge in HINGES]).reshape(3, 3)
 
 
 class AsBuilt(Result):
@@ -103,104 +104,75 @@ def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
 
     Raises BadInput, naming file and line, also for a neck that is not half to twice the drawn one.
     """
-    path = checked_path(path)
+    path, lines = checked_path(path), list[int]()
     if path.suffix.lower() == ".toml":
-        necks, found = validate(Necks, path), read_toml(path)
-        lines = [found.lines.line(("neck", k)) or 1 for k in range(len(necks.neck))]
+        necks = validate(Necks, path)
     else:
         necks, lines = _of_table(path)
-    for one, line in zip(necks.neck, lines, strict=True):
-        drawn, um = stage.hinge(one.chain, one.hinge).neck, MICROMETRE.factor
+    for k, one in enumerate(necks.neck):
+        drawn, um, where = stage.hinge(one.chain, one.hinge).neck, MICROMETRE.factor, f"neck.{one.chain}.{one.hinge}"
         low, high = (share * drawn for share in PLAUSIBLE)
+        wrong = ""
         if not low <= one.neck <= high:
-            raise BadInput(
-                f"{place_of(path, line)}: neck.{one.chain}.{one.hinge}.neck_um = {um * one.neck:g}, expected "
-                f"{um * low:g} to {um * high:g}, half to twice the drawn neck: is the unit right?"
-            )
-        if one.sd > WIDEST * one.neck:
-            said = f"neck.{one.chain}.{one.hinge}.sd_um = {um * one.sd:g}, expected at most {WIDEST:g} of the neck"
-            raise BadInput(f"{place_of(path, line)}: {said}")
+            expected = f"{um * low:g} to {um * high:g}, half to twice the drawn neck: is the unit right?"
+            wrong = f"{where}.neck_um = {um * one.neck:g}, expected {expected}"
+        elif one.sd > WIDEST * one.neck:
+            wrong = f"{where}.sd_um = {um * one.sd:g}, expected at most {WIDEST:g} of the neck"
+        if wrong:
+            raise BadInput(f"{place_of(path, lines[k])}: {wrong}") if lines else bad_key(path, ("neck", k), wrong)
     return necks
 
 
 def _of_table(path: Path) -> tuple[Necks, list[int]]:
     """The necks of a CSV file, and their lines."""
-    numbered = [(k, line) for k, line in enumerate(read_text(path).splitlines(), 1) if line.strip() and line[0] != "#"]
-    if not numbered:
-        raise BadInput(f"{place_of(path)}: empty, expected columns chain, hinge, neck_um and, if known, sd_um")
-    keys, *rows = ([cell.strip() for cell in next(csv.reader([line]))] for _, line in numbered)
-    known = [each.alias or name for name, each in MeasuredNeck.model_fields.items()]
-    if len(set(keys)) < len(keys) or not set(known[:3]) <= set(keys) <= set(known):
-        said = one_line(", ".join(keys), 60)
-        raise BadInput(
-            f"{place_of(path, numbered[0][0])}: columns {said}, expected {', '.join(known[:3])}, [{known[3]}]"
-        )
-    for (line, _), row in zip(numbered[1:], rows, strict=True):
-        if len(row) != len(keys):
-            raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(keys)}, as the first line has")
-    data = {"neck": [{key: _value(cell) for key, cell in zip(keys, row, strict=True) if cell} for row in rows]}
-    lines = [line for line, _ in numbered[1:]]
+    chain, hinge, neck, sd = (each.alias or name for name, each in MeasuredNeck.model_fields.items())
+    rows = read_csv(path, (chain, hinge, neck), (sd,))
+    data, lines = (
+        {"neck": [{key: _value(cell) for key, cell in row.items() if cell} for row in rows.values()]},
+        list(rows),
+    )
     try:
         return Necks.model_validate(data), lines
     except ValidationError as error:
         first = problem_of(error.errors(include_url=False)[0], data)
         at = [part for part in first.path if isinstance(part, int)]
-        place = place_of(path, lines[at[0]] if at else None)
         said = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
-        raise BadInput(one_line(f"{place}: {said}")) from None
+        raise BadInput(one_line(f"{place_of(path, lines[at[0]] if at else None)}: {said}")) from None
 
 
 def _value(cell: str) -> int | float | str:
-    for kind in (int, float):
-        try:
-            return kind(cell)
-        except ValueError:
-            continue
-    return cell
+    """A cell as a number where it is one."""
+    try:
+        return int(cell) if cell.isdecimal() else float(cell)
+    except ValueError:
+        return cell
 
 
+@question
 def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:
     """Stiffness of a stage with its nine measured necks, and its scatter by that of the measurement.
 
     Parameters
     ----------
-    stage : Stage
-        The stage as drawn.
     necks : path
         CSV file with columns chain, hinge, neck_um and, if known, sd_um; or TOML with these in [[neck]].
-    analytic : Analytic
-        The analytic model.
-
-    Returns
-    -------
-    AsBuilt
-
-    Raises
-    ------
-    BadInput
-        The file cannot be used, or a stage with these necks cannot be made.
-    ComputationFailed
-        The stage is at a singular configuration.
+    {shared}
     """
     check_feasible(stage)
-    warnings = list[str]()
-    given = read_necks(necks, stage)
+    warnings, measured = list[str](), read_necks(necks, stage)
     chosen = analytic.chosen(stage, warnings)
-    measured, sd = given.array("neck"), given.array("sd")
-    changes = {
-        (chain, name): {"neck": measured[chain - 1, k]} for chain in CHAINS for k, name in enumerate(HINGE_NAMES)
-    }
+    neck, sd = measured.array("neck"), measured.array("sd")
+    changes = {hinge: {"neck": value} for hinge, value in zip(HINGES, neck.ravel().tolist(), strict=True)}
     made = chosen.stage.replace(override=changes)
     drawn, found = (analyse(*chosen._replace(stage=each)) for each in (chosen.stage, made))
     scattered = _scattered(made, found, sd)
     answered = scattered[np.all(np.isfinite(scattered), axis=1)]
     low, high = np.quantile(answered, QUANTILES, axis=0)
-    said = doubts([("", stage), ("necks: ", given)])
     known = f"each known to {MICROMETRE.factor * np.max(sd):.3g} um (standard deviation) or better; {DRAWS} draws"
     left_out = DRAWS - len(answered)
     notes = [known if np.any(sd) else "no standard deviation is given: no scatter is known"]
     return AsBuilt(
-        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        about(stage, files={"necks": measured}),
         {
             "stiffness": found.stiffness,
             "drawn": drawn.stiffness,
@@ -208,7 +180,7 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
             "spread": np.std(answered, axis=0, ddof=1),
             "low": low,
             "high": high,
-            "necks": measured,
+            "necks": neck,
             "sd": sd,
             "unanswered": left_out,
         },

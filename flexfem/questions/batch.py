@@ -12,14 +12,13 @@ from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_pla
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import Array
-from flexfem.clock import Limit
 from flexfem.fem import fields
 from flexfem.fem.mesh import mesh_sectors
-from flexfem.fem.mesher import MeshTimeout
+from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.fem.modes import modes
 from flexfem.fem.response import Response, heat_response, unit_response
 from flexfem.fem.structure import layers_of, plate_of, sheet_of
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
 from flexfem.mechanism.drives import StageDrive

@@ -10,11 +10,10 @@ from scipy import stats
 
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
 from flexfem.arrays import Array, inverse
-from flexfem.files.provenance import doubts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import Fixture, Pushes, fixture_of, measured_of, pushes_of
+from flexfem.questions.fixture import Fixture, ForceSensor, Lvdt, Pushes, fixture_of, measured_of, pushes_of
 from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question, solved
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
@@ -69,12 +68,7 @@ class Slope(NamedTuple):
 
 
 def slope_of(command: Array, force: Array, displacement: Array, confidence: float) -> Slope:
-    """Slope of force (n,) over displacement (n,), both read with errors, at known commands (n,).
-
-    Parameters
-    ----------
-    command : of the actuator, any unit; it need not be linear in force or displacement.
-    confidence : of the interval, 0 to 1.
+    """Slope of force (n,) over displacement (n,), both read with errors, at known commands (n,), any unit.
 
     Notes
     -----
@@ -135,8 +129,7 @@ def experiment(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, least=2)
-    of = fixture_of(fixture)
-    other = None if measured is None else measured_of(measured)
+    set_up, others = fixture_of(fixture), {} if measured is None else {"measured": measured_of(measured)}
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
     found = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
     if mesh is None:
@@ -146,50 +139,47 @@ def experiment(
         name, C = f"finite elements, {PLANES[stage.model]}", solved(stage, mesh.resolution).compliance
         if progress is not None:
             progress("the stage is solved")
-    pushes = pushes_of(of)
-    load, displacement = simulated(pushes, C, of)
-    lines = [_line(of, load, displacement, k) for k in range(3)]
-    given = (other or of).measured
-    seen, sd = (np.full(3, np.nan), np.full(3, np.nan)) if given is None else given.slopes
+    pushes = pushes_of(set_up)
+    load, displacement = simulated(pushes, C, set_up)
+    lines = [_line(set_up, load[k], displacement[k], axis) for k, axis in enumerate(DIRECTIONS)]
+    compared = others.get("measured", set_up).measured
+    seen, sd = np.full((2, 3), np.nan) if compared is None else compared.slopes
     model, own, fitted = 1 / np.diag(found.compliance), 1 / np.diag(C), np.array([line.slope for line in lines])
-    shares = pushes.shares(C)
-    whole = shares[0] + shares[1] + shares[2]
-    stiffer, looks = (model, model * (1 - np.array(SOFTER) / 100)) if given is None else (1 / shares[0], seen)
+    shares = np.array(pushes.shares(C))
+    whole = np.sum(shares, axis=0)
+    stiffer, looks = (model, model * (1 - np.array(SOFTER) / 100)) if compared is None else (1 / shares[0], seen)
     springs = np.array([spring_in_series(one, look) for one, look in zip(stiffer, looks, strict=True)])
     deviations = [own / model, fitted / model, seen / model, seen / own]
-    with np.errstate(divide="ignore"):
-        poles = 1 / shares[1]
-    warnings += _of_run(stage, of, pushes, C) + _of_coupling(pushes, C)
-    said = doubts([("", stage), ("fixture: ", of), *([("measured: ", other)] if other else [])])
-    confidence = f"{of.run.confidence_percent:g} %"
+    warnings += _of_run(stage, set_up, pushes, C) + _of_coupling(pushes, C)
+    confidence = f"{set_up.run.confidence_percent:g} %"
     return Experiment(
-        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        about(stage, files={"fixture": set_up, **others}),
         {
             "slope": np.stack([model, own, fitted, seen], axis=1),
             "deviation": 100 * (np.stack(deviations, axis=1) - 1),
-            "share": 100 * np.stack(shares, axis=1) / whole[:, None],
+            "share": 100 * (shares / whole).T,
             "low": [line.low for line in lines],
             "high": [line.high for line in lines],
             "softer": 100 * (1 - looks / stiffer),
             "spring": springs,
             "ratio": springs / stiffer,
-            "pole": np.where(np.isfinite(poles), poles, np.nan),
+            "pole": 1 / np.where(shares[1] > 0, shares[1], np.nan),
             "noiseless": 1 / whole,
             "intercept": [line.intercept for line in lines],
             "explained": stiffer,
             "measured_sd": sd,
-            "stroke": of.run.strokes,
+            "stroke": set_up.run.strokes,
             "load": load,
             "displacement": displacement,
         },
         axes={
-            "repeat": [str(k + 1) for k in range(of.run.repeats)],
-            "increment": [str(k) for k in range(of.run.increments + 1)],
+            "repeat": [str(k + 1) for k in range(set_up.run.repeats)],
+            "increment": [str(k) for k in range(set_up.run.increments + 1)],
         },
-        settings={"fixture": of.name, "model": found.name, "stage": name, "confidence": confidence} | meshed(mesh),
+        settings={"fixture": set_up.name, "model": found.name, "stage": name, "confidence": confidence} | meshed(mesh),
         warnings=warnings,
         notes=[
-            f"spring: in series, after {'the text of the paper' if given is None else 'the measured slopes'}",
+            f"spring: in series, after {'the text of the paper' if compared is None else 'the measured slopes'}",
             f"intervals of {confidence} by Fieller's theorem",
             NOT_THE_PAPERS,
         ],
@@ -203,35 +193,34 @@ def spring_in_series(stage: float, seen: float) -> float:
 
 def simulated(of: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
     """Load and displacement (3, repeats, n) read in the run on a stage of compliance C (3, 3), drawn from its seed."""
-    run, noise = fixture.run, np.random.default_rng(fixture.run.seed)
-    shape = (run.repeats, run.increments + 1)
+    run, rng = fixture.run, np.random.default_rng(fixture.run.seed)
+
+    def read(values: Array, sensor: ForceSensor | Lvdt) -> Array:
+        """Values (k, n) as a sensor reads them (k, repeats, n), with its noise, rounded to its steps."""
+        found = values[:, None] + sensor.noise * rng.normal(size=(len(values), run.repeats, values.shape[1]))
+        step = sensor.resolution
+        return np.asarray(step * np.round(found / step)) if step > 0 else found
+
     force = of.force(C, run.strokes)
-    pushed = _sensed(force, fixture.sensor.noise, fixture.sensor.resolution, noise.normal(size=(3, *shape)))
-    moved = (of.stage(C) + of.pole + of.bar)[:, None] * force[of.push]
-    sensed = _sensed(moved, fixture.lvdt.noise, fixture.lvdt.resolution, noise.normal(size=(len(of.push), *shape)))
-    return of.arm[:, None, None] * pushed, np.moveaxis(of.read(np.moveaxis(sensed, 0, -1)), -1, 0)
+    pushed = read(force, fixture.sensor)
+    moved = read((of.stage(C) + of.pole + of.bar)[:, None] * force[of.push], fixture.lvdt)
+    return of.arm[:, None, None] * pushed, np.moveaxis(of.read(np.moveaxis(moved, 0, -1)), -1, 0)
 
 
-def _sensed(values: Array, sd: float, step: float, noise: Array) -> Array:
-    """Values (k, n) as a sensor reads them, with standard normal numbers (k, repeats, n), rounded to its steps."""
-    found = values[:, None] + sd * noise
-    return np.asarray(step * np.round(found / step)) if step > 0 else found
-
-
-def _line(fixture: Fixture, loads: Array, displacements: Array, k: int) -> Slope:
-    """The line through the readings of one push. Raises ComputationFailed where they tell no slope."""
-    run, load, displacement = fixture.run, loads[k], displacements[k]
+def _line(fixture: Fixture, load: Array, displacement: Array, axis: str) -> Slope:
+    """The line through the readings (repeats, n) of one push. Raises ComputationFailed where they tell no slope."""
+    run = fixture.run
     for what, values in (("load", load), ("displacement", displacement)):
         if np.ptp(values) == 0:  # all below half a step of the sensor
-            raise ComputationFailed(f"the {what} read in {DIRECTIONS[k]} does not change with the stroke")
+            raise ComputationFailed(f"the {what} read in {axis} does not change with the stroke")
     command = np.tile(run.strokes, run.repeats)
     found = slope_of(command, load.ravel(), displacement.ravel(), run.confidence_percent / 100)
-    lowest = found.slope if np.isnan(found.low) else found.low
-    if not lowest > 0:
-        ends = "" if np.isnan(found.low) else f" ({found.low:.3g} to {found.high:.3g})"
+    bounded = not np.isnan(found.low)
+    if not (found.low if bounded else found.slope) > 0:
+        ends = f" ({found.low:.3g} to {found.high:.3g})" if bounded else ""
         raise ComputationFailed(
-            f"the slope read in {DIRECTIONS[k]}, {found.slope:.3g}{ends}, cannot be told from zero: expected a stiffer "
-            "pole and bar, less noise of lvdt and sensor, or more increments and repeats"
+            f"the slope read in {axis}, {found.slope:.3g}{ends}, cannot be told from zero: expected a stiffer pole and "
+            "bar, less noise of lvdt and sensor, or more increments and repeats"
         )
     return found
 
@@ -246,9 +235,8 @@ def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> list[str]:
                 f"{what}.noise_{unit} is below half of {what}.resolution_{unit}: the readings step, and the intervals, "
                 "which take errors as normal and independent, need not hold"
             )
-    for axis, load in zip(DIRECTIONS, loads, strict=True):
-        pose, where = C @ load, f"the largest push in {axis}"
-        highest = float(np.max(best.neck_stress(chosen.stage, pose)))
+    for axis, pose in zip(DIRECTIONS, loads @ C.T, strict=True):
+        where, highest = f"the largest push in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
         found += warning.of_motion(stage, pose, where)
         found += warning.of_yield(highest, stage.material.yield_strength, where)
     return found
@@ -256,16 +244,16 @@ def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> list[str]:
 
 def _of_coupling(of: Pushes, C: Array) -> list[str]:
     """Directions in which what is measured is not K_ii: others are free, and pushes have other components."""
-    K, read, free = np.diag(inverse(C)), 1 / of.shares(C)[0], 1 / np.diag(C)
-    found = [
-        f"a push in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal "
-        f"term of the stiffness, {K[k]:.5g}"
-        for k, axis in enumerate(DIRECTIONS)
-        if abs(K[k] / free[k] - 1) > COUPLED
-    ]
-    return found + [
-        f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid fixture the "
-        f"slope is {read[k]:.5g}, where 1/C is {free[k]:.5g}"
-        for k, axis in enumerate(DIRECTIONS)
-        if abs(read[k] / free[k] - 1) > COUPLED
-    ]
+    K, read, free, left_free, others = np.diag(inverse(C)), 1 / of.shares(C)[0], 1 / np.diag(C), [], []
+    for k, axis in enumerate(DIRECTIONS):
+        if abs(K[k] / free[k] - 1) > COUPLED:
+            left_free.append(
+                f"a push in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal "
+                f"term of the stiffness, {K[k]:.5g}"
+            )
+        if abs(read[k] / free[k] - 1) > COUPLED:
+            others.append(
+                f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid "
+                f"fixture the slope is {read[k]:.5g}, where 1/C is {free[k]:.5g}"
+            )
+    return left_free + others

@@ -1,26 +1,15 @@
 """The set-up of a stiffness experiment: its file, what was measured with it, and what its pushes do to a stage.
 
-The set-up of Section VI, linear and at rest, all springs in series along the line of the push. A push of force F has
-this way from the stroke of the actuator to the ground, of which the sensors read the parts in brackets:
+Section VI, linear and at rest. Of a push F along the unit vector n at a point r from the platform's centre, with the
+load `w = (n_x, n_y, r_x n_y - r_y n_x)` of 1 N there and the compliance C (3, 3), the sensors read what is in brackets:
 
     stroke = F (1/k_actuator + 1/k_sensor) + [pole at the push] + [bar at the push] + w^T C w F
 
-with C (3, 3) the compliance of the platform and w the load of a unit push at the platform's centre. The pole stands at
-p = (p_x, p_y) from the centre. Pushed along a unit vector n at a point r from the centre, `w = (n_x, n_y, r_x n_y -
-r_y n_x)`. The bar points along b and is pushed along n, which is b turned by 90 degrees, at `r = p + a b`, so that
-`w = (n, p x n + a)`: moment and force. A sensor of displacement along n at a point s reads `g^T C w F` with
-`g = (n, s x n)`, and what pole and bar add there when it reads them.
-
-- Sensors of displacement stand on the ground: neither actuator nor force sensor is in what they read. These two cost
-  force per stroke, and leave slopes as they are.
-- x and y are free while the other is pushed: what is measured is `1/C_xx`, not `K_xx`, which is the same where K is
-  diagonal.
-- The moment is taken to be the force times the arm, as one does who takes the pole to be at the centre; by how much it
-  is not, `p x n`, is an error of the slope in theta of the first order, and of those in x and y of the second.
-- Rotation is the difference of two sensors, at both ends of the bar, over their distance.
-
-The pole is Timoshenko's cantilever (shear 10/9), the bar Bernoulli's. Not in it: out-of-plane tilt of the stage under
-a push so high above it, contacts, friction, hysteresis and drift.
+A sensor along n at a point s reads `g^T C w F`, `g = (n, s x n)`, and what pole and bar add there where it reads them;
+rotation is the difference of two, at both ends of the bar, over their distance. x and y are free while the other is
+pushed: measured is `1/C_xx`, not `K_xx`. The moment is taken to be the force times the arm: what the pole's offset adds
+is an error of the slope in theta of the first order. The pole is Timoshenko's cantilever (shear 10/9), the bar
+Bernoulli's. Not in it: out-of-plane tilt, contacts, friction, hysteresis and drift.
 """
 
 from __future__ import annotations
@@ -35,7 +24,7 @@ from flexfem.arrays import Array, Index
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
 from flexfem.files.refusals import checked_path, refusal
-from flexfem.files.toml import Label, read_toml, validate
+from flexfem.files.toml import KINDS, Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
 from flexfem.mechanism.designs import direction
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
@@ -77,14 +66,13 @@ class MeasuredSlopes(Dimensioned):
 
     @model_validator(mode="after")
     def _each_with_what_it_is_of(self) -> MeasuredSlopes:
-        names = {"kxx": "n_per_mm", "kyy": "n_per_mm", "ktt": "n_mm_per_rad"}
-        if all(getattr(self, name) is None for name in names):
-            raise refusal(f"one or more of {', '.join(f'{name}_{unit}' for name, unit in names.items())}")
-        for name, unit in names.items():
-            value, sd = getattr(self, name), getattr(self, f"{name}_sd")
-            if sd is not None and (value is None or sd >= value):
-                least = "with it" if value is None else "larger than it"
-                raise refusal(f"{name}_{unit} {least}", f"{name}_sd_{unit}")
+        keys = ("kxx_n_per_mm", "kyy_n_per_mm", "ktt_n_mm_per_rad")
+        if np.all(np.isnan(self.slopes.value)):
+            raise refusal(f"one or more of {', '.join(keys)}")
+        for key, value, sd in zip(keys, *self.slopes, strict=True):
+            if not (np.isnan(sd) or sd < value):
+                least = "with it" if np.isnan(value) else "larger than it"
+                raise refusal(f"{key} {least}", f"{key[:3]}_sd{key[3:]}")
         return self
 
     @property
@@ -223,7 +211,7 @@ def measured_of(given: Path | Fixture | Measurement) -> Fixture | Measurement:
     if isinstance(given, Fixture | Measurement):
         return given
     path = checked_path(given)
-    described = set(read_toml(path).data) & {"pole", "bar", "lvdt", "sensor", "run"}
+    described = set(read_toml(path).data) & set(KINDS["fixture file"])
     return validate(Fixture, path) if described else validate(Measurement, path)
 
 
@@ -273,31 +261,23 @@ IDEAL = Pushes(np.eye(3), np.ones(3), np.zeros(3), np.arange(3), np.eye(3), np.z
 def pushes_of(fixture: Fixture) -> Pushes:
     """The pushes of a set-up and its sensors."""
     a, p = fixture.bar.arm, np.array(fixture.pole.offset)
-    along = direction(np.array(fixture.bar.angle))
-    n = np.array([-along[1], along[0]])
+    b = direction(np.array(fixture.bar.angle))  # along the bar; pushed at right angles to it
+    unit = np.array([[1.0, 0.0], [0.0, 1.0], *2 * [[-b[1], b[0]]]])
+    at = p + np.array([[0.0], [0.0], [a], [-a]]) * b
+    reading = np.column_stack([unit, at[:, 0] * unit[:, 1] - at[:, 1] * unit[:, 0]])
     read, end, own, twist = pole_compliance(fixture.pole)
-    bent = bar_compliance(fixture.bar)
-    seen = 1.0 if fixture.lvdt.at == "pole" else 0.0
-    k = fixture.sensor.stiffness
-    drive = 1 / fixture.actuator.stiffness + (0.0 if k is None else 1 / k)
-    x, y, high, low = (
-        wrench(*each) for each in (([1.0, 0.0], p), ([0.0, 1.0], p), (n, p + a * along), (n, p - a * along))
-    )
+    bent, seen = bar_compliance(fixture.bar), float(fixture.lvdt.at == "pole")
+    drive = 1 / fixture.actuator.stiffness + 1 / (fixture.sensor.stiffness or np.inf)
     return Pushes(
-        load=np.array([x, y, high]),
+        load=reading[:3],
         arm=np.array([1.0, 1.0, a]),
         behind=drive + np.array([own, own, end + a**2 * twist + bent]),
         push=np.array([0, 1, 2, 2]),
-        reading=np.array([x, y, high, low]),
+        reading=reading,
         pole=seen * np.array([read, read, end + a**2 * twist, end - a**2 * twist]),
         bar=seen * np.array([0.0, 0.0, bent, 0.0]),
         weight=np.array([1.0, 1.0, 1 / (2 * a), -1 / (2 * a)]),
     )
-
-
-def wrench(along: Array | list[float], at: Array) -> Array:
-    """Load (3,) at the platform's centre of a unit force along (2,) at a point (2,); also what is read there."""
-    return np.array([along[0], along[1], at[0] * along[1] - at[1] * along[0]])
 
 
 class PoleCompliance(NamedTuple):

@@ -16,7 +16,6 @@ from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, at_rest, best_model, hinge_compliances
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
-from flexfem.files.provenance import doubts
 from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
@@ -227,9 +226,8 @@ def identify(
     sentence = finding(best, dof, alone[1].x[0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within its interval."
-    said = doubts([("", stage), ("measured: ", source)])
     found = Identification(
-        about(stage)._replace(assumed=said.assumed, not_stated=said.not_stated),
+        about(stage, files={"measured": source}),
         {
             "slope": of_directions[:3].T,
             "sd": of_directions[3],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,8 @@ from numpy.typing import ArrayLike
 from flexfem import arguments
 from flexfem.analytic.model import CALIBRATED, analyse
 from flexfem.arrays import Array
-from flexfem.files.refusals import checked_path, one_line, place_of
-from flexfem.files.toml import read_text
+from flexfem.files.refusals import one_line, place_of
+from flexfem.files.toml import read_csv
 from flexfem.hinges.strength import KEY, Basquin, BasquinFit, checked_law, fit_basquin, required_law
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
@@ -42,7 +41,7 @@ class Life(Result):
     """Cycles to failure of the necks, and the amplitude for a wanted life."""
 
     title = "fatigue life"
-    figure = "life.life_figure"
+    figure = "experiment.life_figure"
     life = Quantity("cycles of the neck that fails first", "", ("model",), Gate(0.05))
     fewest = Quantity("cycles by the uncertainty of the stress, from", "", ("model",), Gate(0.1))
     most = Quantity("to", "", ("model",), Gate(0.1))
@@ -250,23 +249,14 @@ def _fit_said(of: BasquinFit) -> str:
 
 def _points(path: Path) -> tuple[list[float], list[float]]:
     """Stresses, MPa, and cycles of a CSV file of S-N points. Raises BadInput, naming file and line."""
-    path, rows = checked_path(path), list[tuple[int, list[str]]]()
-    for line, text in enumerate(read_text(path).splitlines(), 1):
-        if text.strip() and text[0] != "#":
-            rows.append((line, [cell.strip() for cell in next(csv.reader([text]))]))
-    line, head = rows[0] if rows else (1, [])
-    if sorted(head) != sorted(COLUMNS):
-        said = one_line(", ".join(head), 60) or "none"
-        raise BadInput(f"{place_of(path, line)}: columns {said}, expected {', '.join(COLUMNS)}")
-    for line, row in rows[1:]:
-        if len(row) != len(head):
-            raise BadInput(f"{place_of(path, line)}: {len(row)} values, expected {len(head)}, as the first line has")
-        for key, cell in zip(head, row, strict=True):
+    rows = read_csv(path, COLUMNS)
+    for line, row in rows.items():
+        for key, cell in row.items():
             try:
                 possible = 0 < float(cell) < math.inf
             except ValueError:
                 possible = False
             if not possible:
                 raise BadInput(f"{place_of(path, line)}: {key} = {one_line(cell, 60)}, expected a number above 0")
-    stress, cycles = ([float(row[head.index(key)]) for _, row in rows[1:]] for key in COLUMNS)
+    stress, cycles = ([float(row[key]) for row in rows.values()] for key in COLUMNS)
     return stress, cycles

@@ -18,6 +18,7 @@ from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, StageMesh, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
+from flexfem.files.provenance import Sourced, doubts
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
@@ -87,6 +88,7 @@ class Analytic(NamedTuple):
 
 
 DEFAULT = Analytic()
+NO_FILES: Mapping[str, Sourced] = MappingProxyType({})
 
 
 class Mesh(NamedTuple):
@@ -153,12 +155,13 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
-def about(stage: Stage, heat: bool = False, drive: bool = False) -> About:
-    """What a result is of; with `heat` also by the coefficients of expansion, with `drive` by the drive."""
-    doubts = stage.heat_doubts if heat else stage.drive_doubts if drive else stage
+def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
+    """What a result is of: a stage, its coefficients of `heat`, its `drive`, and other files by their names."""
+    said = doubts([("", stage), *((f"{name}: ", file) for name, file in files.items())])
+    said = stage.heat_doubts if heat else stage.drive_doubts if drive else said
     own = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
     lever = stage.chain.link_lengths[2]
-    return About(stage.name, str(stage.origin), own, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
+    return About(stage.name, str(stage.origin), own, tuple(said.assumed), tuple(said.not_stated), lever)
 
 
 class Answered(NamedTuple):

@@ -17,7 +17,7 @@ from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswe
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
 from flexfem.arrays import AnyArray, Array
-from flexfem.clock import Limit
+from flexfem.fem.mesher import Limit
 from flexfem.files.refusals import suggestion
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
@@ -282,8 +282,6 @@ def own_values(loaded: LoadedStudy) -> dict[str, float]:
 def unseen(loaded: LoadedStudy) -> list[str]:
     """Warnings on factors that change none of the outputs that a study shows or constrains, of all where it does not.
 
-    Notes
-    -----
     Found by the model itself: designs that differ in one factor alone, compared output by output. Finite elements mesh
     what a factor changes, and are not asked.
     """

@@ -46,10 +46,7 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
 
     Parameters
     ----------
-    path : Path
-        A file, Parquet or CSV.
-    partial : bool
-        Leave out designs that are open instead of refusing.
+    path : a file, Parquet or CSV.   partial : leave out designs that are open instead of refusing.
 
     Raises
     ------
@@ -64,16 +61,16 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     designs = sum(map(len, found.counts))
     if designs == 0 or (designs < loaded.count and not partial):
         others = f"; {len(found.stale)} parts there are of other inputs or versions" if found.stale else ""
-        raise BadInput(
-            f"{parts.folder}: {loaded.count - designs} of {loaded.count} designs are open, expected "
-            f"{'some' if partial else 'all, or --partial'} to be done by flexfem study run{others}"
-        )
-    schema = _with_derived_fields(parts)
+        expected = f"expected {'some' if partial else 'all, or --partial'} to be done by flexfem study run{others}"
+        raise BadInput(f"{parts.folder}: {loaded.count - designs} of {loaded.count} designs are open, {expected}")
+    about = json.loads(parts.schema.metadata[ABOUT]) | {"count": loaded.count}
+    metadata = {ABOUT: json.dumps(about, sort_keys=True).encode()}
+    schema = _with_derived(loaded, parts.schema.empty_table()).schema.with_metadata(metadata)
     with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
         csv = path.suffix == ".csv"
         with pyarrow.csv.CSVWriter(file, schema) if csv else pq.ParquetWriter(file, schema, **PARQUET) as writer:
             for group in _groups(parts, list(found.counts)):
-                writer.write_table(_with_derived(loaded, group).replace_schema_metadata(schema.metadata))
+                writer.write_table(_with_derived(loaded, group).replace_schema_metadata(metadata))
     return Collected(path, designs, loaded.count - designs)
 
 
@@ -104,31 +101,13 @@ def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:
     return stored
 
 
-def _with_derived_fields(parts: Parts) -> Any:
-    """The schema of the table, from that of the parts."""
-    schema, study = parts.schema, parts.loaded.study
-    about = json.loads(schema.metadata[ABOUT]) | {"count": parts.loaded.count}
-    for output in study.output:
-        schema = schema.append(pa.field(output.name, pa.float64()))
-    schema = schema.append(pa.field(FEASIBLE, pa.bool_())) if study.constraint else schema
-    return schema.with_metadata({ABOUT: json.dumps(about, sort_keys=True).encode()})
-
-
 @dataclass(frozen=True)
 class StudyTable:
-    """What was answered, design after design.
+    """What was answered, design after design (n,): numbers of the designs, ascending, and texts.
 
-    Attributes
-    ----------
-    design : (n,) int
-        Numbers of the designs, ascending.
-    status, reason : (n,) object
-        Texts.
-    columns : mapping
-        Factors, outputs and derived outputs by name, (n,) each, in file units; nan where there is no number. Those of
-        a table on disk are read when they are asked for, and not kept.
-    feasible : (n,) bool, optional
-        Designs that have an answer and keep all constraints; None in a study without constraints.
+    columns : factors, outputs and derived outputs by name, in file units; nan where there is no number. Those of a
+    table on disk are read when they are asked for, and not kept.
+    feasible : designs that have an answer and keep all constraints; None in a study without constraints.
     """
 
     design: Index

@@ -29,24 +29,20 @@ LONGEST = 200  # characters of a reason
 class Group(NamedTuple):
     """Columns that are found together.
 
-    asked : what a study asks to have them, "" where every study has them.
     labels : name by column, with a second text where an axis has a symbol.
     values : (n, columns) of the answers on n designs and the largest rotation of a base hinge, in inside units.
+    asked : what a study asks to have them, "" where every study has them.
     """
 
-    asked: str
     labels: dict[str, str | tuple[str, str]]
     meaning: str
     values: Callable[[Any, float], Array]
+    asked: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(self.labels)
-
-
-def _diagonal(matrix: Array) -> Array:
-    return np.diagonal(matrix, axis1=1, axis2=2)
 
 
 def _each(name: str, said: str, unit: str = "um", turned: str = "mrad") -> dict[str, str | tuple[str, str]]:
@@ -57,7 +53,6 @@ def _each(name: str, said: str, unit: str = "um", turned: str = "mrad") -> dict[
 
 GROUPS = (
     Group(
-        "",
         {
             "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),
             "kyy_n_per_mm": ("stiffness YY", r"stiffness $K_{yy}$"),
@@ -70,7 +65,6 @@ GROUPS = (
         lambda of, _: of.stiffness[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)],
     ),
     Group(
-        "",
         {
             "coupling_xy": ("coupling XY", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
             "coupling_xt": ("coupling Xθ", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
@@ -80,49 +74,43 @@ GROUPS = (
         lambda of, _: of.coupling,
     ),
     Group(
-        "",
         _each("stress", "peak neck stress per {}", "mpa_per_um", "mpa_per_mrad"),
-        "highest von Mises stress at a neck per displacement of the platform in that direction, "
-        "the others held; `fe`: up to 1 % low at resolution 4, by the square of it less at a finer one, which "
-        "labels, captions and `study status` say; `analytic`: bending and tension with Neuber's stress "
-        'concentration, shear left out. Against finite elements: within 1 % with `formula = "calibrated"` and '
-        "`links`, 1 to 9 % high with rigid links; 10 to 22 % high with the default formula and `links`, 14 to 34 % "
-        "with rigid links, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "
+        "highest von Mises stress at a neck per displacement of the platform in that direction, the others held; `fe`: "
+        "up to 1 % low at resolution 4, by the square of it less at a finer one; `analytic`: bending and tension with "
+        "Neuber's stress concentration, shear left out. Against finite elements: within 1 % with "
+        '`formula = "calibrated"` and `links`, 1 to 9 % high with rigid links; 10 to 22 % and 14 to 34 % high with the '
+        "default formula, because its hinges are too stiff (`benchmarks/stress.py`). On a base stage with "
         '`model = "corrected"`: within 2 % of three dimensions with `formula = "calibrated"` and `links` '
         "(`benchmarks/solid_stress.py`)",
         lambda of, _: of.stress,
     ),
     Group(
-        "",
         _each("range", "range in {} at yield"),
         "displacement at which the first hinge yields; low by as much as the stress is high",
         lambda of, _: of.range_at_yield,
     ),
     Group(
-        "",
         {"envelope_mm": "diameter of the envelope"},
         "diameter of the circle about the platform centre that holds the stage",
         lambda of, _: of.envelope[:, None],
     ),
     Group(
-        "travel",
         _each("travel", "travel in {}, base hinges"),
-        "with `[drive]` `stroke_um`: displacement at which the first base hinge has turned by "
-        "stroke over lever arm. No other hinge, contact or force is counted: what a drive really reaches is less, "
-        "`drive_range_x_um`",
+        "with `[drive]` `stroke_um`: displacement at which the first base hinge has turned by stroke over lever arm. "
+        "No other hinge, contact or force is counted: what a drive really reaches is less, `drive_range_x_um`",
         lambda of, rotation: of.travel(rotation),
+        "travel",
     ),
     Group(
-        "drive",
         _each("drive_range", "range of the drive in {}"),
-        "with `[drive]` `actuators`: how far commands drive the platform from rest with the "
-        "other two directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, as "
-        "`flexfem reach` has it (others zero), without load: the lesser of both ways, so zero where single stacks go "
-        "one way only; `fe`: with what necks carry by the finite elements",
+        "with `[drive]` `actuators`: how far commands drive the platform from rest with the other two directions at "
+        "zero, within strokes, contacts (none may be lost), blocking forces and yield, as `flexfem reach` has it "
+        "(others zero), without load: the lesser of both ways, so zero where single stacks go one way only; `fe`: with "
+        "what necks carry by the finite elements",
         lambda of, _: of.drives.range,
+        "drive",
     ),
     Group(
-        "drive",
         {
             "engaged_kxx_n_per_mm": "engaged stiffness XX",
             "engaged_kyy_n_per_mm": "engaged stiffness YY",
@@ -130,67 +118,66 @@ GROUPS = (
         },
         "with `[drive]` `actuators`: stiffness with the stacks holding their strokes, the other two directions held; "
         "links that are rigid make it 50 % too large on the reference stages, elastic links agree with `fe` to 0.3 %",
-        lambda of, _: _diagonal(of.drives.engaged),
+        lambda of, _: np.diagonal(of.drives.engaged, axis1=1, axis2=2),
+        "drive",
     ),
     Group(
-        "frequencies",
         {f"frequency_{k}_hz": f"natural frequency {k}" for k in (1, 2, 3)},
-        "with `[frequencies]`: the three lowest natural frequencies in the plane, drives "
-        "disengaged; `analytic`: platform and links as rigid bodies (with `links` on elastic links) on the model's "
-        "hinges, the default formula's 6 to 7 % high on the reference stages because its hinges are too stiff, "
-        "calibrated with `links` within 0.01 %; `fe`: as `flexfem modes` on one mesh. Modes out of the plane, which "
-        "can lie lower, are not in it",
+        "with `[frequencies]`: the three lowest natural frequencies in the plane, drives disengaged; `analytic`: "
+        "platform and links as rigid bodies (with `links` on elastic links) on the model's hinges, the default "
+        "formula's 6 to 7 % high on the reference stages because its hinges are too stiff, calibrated with `links` "
+        "within 0.01 %; `fe`: as `flexfem modes` on one mesh. Modes out of the plane can lie lower",
         lambda of, _: np.asarray(of.frequencies),
+        "frequencies",
     ),
     Group(
-        "life",
         {"life_cycles": "cycles at the amplitude"}
         | _each("life_amplitude", "amplitude in {} for the wanted life")
         | {"safety_factor": "yield strength over neck stress"},
-        "with `[life]`: cycles at the amplitude, the amplitude of each moved direction for the wanted life, and "
-        "yield strength over the largest neck stress on the way, as `flexfem life` has them. A life is out by ten "
-        "times what the stress is: calibrated hinges with `links`, or `fe`, or it means little. Lives beyond yield, "
-        "or beyond the cycles of Basquin's law, are counted as such. Preloads of single stacks are not in them",
+        "with `[life]`: cycles at the amplitude, the amplitude of each moved direction for the wanted life, and yield "
+        "strength over the largest neck stress on the way, as `flexfem life` has them. A life is out by ten times what "
+        "the stress is: calibrated hinges with `links`, or `fe`, or it means little. Lives beyond yield, or beyond the "
+        "cycles of Basquin's law, are counted as such. Preloads of single stacks are not in them",
         lambda of, _: np.column_stack([of.lives.cycles, of.lives.largest, of.lives.safety]),
+        "life",
     ),
     Group(
-        "drift",
         _each("drift", "drift in {} per kelvin", "um_per_k", "urad_per_k"),
-        "with `[drift]`: pose per kelvin of a uniform change, as `flexfem drift` has it; in X and Y "
-        "round-off where chains are alike",
+        "with `[drift]`: pose per kelvin of a uniform change, as `flexfem drift` has it; in X and Y round-off where "
+        "chains are alike",
         lambda of, _: of.drift.uniform,
+        "drift",
     ),
     Group(
-        "drift",
         {
             "drift_gradient_um_per_k_per_mm": "largest drift by a gradient",
             "drift_gradient_theta_urad_per_k_per_mm": "largest drift in θ by a gradient",
         },
-        "with `[drift]`: largest translation, and largest rotation, by a gradient of 1 K/mm of "
-        "any direction in the plane about the platform's centre; each has a direction of its own. All five numbers "
-        "of drift against finite elements, on the reference stages and one with three other hinges: calibrated "
-        "hinges with `links` within 0.2 %, rigid links, which leave out that the frame bows the clamped edges, "
-        "within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
-        "thickness, are not in them",
+        "with `[drift]`: largest translation, and largest rotation, by a gradient of 1 K/mm of any direction in the "
+        "plane about the platform's centre; each has a direction of its own. All five numbers of drift against finite "
+        "elements: calibrated hinges with `links` within 0.2 %, rigid links, which leave out that the frame bows the "
+        "clamped edges, within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and gradients "
+        "through the thickness, are not in them",
         lambda of, _: of.drift.gradient,
+        "drift",
     ),
     Group(
-        "verify",
         _each("error", "error along {}", "percent", "percent"),
         "`verify`: error along the command",
         lambda of, _: of.errors.along,
+        "verify",
     ),
     Group(
-        "verify",
         _each("cross", "largest cross error under {}", "percent", "percent"),
         "`verify`: largest error across the command",
         lambda of, _: of.errors.across,
+        "verify",
     ),
     Group(
-        "bands",
         _each("band", "mesh band of the error along {}", "percent", "percent"),
         "`verify` with `bands`: mesh band of the error along the command",
         lambda of, _: np.asarray(of.errors.bands),
+        "bands",
     ),
 )
 (STIFFNESSES, COUPLINGS, STRESSES, RANGES, ENVELOPE, TRAVELS, DRIVE_RANGES, ENGAGED, FREQUENCIES, LIVES, DRIFTS,
@@ -252,14 +239,9 @@ def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
 class Rows(NamedTuple):
     """What a model answers for n designs.
 
-    Attributes
-    ----------
-    status : (n,) text
-        "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
-    reason : (n,) text
-        One line why not, or where ok what to know of the answer, mostly "".
-    values : (n, outputs)
-        In the columns' units; nan where not ok.
+    status : (n,), "ok"; "refused", the design is impossible; "failed", mesh or solver; "time limit"; "crashed".
+    reason : (n,), one line why not, or where ok what to know of the answer, mostly "".
+    values : (n, outputs), in the columns' units; nan where not ok.
     """
 
     status: AnyArray

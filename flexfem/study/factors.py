@@ -62,18 +62,24 @@ class Factor(Table):
     """A list: the points of a grid, else equally likely"""
     start: Number | None = Field(default=None, alias="from", examples=[0.3])
     """With `to`: where a range begins"""
-    end: Number | None = Field(default=None, alias="to", description="Where the range ends", examples=[1.0])
-    scale: Literal["linear", "log"] = Field(default="linear", description="On which the range is uniform")
+    end: Number | None = Field(default=None, alias="to", examples=[1.0])
+    """Where the range ends"""
+    scale: Literal["linear", "log"] = "linear"
+    """On which the range is uniform"""
     points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
     """Of a range in a grid, and of nothing else: how many"""
     distribution: Literal["normal", "uniform"] | None = None
     """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. A list or
     range stays within the limits of its key; a distribution may leave them, and a design outside is a row `refused`
     with its reason"""
-    mean: Number | None = Field(default=None, description="By default the base stage's own value", examples=[0.5])
-    sd: Step | None = Field(default=None, description="Standard deviation", examples=[0.005])
-    lower: Number | None = Field(default=None, description="Least value of a distribution", examples=[0.48])
-    upper: Number | None = Field(default=None, description="Greatest value of a distribution", examples=[0.52])
+    mean: Number | None = Field(default=None, examples=[0.5])
+    """By default the base stage's own value"""
+    sd: Step | None = Field(default=None, examples=[0.005])
+    """Standard deviation"""
+    lower: Number | None = Field(default=None, examples=[0.48])
+    """Least value of a distribution"""
+    upper: Number | None = Field(default=None, examples=[0.52])
+    """Greatest value of a distribution"""
 
     @model_validator(mode="after")
     def _names_keys(self) -> Factor:
@@ -173,13 +179,8 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
 def columns_on(stage: Stage, factor: Factor, unasked: frozenset[str]) -> Iterator[Column]:
     """The columns of a factor of a base stage, whose own value is the mean where a normal distribution gives none.
 
-    Parameters
-    ----------
-    unasked : key paths that no answer which is asked for depends on.
-
-    Raises
-    ------
-    BadInput : the stage has no value of its own, or one for each key; or nothing of it follows the keys.
+    unasked : key paths that no answer which is asked for depends on.   Raises BadInput: the stage has no value of its
+    own, or one for each key; or nothing of it follows the keys.
     """
     for column in columns_of([factor]):
         named, found = ", ".join(column.keys), [keys()[path] for path in column.keys]

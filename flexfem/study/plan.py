@@ -147,18 +147,13 @@ class Sampling(Table):
     """With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row group at a time),
     beside the study file; one row a design, one column a factor, named by its label or key, in file units. Factors then
     have a key alone. An edited table is another study"""
-    designs: int | None = Field(
-        default=None,
-        ge=1,
-        le=MOST,
-        description="How many, drawn by their number wherever that is; of a `latin_hypercube`, held in memory, at most "
-        f"{MOST_HELD}. More designs of `sobol`, `monte_carlo` or `saltelli` begin with the same ones, and keep their "
-        "parts. A grid has none",
-        examples=[256],
-    )
+    designs: int | None = Field(default=None, ge=1, le=MOST, examples=[256])
+    """How many, drawn by their number wherever that is; of a `latin_hypercube`, held in memory, at most 200000. More
+    designs of `sobol`, `monte_carlo` or `saltelli` begin with the same ones, and keep their parts. A grid has none"""
     base: int | None = Field(default=None, ge=2, le=MOST, examples=[64])
     """With `saltelli`, instead: a power of two; there are base × (factors + 2) designs"""
-    seed: int | None = Field(default=None, ge=0, lt=2**63, description="What designs are drawn from", examples=[1])
+    seed: int | None = Field(default=None, ge=0, lt=2**63, examples=[1])
+    """What designs are drawn from"""
 
     @model_validator(mode="after")
     def _keys_of_its_method(self) -> Sampling:
@@ -184,12 +179,15 @@ Expression = Annotated[str, AfterValidator(_expression), keywords(minLength=1)]
 class Output(Table):
     """A derived output: a column `name`, arithmetic on other columns and keys, shown with `label` and `unit`."""
 
-    name: str = Field(pattern=NAME, description="Of its column", examples=["kxx_over_ktt"])
+    name: str = Field(pattern=NAME, examples=["kxx_over_ktt"])
+    """Of its column"""
     expression: Expression = Field(examples=["kxx_n_per_mm / ktt_n_mm_per_rad"])
     """Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, max; names with
     blanks in backticks"""
-    label: Label | None = Field(default=None, description="In figures", examples=["Kxx over Ktt"])
-    unit: Label | None = Field(default=None, description="In figures", examples=["rad/mm²"])
+    label: Label | None = Field(default=None, examples=["Kxx over Ktt"])
+    """In figures"""
+    unit: Label | None = Field(default=None, examples=["rad/mm²"])
+    """In figures"""
 
 
 class Constraint(Table):
@@ -201,8 +199,10 @@ class Constraint(Table):
     count it"""
     least: float | None = Field(default=None, examples=[0.05], json_schema_extra=OF_THE_KEY)
     """The lower end"""
-    most: float | None = Field(default=None, description="The upper end", examples=[0.2], json_schema_extra=OF_THE_KEY)
-    label: Label | None = Field(default=None, description="In messages", examples=["t/R of the base hinges"])
+    most: float | None = Field(default=None, examples=[0.2], json_schema_extra=OF_THE_KEY)
+    """The upper end"""
+    label: Label | None = Field(default=None, examples=["t/R of the base hinges"])
+    """In messages"""
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Constraint:
@@ -250,10 +250,7 @@ class Correlation(Table):
 def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Array:
     """Correlation matrix of the normal deviates whose ranks are correlated as `given`; the others are independent.
 
-    Notes
-    -----
-    `r = 2 sin(pi rho / 6)` for a rank correlation rho of two normal deviates: K. Pearson, On further methods of
-    determining correlation (1907).
+    `r = 2 sin(pi rho / 6)` for a rank correlation: K. Pearson, On further methods of determining correlation (1907).
     """
     matrix = np.eye(len(columns))
     for each in given:
@@ -268,10 +265,14 @@ class Figure(Table):
     kind: FigureKind = Field(examples=["pareto"])
     """`map` of an output over two factors, in whose cells means over the other factors are; `distribution` and
     `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns"""
-    title: Label | None = Field(default=None, description="Of the figure", examples=["Stiffness against range"])
-    x: Label | None = Field(default=None, description="Column, of a map a factor", examples=["range_x_um"])
-    y: Label | None = Field(default=None, description="Another, of a map a factor", examples=["kxx_n_per_mm"])
-    value: Label | None = Field(default=None, description="Of a map: the output", examples=["kxx_n_per_mm"])
+    title: Label | None = Field(default=None, examples=["Stiffness against range"])
+    """Of the figure"""
+    x: Label | None = Field(default=None, examples=["range_x_um"])
+    """Column, of a map a factor"""
+    y: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
+    """Another, of a map a factor"""
+    value: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
+    """Of a map: the output"""
     values: tuple[Label, ...] | None = Field(
         default=None,
         min_length=1,
@@ -280,9 +281,12 @@ class Figure(Table):
         json_schema_extra={"uniqueItems": True},
     )
     """Of a `distribution` or `sensitivity`: outputs"""
-    x_better: Better = Field(default="larger", description="Of a front: which `x` is wanted")
-    y_better: Better = Field(default="larger", description="Of a front: which `y` is wanted")
-    drawn: int = Field(default=4, ge=1, le=12, description="Of a front: how many designs are drawn beside it")
+    x_better: Better = "larger"
+    """Of a front: which `x` is wanted"""
+    y_better: Better = "larger"
+    """Of a front: which `y` is wanted"""
+    drawn: int = Field(default=4, ge=1, le=12)
+    """Of a front: how many designs are drawn beside it"""
 
     @model_validator(mode="after")
     def _keys_of_its_kind(self) -> Figure:
@@ -328,20 +332,17 @@ class DriveQuestion(Table):
 
     @model_validator(mode="after")
     def _asks_something(self) -> DriveQuestion:
-        both = {"stroke_um": self.stroke_um, "lever_arm_mm": self.lever_arm_mm}
-        missing = [key for key, value in both.items() if value is None]
-        if len(missing) == 1:
-            raise refusal(f"stroke_um and lever_arm_mm together: {missing[0]} is missing")
-        if missing and not self.actuators:
+        if (self.stroke_um is None) != (self.lever_arm_mm is None):
+            missing = "stroke_um" if self.stroke_um is None else "lever_arm_mm"
+            raise refusal(f"stroke_um and lever_arm_mm together: {missing} is missing")
+        if self.stroke_um is None and not self.actuators:
             raise refusal("actuators = true, or stroke_um and lever_arm_mm")
         return self
 
     @property
     def rotation(self) -> float | None:
         """Largest rotation of a base hinge, rad; None where no stroke is given."""
-        if self.stroke_um is None or self.lever_arm_mm is None:
-            return None
-        return 1e-3 * self.stroke_um / self.lever_arm_mm
+        return 1e-3 * self.stroke_um / self.lever_arm_mm if self.stroke_um and self.lever_arm_mm else None
 
 
 class Frequencies(Table):
@@ -362,8 +363,10 @@ class Lasting(Table):
 
     amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
     """Of the pose in x; one of the three or more"""
-    amplitude_y_um: Amplitude = Field(default=0.0, description="Of the pose in y", examples=[20.0])
-    amplitude_theta_mrad: Amplitude = Field(default=0.0, description="Of the pose in theta", examples=[0.5])
+    amplitude_y_um: Amplitude = Field(default=0.0, examples=[20.0])
+    """Of the pose in y"""
+    amplitude_theta_mrad: Amplitude = Field(default=0.0, examples=[0.5])
+    """Of the pose in theta"""
     ratio: float = Field(default=-1.0, ge=-1, le=0.99, json_schema_extra=COUNT)
     """Least over greatest displacement"""
     cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(default=1e6, json_schema_extra=COUNT)
@@ -413,8 +416,10 @@ class Study(Sourced):
 
     kind: ClassVar[str] = "study file"
 
-    name: Label = Field(description="Title of figures", examples=["Stiffness against range at yield"])
-    stage: Label = Field(description="File of the base stage, relative to the study's", examples=["stage.toml"])
+    name: Label = Field(examples=["Stiffness against range at yield"])
+    """Title of figures"""
+    stage: Label = Field(examples=["stage.toml"])
+    """File of the base stage, relative to the study's"""
     model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
     """What answers: `analytic`; `fe`, finite elements in the stage's plane model; `three_dimensional`, of the stage
     extruded; `verify`, the error percentages of the one against the other"""
@@ -437,13 +442,15 @@ class Study(Sourced):
     """For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s longer is killed
     and replaced. Counted from when the worker has loaded the design; time in which it, or the whole run, is stopped
     does not count"""
-    sampling: Sampling = Field(description="Which designs. At most 10^9 of them")
+    sampling: Sampling
+    """Which designs. At most 10^9 of them"""
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
     """What differs between designs; numbers in the unit of the key"""
     correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
     """Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
     (Sobol indices split the variance among independent factors), `grid` or `table`"""
-    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
+    drive: DriveQuestion | None = None
+    """Asks how far a drive goes"""
     frequencies: Frequencies | None = None
     """Asks for natural frequencies in the plane, with a payload or without; the table may be empty.
     `material.density_kg_m3` is then a key that factors can set. Every design is drawn, some 5 ms each. Not with
@@ -462,7 +469,8 @@ class Study(Sourced):
     """A derived output, found from the answers when the table is collected"""
     constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     """Ends for an expression, between which a design counts"""
-    figure: tuple[Figure, ...] = Field(default=(), max_length=50, description="What `flexfem study plot` draws")
+    figure: tuple[Figure, ...] = Field(default=(), max_length=50)
+    """What `flexfem study plot` draws"""
 
     @model_validator(mode="after")
     def _keys_of_its_model(self) -> Study:
@@ -612,12 +620,10 @@ class Study(Sourced):
         asked = {
             "travel": self.rotation is not None,
             "drive": self.driven,
-            "frequencies": self.frequencies is not None,
-            "life": self.life is not None,
-            "drift": self.drift is not None,
             "verify": self.model == "verify",
             "bands": self.model == "verify" and self.bands,
         }
+        asked |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
         moved = (True, True, True) if self.life is None else self.life.moved
         return outputs_of(*(name for name, is_asked in asked.items() if is_asked), moved=moved)
 
@@ -644,9 +650,7 @@ class Study(Sourced):
 
     def is_given(self, expression: str) -> bool:
         """Whether an expression needs no answer of the model: factors and keys alone."""
-        derived = {output.name: output.expression for output in self.output}
-        used = names_in(expression)
-        return all(self.is_given(derived[name]) if name in derived else name not in self.outputs for name in used)
+        return not any(name in self.outputs for text in self.in_full(expression) for name in names_in(text))
 
     def in_full(self, expression: str) -> list[str]:
         """An expression, and those of the derived outputs that it uses."""

@@ -190,19 +190,14 @@ def run_parts(
 
     Parameters
     ----------
-    solve : callable
-        Answers a range of designs; importable by workers.
-    retry : bool
-        Also compute again the parts that hold designs out of time, crashed or failed.
-    watch, say : callable
-        Receive the progress after every part, and lines for the user.
+    solve : answers a range of designs; importable by workers.
+    retry : also compute again the parts that hold designs out of time, crashed or failed.
+    watch, say : receive the progress after every part, and lines for the user.
 
     Raises
     ------
-    BadInput
-        The folder takes no file, or a worker has another flexfem.
-    ComputationFailed
-        Workers cannot start. Parts that are written stay.
+    BadInput : the folder takes no file, or a worker has another flexfem.
+    ComputationFailed : workers cannot start. Parts that are written stay.
     """
     found, chunks = survey(parts, shard, whole=True), parts.chunks(shard)
     for chunk in found.damaged:
@@ -260,23 +255,16 @@ def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
 
 
 def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
-    """In a worker: write the part of a whole chunk and return its counts, or return the table of a piece of it."""
+    """In a worker: write the part of a whole chunk and return its counts, or return the table of a piece of it; a
+    `Failure` where the answer of a design raises an error."""
     require_same_versions(parts.versions, parts.meshed)
-    table = table_of(parts, piece, _solved(solve, parts.loaded, piece.start, piece.stop))
-    return write_part(parts, chunk, table) if piece == chunk else table
-
-
-def _solved(solve: Solve, loaded: LoadedStudy, start: int, stop: int) -> Rows:
-    """Rows of designs; one whose answer raises an error is a row `failed`, and takes no other along."""
     try:
-        return solve(loaded, start, stop)
+        rows = solve(parts.loaded, piece.start, piece.stop)
     except Exception as error:
-        if stop - start > 1:
-            middle = (start + stop) // 2
-            halves = _solved(solve, loaded, start, middle), _solved(solve, loaded, middle, stop)
-            return Rows(*map(np.concatenate, zip(*halves, strict=True)))
         kind = "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
-        return failed_row(len(loaded.outputs), "failed", kind + " ".join(str(error).split()))
+        return Failure("failed", kind + " ".join(str(error).split()))
+    table = table_of(parts, piece, rows)
+    return write_part(parts, chunk, table) if piece == chunk else table
 
 
 def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:

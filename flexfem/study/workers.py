@@ -21,8 +21,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from flexfem.files.refusals import one_line
-from flexfem.own import own_hash
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.sources import own_hash
 
 PACKAGE = Path(__file__).parents[1]
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
@@ -71,17 +71,13 @@ class Workers:
 
         Parameters
         ----------
-        function : callable
-            Importable by the workers.
-        next_task : callable
-            The arguments of the next task, or None; asked again after every result, so that tasks may be added.
-        limit : callable
-            Seconds that a task may take.
+        function : importable by the workers.
+        next_task : the arguments of the next task, or None; asked after every result, so that tasks may be added.
+        limit : seconds that a task may take.
 
         Raises
         ------
-        BadInput, ComputationFailed
-            The function raises it; or workers cannot start.
+        BadInput, ComputationFailed : the function raises it; or workers cannot start.
 
         Notes
         -----

@@ -12,7 +12,7 @@ from flexfem.fem.chart import RATIOS, SingleHinge, sample
 from flexfem.hinges.chart import beam_integrals, hinge_chart
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.mechanism.stage import load_stage
-from flexfem.questions.hinges import hinge_review
+from flexfem.questions.check import hinge_review
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]

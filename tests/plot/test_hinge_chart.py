@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.plot.hinge import hinge_chart_figure, merged
-from flexfem.questions.hinges import FormulaCurve, HingeReview
+from flexfem.questions.check import FormulaCurve, HingeReview
 
 X = np.geomspace(0.02, 1.2, 40)
 FULL = 1.5  # points: curves within their range are broader than this, pale ones thinner

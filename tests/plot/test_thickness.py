@@ -1,4 +1,4 @@
-"""The figure of the factors out of plane: curves, limits and the hinges marked in it."""
+"""The figure of the factors out of plane: curves and limits."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.plot.hinge import thickness_figure
-from flexfem.plot.text import SPACE
-from flexfem.questions.hinges import ThicknessReview
+from flexfem.questions.check import ThicknessReview
 
 X = np.geomspace(0.5, 50.0, 30)
 NU = 0.29
@@ -22,7 +21,6 @@ def review(**changes) -> ThicknessReview:
         "poissons_ratio": NU,
         "rotation": 1 - NU**2 * position,
         "axial": 1 - 0.4 * NU**2 * position,
-        "marked": {"base": (0.125, 20.0, 0.93, 0.97), "elbow": (0.333, 20.0, 0.92, 0.96)},
         "source": "made-up numbers",
     }
     return ThicknessReview(**(given | changes))
@@ -39,11 +37,3 @@ def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
         low, high = axes.get_ylim()
         assert low < STRAIN and high > 1
         assert {text.get_text() for text in axes.texts} == {"plane stress", f"plane strain, 1 − ν² = {STRAIN:.3f}"}
-
-
-def test_hinges_of_a_stage_are_marked_where_they_are() -> None:
-    rotation, axial = thickness_figure(review()).axes
-    assert [(*line.get_xdata(), *line.get_ydata()) for line in rotation.get_lines()[5:]] == [(20.0, 0.93), (20.0, 0.92)]
-    assert [(*line.get_xdata(), *line.get_ydata()) for line in axial.get_lines()[5:]] == [(20.0, 0.97), (20.0, 0.96)]
-    texts = " ".join(text.get_text().replace("\n", " ").replace(SPACE, " ") for text in axial.get_legend().get_texts())
-    assert "base: t/R = 0.125, b/t = 20, factor 0.970" in texts and "t/R = 0.02" in texts

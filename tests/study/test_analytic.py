@@ -19,7 +19,7 @@ from flexfem.mechanism.feasibility import check_closed_form, check_feasible
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.loaded import LoadedStudy, designs_of, sample, stage_of
+from flexfem.study.loaded import LoadedStudy, sample, stage_of
 
 LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path
 ROUND_OFF = 1e-11  # the same sums in another order
@@ -165,22 +165,6 @@ def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(stud
             base = [joints[k] for k, slot in enumerate(mechanism.joints.slot) if slot in (0, 9, 18)]
             expected = 17.4e-3 / 10.0 / np.max(np.abs(base)) * 1e3
             assert found[loaded.outputs.index("travel_x_um") + axis] == pytest.approx(expected, rel=1e-7)
-
-
-def test_reach_times_stress_is_the_yield_strength(studies: Any) -> None:
-    loaded = study(studies, GENTLE, "calibrated", 21, 20)
-    rows = answer(loaded, 0, 20)
-    yields = designs_of(loaded, sample(loaded, 0, 20)).yield_strength
-    np.testing.assert_allclose(rows.values[:, 9:12] * rows.values[:, 12:15], yields[:, None] * np.ones(3), rtol=1e-12)
-
-
-def test_couplings_are_stiffnesses_without_their_units(studies: Any) -> None:
-    loaded = study(studies, GENTLE, "calibrated", 21, 5)
-    rows = answer(loaded, 0, 5)
-    for K, values in zip(stiffness_in(loaded, rows.values), rows.values, strict=True):
-        scale = np.diag(1 / np.sqrt(np.diag(K)))
-        bare = scale @ K @ scale
-        np.testing.assert_allclose(values[6:9], bare[[0, 0, 1], [1, 2, 2]], rtol=1e-12)
 
 
 def test_the_notch_concentrates_as_hyperbolic_notches_do() -> None:

@@ -143,13 +143,6 @@ def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any
     np.testing.assert_allclose(row[-5:], answer(model, 0, 1).values[0, -5:], rtol=3e-3)  # meshes, up to 0.2 %
 
 
-def test_three_dimensions_refuse_drift(warm: Any) -> None:
-    model = "three_dimensional"
-    with pytest.raises(BadInput, match=rf'line \d+: drift = {{}}, expected no drift with model = "{model}"') as refused:
-        study(warm, f'model = "{model}"\n', 4, "[drift]", FACTORS[:2])
-    assert "\n" not in str(refused.value)
-
-
 @pytest.mark.parametrize(("left_out", "said"), [("material", "(aluminium 23.6)"), ("frame", "leaves the platform")])
 def test_a_stage_without_a_coefficient_is_refused_in_one_line(warm: Any, left_out: str, said: str) -> None:
     bare = content()
@@ -160,14 +153,6 @@ def test_a_stage_without_a_coefficient_is_refused_in_one_line(warm: Any, left_ou
         study(warm, OWN, 4, "[drift]", FACTORS[:2])
     assert "\n" not in str(refused.value)
     assert study(warm, OWN, 4, "", FACTORS[:2]).count == 4
-
-
-def test_expansion_is_a_factor_with_drift_alone(warm: Any) -> None:
-    for factor in FACTORS[2:4]:
-        with pytest.raises(BadInput, match="expected a number that answers depend on"):
-            study(warm, OWN, 4, "", (factor,))
-    with pytest.raises(BadInput, match=r"line \d+: .*kelvin.*unknown key"):
-        study(warm, OWN, 4, "[drift]\nkelvin = 3.0", FACTORS[:2])
 
 
 def test_expansions_of_another_unit_between_possible_ones_are_refused(warm: Any) -> None:

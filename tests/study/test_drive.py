@@ -10,14 +10,14 @@ from scipy.optimize import linprog
 
 from flexfem.analytic.model import ModelChoice
 from flexfem.arrays import Array
-from flexfem.mechanism.drives import drive_of, drives_of
+from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.reach import limits_of_commands
 from flexfem.refused import BadInput
 from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.columns import DRIVE_RANGES, ENGAGED
-from flexfem.study.loaded import LoadedStudy, designs_of, load_study, sample, stage_of
+from flexfem.study.loaded import LoadedStudy, load_study, sample, stage_of
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
@@ -182,30 +182,6 @@ def test_finite_elements_refuse_a_drive_whose_preloads_make_a_neck_yield(tmp_pat
     (tmp_path / "stage.toml").write_text(text.replace("pair = true", "pair = false"))
     rows = answer(load_study(loaded.path), 0, 1)
     assert rows.status.tolist() == ["refused"] and rows.reason[0] == UNMOVED
-
-
-def test_the_drives_of_many_designs_are_those_of_each(tmp_path):
-    """Contacts on straight links in closed form, as on the drawn outlines; those off the metal refused as there."""
-    factors = FACTORS | {"actuator.base.arm_mm": (3.0, 30.0)}
-    loaded = write(tmp_path, factors, HEAD.replace("designs = 12", "designs = 40"))
-    values = sample(loaded, 0, 40)
-    reason = np.full(40, "", dtype=object)
-    found = drives_of(loaded.stage, designs_of(loaded, values), reason, lambda index: stage_of(loaded, values[index]))
-    for index, refused in enumerate(reason):
-        try:
-            own = drive_of(stage_of(loaded, values[index]))
-        except BadInput as refusal:
-            assert refused, refusal
-            continue
-        assert refused == ""
-        for name in ("stiffness", "preload", "blocking_force", "lowest", "highest"):
-            np.testing.assert_allclose(getattr(found, name)[index], getattr(own, name), rtol=1e-12)
-        for many, one in zip(found.stacks, own.stacks, strict=True):
-            assert [push.body for push in many.pushes] == [push.body for push in one.pushes]
-            for theirs, ours in zip(many.pushes, one.pushes, strict=True):
-                np.testing.assert_allclose(theirs.wrench[index], ours.wrench, rtol=1e-12, atol=1e-12)
-    assert 5 < np.sum(reason == "") < 40
-    np.testing.assert_array_equal(found.differential, drive_of(loaded.stage).differential)
 
 
 REFERENCE = {  # drive range in x, y (um), theta (mrad), and stiffness engaged (N/mm, N/mm, N mm/rad), mobility 21

@@ -11,7 +11,6 @@ import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
 from flexfem.questions.modes import payload_of
-from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES
 from flexfem.study.loaded import sample, stage_of
@@ -60,14 +59,3 @@ def test_the_payload_is_part_of_what_a_study_is(studies: Any) -> None:
     hashes = {study(studies, head, 4, tail, FACTORS[:2]).hash for tail in ("[frequencies]", PAYLOAD)}
     assert len(hashes | {plain.hash}) == 3
     assert not set(FREQUENCIES) & set(plain.outputs)
-
-
-def test_density_is_a_factor_with_frequencies_alone(studies: Any) -> None:
-    with pytest.raises(BadInput, match="expected a number that answers depend on"):
-        study(studies, 'model = "analytic"\n', 4, "")
-
-
-@pytest.mark.parametrize("value", ["-1.0", "nan", '"heavy"'])
-def test_a_payload_that_is_none_is_refused(studies: Any, value: str) -> None:
-    with pytest.raises(BadInput, match=r"frequencies\.payload_kg"):
-        study(studies, 'model = "analytic"\n', 4, f"[frequencies]\npayload_kg = {value}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -101,25 +100,6 @@ def test_what_is_asked_of_lives_is_part_of_what_a_study_is(lasting: Any) -> None
     hashes = {study(lasting, HEAD, 4, tail, FACTORS[:2]).hash for tail in tails}
     assert len(hashes) == len(tails)
     assert not {"life_cycles", "safety_factor"} & set(study(lasting, HEAD, 4, "", FACTORS[:2]).outputs)
-
-
-REFUSED = {
-    "[life]\ncycles = 1e6": "amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero",
-    "[life]\namplitude_x_um = 1e9": "life.amplitude_x_um = 1000000000.0, expected <= 100000",
-    "[life]\namplitude_x_um = nan": "life.amplitude_x_um = nan, expected",
-    "[life]\namplitude_x_um = 3.0\nratio = 1.0": "life.ratio = 1.0, expected <= 0.99",
-    "[life]\namplitude_x_um = 3.0\nratio = -2.0": "life.ratio = -2.0, expected >= -1",
-    "[life]\namplitude_x_um = 3.0\ncycles = 0.0": "life.cycles = 0.0, expected > 0",
-    "[life]\namplitude_x_um = 3.0\nnotch_sensitivity = 1.1": "life.notch_sensitivity = 1.1, expected <= 1",
-    "[life]\namplitude_x_um = 3.0\nmean_um = 1.0": "unknown key",
-}
-
-
-@pytest.mark.parametrize(("tail", "said"), REFUSED.items())
-def test_an_impossible_question_on_lives_is_refused_with_its_line(lasting: Any, tail: str, said: str) -> None:
-    with pytest.raises(BadInput, match=re.escape(said)) as refused:
-        study(lasting, HEAD, 4, tail, FACTORS[:2])
-    assert re.match(r".*study\.toml, line \d+: life", str(refused.value)) and "\n" not in str(refused.value)
 
 
 def test_lives_are_asked_of_models_and_materials_that_have_them(lasting: Any, studies: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -94,13 +93,6 @@ def test_a_list_is_equally_likely_and_a_uniform_uniform(studies: Any) -> None:
     assert stats.kstest(found[:, 1], stats.uniform(15.0, 2.0).cdf).pvalue > P_VALUE
 
 
-def test_factors_are_independent(studies: Any) -> None:
-    stars = 'key = "override.*.*.neck_mm"\ndistribution = "normal"\nsd = 0.005'
-    found = sample(studies.of(f'method = "monte_carlo"{MANY}', stars), 0, 40_000)
-    correlation = np.corrcoef(found.T) - np.eye(9)
-    assert np.max(np.abs(correlation)) < STANDARD_ERRORS / np.sqrt(40_000)
-
-
 def test_saltelli_rows_are_in_the_order_that_the_analysis_expects(studies: Any) -> None:
     """A, then A with one column of B at a time, then B."""
     loaded = studies.of('method = "saltelli"\nbase = 16\nseed = 3', LOG, LIST.replace("[5.0, 6.5, 11.0]", "[5.0, 6.0]"),
@@ -111,17 +103,6 @@ def test_saltelli_rows_are_in_the_order_that_the_analysis_expects(studies: Any) 
         mixed = A.copy()
         mixed[:, column] = B[:, column]
         np.testing.assert_array_equal(groups[:, 1 + column], mixed)
-
-
-@pytest.mark.parametrize("start", [0, 1, 6, 4095, 2**20 + 7])
-def test_points_by_number_are_those_of_scipy(start: int) -> None:
-    """Against the engine itself, which walks there."""
-    engine = stats.qmc.Sobol(31, scramble=True, rng=np.random.default_rng(2003))
-    if start:
-        engine.fast_forward(start)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # not a power of two
-        np.testing.assert_array_equal(sampling._sobol(2003, 31, start, start + 37), engine.random(37))
 
 
 def test_the_two_samples_of_saltelli_are_halves_of_one_sobol_point(studies: Any) -> None:

@@ -63,21 +63,6 @@ def test_a_row_is_what_the_stage_answers(study: Any) -> None:
     np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (('"three_dimensional"', '"three_dimensional"\nformula = "koster"'), "no formula with model"),
-        (('"three_dimensional"', '"three_dimensional"\nbands = true'), "no bands with model"),
-        (('"three_dimensional"', '"three_dimensional"\nlayers = 0'), "layers = 0"),
-        (('"three_dimensional"', '"fe"\nlayers = 3'), "no layers with model"),
-        (("[sampling]", "[frequencies]\n[sampling]"), "no frequencies with model"),
-    ],
-)
-def test_what_it_does_not_take_is_refused(change: tuple[str, str], said: str, study: Any) -> None:
-    with pytest.raises(BadInput, match=said):
-        load_study(study(change))
-
-
 def test_a_stage_that_is_made_plane_is_refused(study: Any, tmp_path: Path) -> None:
     held = tmp_path / "held.toml"
     text = (ROOT / "geometry" / "mobility6.toml").read_text()
