@@ -24,12 +24,6 @@ def accepted(stem):
     return json.loads((ROOT / f"tests/baselines/{stem}.json").read_text())["numbers"]
 
 
-def errors(figure, model):
-    """Error percentages and bands of a curve by direction."""
-    numbers, label = accepted(figure)["errors"], model.replace(" ", "_")
-    return {axis: numbers[f"percent.{label}.{axis}"] for axis in AXES}
-
-
 def table(header):
     """Cells of the lines below the line of a Markdown table's names."""
     lines = PAGES.partition(f"{header}\n")[2].splitlines()[1:]
@@ -49,32 +43,26 @@ def require_shown(texts, values):
         assert abs(float(text) - value) <= 0.5001 * 10.0 ** -len(text.partition(".")[2]), (text, value)
 
 
-def test_the_table_of_errors_is_what_verify_printed():
+def require_row(figure, command, model, cells, round_off):
+    """The cells of a row are what verify printed, percentage and band by direction; zero is round-off."""
+    numbers = accepted(figure)["errors"]
+    for axis, cell in zip(AXES, cells, strict=True):
+        percent, band = numbers[f"percent.{model.replace(' ', '_')}.{axis}"]
+        if cell == "0":
+            assert axis != command.lower() and abs(percent) < round_off and band <= 1e-8
+        else:
+            require_shown(cell.split(" ± "), (percent, band))
+
+
+def test_the_tables_of_errors_are_what_verify_printed():
     rows = table("| figure | command | model | X | Y | theta |")
-    assert len(rows) == 6
-    for (figure, command, model, *cells), expected in zip(rows, "556677", strict=True):
-        assert figure == expected
-        found = errors(f"fig{figure}", model)
-        for axis, cell in zip(AXES, cells, strict=True):
-            percent, band = found[axis]
-            if axis == command.lower():
-                require_shown(cell.split(" ± "), (percent, band))
-            else:
-                assert cell == "0" and abs(percent) < ROUND_OFF and band <= 1e-8
-
-
-def test_the_table_of_joints_commanded_is_what_verify_printed():
+    assert [figure for figure, *_ in rows] == list("556677")
+    for figure, command, model, *cells in rows:
+        require_row(f"fig{figure}", command, model, cells, ROUND_OFF)
     rows = table("| joints commanded | model | X | Y | theta |")
-    assert len(rows) == 4
-    for (command, model, *cells), expected in zip(rows, ["X", "X", "theta", "theta"], strict=True):
-        assert command == expected
-        found = errors(f"joints-{expected.lower()}", model)
-        for axis, cell in zip(AXES, cells, strict=True):
-            percent, band = found[axis]
-            if cell == "0":
-                assert abs(percent) < JOINTS_ROUND_OFF and band <= 1e-8
-            else:
-                require_shown(cell.split(" ± "), (percent, band))
+    assert [command for command, *_ in rows] == ["X", "X", "theta", "theta"]
+    for command, model, *cells in rows:
+        require_row(f"joints-{command.lower()}", command, model, cells, JOINTS_ROUND_OFF)
 
 
 def test_the_table_of_shares_is_what_budget_printed():

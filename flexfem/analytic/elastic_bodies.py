@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import AnyArray, Array
-from flexfem.hinges.beam import SHEAR_CORRECTION
+from flexfem.hinges.chart import SHEAR_CORRECTION
 from flexfem.mechanism.bodies import (
     Pose,
     Segment,

@@ -22,7 +22,7 @@ from flexfem.analytic.paper import (
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once

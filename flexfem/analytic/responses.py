@@ -25,7 +25,7 @@ from flexfem.analytic.model import JOINTS, AnalyticResult, at_necks, lowered
 from flexfem.analytic.model import LINKS as LINKS_OF
 from flexfem.analytic.paper import Freedoms, mobility
 from flexfem.arrays import Array
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress, stress_raised
 from flexfem.mechanism.bodies import (
     Payload,

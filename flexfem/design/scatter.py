@@ -17,7 +17,7 @@ from flexfem.analytic.model import chain_compliance, hinge_compliances
 from flexfem.analytic.paper import Freedoms
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import Designs, Frames
 from flexfem.study.loaded import INSIDE, monte_carlo
 

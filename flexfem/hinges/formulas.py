@@ -5,31 +5,17 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, shown
-from flexfem.hinges import beam
-from flexfem.hinges.beam import SHEAR_CORRECTION
-from flexfem.hinges.chart import Factors, hinge_chart
+from flexfem.hinges import chart
+from flexfem.hinges.chart import SHEAR_CORRECTION, Compliance, hinge_chart
 from flexfem.refused import BadInput
 from flexfem.sources import load_own
-
-
-class Compliance(NamedTuple):
-    """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled.
-
-    rotation : (...), 1/(N mm), angle of the two bodies per moment.
-    axial : (...), mm/N, stretch along the neck per force along it.
-    shear : (...), mm/N, sideways displacement per force across the neck at its centre.
-    """
-
-    rotation: Array
-    axial: Array
-    shear: Array
 
 
 @dataclass(frozen=True)
@@ -39,7 +25,7 @@ class Formula:
     name : the key in `FORMULAS`.   source : citation.
     status : how sure the printed form is, and what it was compared with.
     valid : smallest and largest t/R for which the formula is meant (`status` says who says so).
-    rotation, axial, bending : pure numbers of t/R (see `beam`), None where the source states none.
+    rotation, axial, bending : pure numbers of t/R (see `chart`), None where the source states none.
     charted : whether they are multiplied by the factors of the hinge chart, which is not extrapolated.
     """
 
@@ -90,10 +76,10 @@ class Formula:
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
         tau = t / R
-        axial = (self.axial or beam.axial_paros_weisbord)(tau)
-        bending = (self.bending or beam.bending_closed)(tau)
-        stretch = axial if self.bending is not None else beam.axial_paros_weisbord(tau)
-        factors, sideways = Factors(*np.ones(3)), stretch
+        axial = (self.axial or chart.axial_paros_weisbord)(tau)
+        bending = (self.bending or chart.bending_closed)(tau)
+        stretch = axial if self.bending is not None else chart.axial_paros_weisbord(tau)
+        factors, sideways = Compliance(*np.ones(3)), stretch
         if self.charted:
             tau, eta = _shape_of_notch(R, t, block_height)
             factors, sideways = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
@@ -125,8 +111,8 @@ _ENTRIES = (
         " algebra. No published range: the range is where the algebra is tested. For t/R up to 1 beam theory itself is"
         " up to 16 % too stiff against plane-stress finite elements",
         BEAM_RANGE,
-        beam.rotation_paros_weisbord,
-        beam.axial_paros_weisbord,
+        chart.rotation_paros_weisbord,
+        chart.axial_paros_weisbord,
     ),
     Formula(
         "paros-weisbord-short",
@@ -143,8 +129,8 @@ _ENTRIES = (
         "recalled; the same beam integrals as Paros-Weisbord in other algebra, whose numbers are those given here."
         " No published range",
         BEAM_RANGE,
-        beam.rotation_paros_weisbord,
-        beam.axial_paros_weisbord,
+        chart.rotation_paros_weisbord,
+        chart.axial_paros_weisbord,
     ),
     Formula(
         "lobontiu",
@@ -153,9 +139,9 @@ _ENTRIES = (
         " The same beam integrals in other algebra, whose numbers are those given here; the transverse form holds for"
         " a force at the hinge's end and is moved to the centre. No published range",
         BEAM_RANGE,
-        beam.rotation_paros_weisbord,
-        beam.axial_paros_weisbord,
-        beam.bending_closed,
+        chart.rotation_paros_weisbord,
+        chart.axial_paros_weisbord,
+        chart.bending_closed,
     ),
     Formula(
         "smith-chetwynd",
@@ -185,9 +171,9 @@ _ENTRIES = (
         "the Timoshenko beam integrals by Gauss quadrature, our own",
         "the slow reference of the closed forms; same range",
         BEAM_RANGE,
-        lambda tau: 12.0 * beam.quadrature(tau, 0, 3),
-        lambda tau: beam.quadrature(tau, 0, 1),
-        lambda tau: 12.0 * beam.quadrature(tau, 2, 3),
+        lambda tau: 12.0 * chart.quadrature(tau, 0, 3),
+        lambda tau: chart.quadrature(tau, 0, 1),
+        lambda tau: 12.0 * chart.quadrature(tau, 2, 3),
     ),
     Formula(
         "calibrated",
@@ -196,9 +182,9 @@ _ENTRIES = (
         " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value. H/h above 3:"
         " hinge_chart_high.json",
         hinge_chart().low.ends[0],
-        beam.rotation_paros_weisbord,
-        beam.axial_paros_weisbord,
-        beam.bending_closed,
+        chart.rotation_paros_weisbord,
+        chart.axial_paros_weisbord,
+        chart.bending_closed,
         charted=True,
     ),
 )

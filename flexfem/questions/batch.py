@@ -18,7 +18,7 @@ from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.fem.modes import modes
 from flexfem.fem.response import Response, heat_response, unit_response
 from flexfem.fem.structure import layers_of, plate_of, sheet_of
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
 from flexfem.mechanism.drives import StageDrive

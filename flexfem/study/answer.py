@@ -282,8 +282,6 @@ def own_values(loaded: LoadedStudy) -> dict[str, float]:
 def unseen(loaded: LoadedStudy) -> list[str]:
     """Warnings on factors that change none of the outputs that a study shows or constrains, of all where it does not.
 
-    Notes
-    -----
     Found by the model itself: designs that differ in one factor alone, compared output by output. Finite elements mesh
     what a factor changes, and are not asked.
     """

@@ -10,7 +10,8 @@ import pytest
 
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms, PaperModel, influence
 from flexfem.arrays import Array
-from flexfem.hinges.formulas import Compliance, formula
+from flexfem.hinges.chart import Compliance
+from flexfem.hinges.formulas import formula
 from flexfem.mechanism.designs import Frames, frames
 
 R, RA, RAS, RS = ("rotation",), ("rotation", "axial"), ("rotation", "axial", "shear"), ("rotation", "shear")

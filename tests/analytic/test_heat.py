@@ -12,7 +12,7 @@ from flexfem.analytic.elastic_bodies import _of_pad
 from flexfem.analytic.model import hinge_compliance
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import drift, misfits
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import lower
 
 ROUND_OFF = 1e-12

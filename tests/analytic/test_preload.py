@@ -10,7 +10,7 @@ import pytest
 from flexfem.analytic.large import loaded, serial, under_load
 from flexfem.analytic.model import ModelChoice, analyse, assemble
 from flexfem.analytic.paper import joints_of, stiffness
-from flexfem.hinges.formulas import Compliance
+from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.contacts import FOLLOWS, placed_stack
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of

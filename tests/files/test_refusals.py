@@ -10,14 +10,7 @@ from flexfem.files.toml import Table, validate
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 
-PITFALLS = (
-    "CON.toml",
-    "nul.x.toml",
-    "Lpt1 .toml",
-    "a .toml",
-    "a..toml",
-    " a.toml",
-)  # other systems read these otherwise
+PITFALLS = ("CON.toml", "nul.x.toml", "Lpt1 .toml", "a .toml", "a..toml", " a.toml")  # other systems read otherwise
 
 
 @pytest.mark.parametrize("name", ["...toml", "..toml", ".toml", "-x.toml", "a\x1b.toml", "a\\b.toml", *PITFALLS])

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from flexfem.hinges.beam import quadrature
+from flexfem.hinges.chart import quadrature
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.refused import BadInput
 

@@ -95,28 +95,18 @@ BAD = [  # edits of the first actuator, what is said, what is named
     ([(LINK, 'hinge = "platform"\narm_mm = 10.0 #')], "base or elbow, at an end of link 1", "hinge"),
     ([(LINK, 'hinge = "base" #')], "hinge, arm_mm and side", "where the contact is"),
     ([(SIDE, 'side = "left"\ntilt_deg = 85.0 #')], "tilt_deg = 85.0", "<= 80"),
-    ([(SIDE, 'side = "top" #')], "side", "top"),
     ([('["frame", "link 1"]', '["frame", "platform"]')], "point_mm on a platform", "hinge"),
     ([('["frame", "link 1"]', '["link 1", "link 1"]')], "two bodies", "link 1"),
     ([('["frame", "link 1"]', '["link 1", "frame"]')], "a body that moves", "frame"),
-    ([('["frame", "link 1"]', '["frame", "link 3"]')], "between", "link 3"),
     ([(STACK, 'stack = "AE0505D61" #')], "did you mean AE0505D16?", "stack"),
-    ([(STACK, "stroke_um = -17.4\nstiffness_n_per_um = 50.0 #")], "stroke_um = -17.4", "> 0"),
-    ([(STACK, "stroke_um = 17.4\nstiffness_n_per_um = -50.0 #")], "stiffness_n_per_um = -50.0", "> 0"),
     ([(STACK, "stroke_um = 17.4 #")], "stroke_um = 17.4", "either stiffness_n_per_um or blocking_force_n"),
     ([(STACK, "#")], "a stack: its name", "actuator.base"),
     ([(STACK, 'stack = "AE0505D16"\nblocking_force_n = 900.0 #')], "catalogue alone", "blocking_force_n = 900.0"),
     ([("preload_n = 50.0", "preload_n = 936.0")], "preload_n = 936.0", "blocking force of the stack, 935"),
     ([("preload_n = 50.0", "preload_n = 0.0")], "a ball without preload", "ball_radius_mm"),
-    ([("preload_n = 50.0", "preload_n = -5.0")], "preload_n = -5.0", ">= 0"),
-    (
-        [("ball_radius_mm = 2.0", "ball_radius_mm = 2.0\ncontact_stiffness_n_per_um = 9.0")],
-        "not both",
-        "contact_stiffness",
-    ),
+    ([("ball_radius_mm = 2.0", "ball_radius_mm = 2.0\ncontact_stiffness_n_per_um = 9")], "not both", "contact_stiff"),
     ([("ball_radius_mm = 2.0", "ball_poissons_ratio = 0.3")], "ball_radius_mm with it", "ball_poissons_ratio"),
     ([("ball_radius_mm = 2.0", "ball_loose = false")], "ball_radius_mm with it", "ball_loose"),
-    ([("ball_radius_mm = 2.0", "ball_radius_mm = 2.0\nball_loose = 2")], "ball_loose = 2", "true or false"),
     ([('name = "base"', 'name = "elbow"')], "no other actuator", "actuator[1].name"),
 ]
 
@@ -184,27 +174,15 @@ def test_the_drive_has_a_hash_of_its_own(stage):
     passive = stage.replace(actuator=[])
     assert stage.hash == passive.hash == "24fed7d518c264d804800da3529cf37373256a769eb952f271886cb679a3b011"
     hashes = {passive.drive_hash, stage.drive_hash, stage.replace(neck=0.49).drive_hash}
-    changes = {
-        "between": ("link 2", "link 1"),
-        "arm": 11.0,
-        "hinge": "elbow",
-        "side": "right",
-        "tilt": 0.1,
-        "pair": False,
-        "stack": "AE0203D16",
-        "ball_radius": 1.0,
-        "ball_youngs_modulus": 3e5,
-        "ball_poissons_ratio": 0.2,
-        "preload": 20.0,
-    }
+    changes = {"between": ("link 2", "link 1"), "arm": 11.0, "hinge": "elbow", "side": "right", "tilt": 0.1}
+    changes |= {"pair": False, "stack": "AE0203D16", "preload": 20.0}
+    changes |= {"ball_radius": 1.0, "ball_youngs_modulus": 3e5, "ball_poissons_ratio": 0.2}
     for key, value in changes.items():
         first = stage.actuator[0].model_copy(update={key: value})
         hashes.add(stage.replace(actuator=[first, stage.actuator[1]]).drive_hash)
     assert len(hashes) == 3 + len(changes)
-    assert (
-        stage.replace(actuator=[stage.actuator[0].model_copy(update={"name": "other"}), stage.actuator[1]]).drive_hash
-        == stage.drive_hash
-    )
+    renamed = stage.actuator[0].model_copy(update={"name": "other"})
+    assert stage.replace(actuator=[renamed, stage.actuator[1]]).drive_hash == stage.drive_hash
     with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
         drive_of(passive)
 
@@ -215,10 +193,7 @@ BAD_OVERRIDES = [  # what is added, what is said
     (OWN, "expected at least one of arm_mm, side"),
     (OWN + "preload_n = 936.0\n", "override.2.actuator.base.preload_n = 936.0, expected at most the blocking force"),
     (OWN + "preload_n = 0.0\n", "a ball without preload has no stiffness"),
-    (
-        OWN + "stroke_um = 9.0\n",
-        "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue",
-    ),
+    (OWN + "stroke_um = 9.0\n", "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue"),
     (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the metal"),
     (OWN + "neck_mm = 0.4\n", "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only arm_mm"),
     (OWN + 'hinge = "base"\npreload_n = 40.0\n', "the hinge or the actuator that it is about, one of the two"),

@@ -123,6 +123,7 @@ def test_the_line_that_made_a_page_is_on_it_and_quoted(written):
         ([ROOT / "two\nlines.json"], "page.html", STANDARD, r"two\\nlines.json: no such file"),
         ([Path("/dev/zero.json")], "page.html", ["analytic"], "expected none: they are of a stage"),
         ([], "page.html", ["analytic"], "no file"),
+        ([ROOT / "cases/study-trust.toml"], "page.html", ["modes"], "they are of a stage, and this is a study"),
         ([ROOT / "cases/fig5.toml"], "page.html", STANDARD, "this is a case file"),
     ],
 )
@@ -200,9 +201,7 @@ class Elements(HTMLParser):
 
     def __init__(self, text: str) -> None:
         super().__init__()
-        self.names: list[str] = []
-        self.attributes: list[str] = []
-        self.text = ""
+        self.names, self.attributes, self.text = [], [], ""
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from markupsafe import Markup
 
 from flexfem.page.section import html_of
 from flexfem.page.study import range_of, study_parts
+from flexfem.studies import run_study
 from flexfem.study.answer import own_values
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.findings import Source, findings
@@ -135,3 +138,16 @@ def test_a_figure_that_cannot_be_drawn_says_why_and_the_others_are_there(tmp_pat
     html = page_of(source_of(study(tmp_path, GRID + bad + MAP), root=np.full(12, np.nan)))
     assert "It is not drawn." in html and "no finite number for 12 of 12" in html
     assert "least" in rows_of(html)
+
+
+@pytest.mark.slow
+def test_a_study_that_was_run_becomes_a_page(flexfem):
+    Path("small.toml").write_text(GRID + FRONT)
+    run_study("small.toml", "kept", workers=1)
+    code, out, err = flexfem("report", "small.toml", "--folder", "kept", "-o", "page.html", "--json")
+    assert code == 0
+    said, html = json.loads(out), Path("page.html").read_text()
+    assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
+    assert said["sections"][:2] == ["What the study asks", "Stiffness XX against range in X at yield"]
+    assert "report: what the study asks" in err and "report: sources" in err
+    assert "flexfem report small.toml -o page.html --folder kept" in html
