@@ -17,8 +17,8 @@ import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import equivalent
 from flexfem.plot.experiment import life_figure, plot_life
+from flexfem.questions.life import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 from flexfem.questions.setup import solved
-from flexfem.questions.strained import Oscillation, Repeated, by_elements, by_model, factor_at, scaled
 from flexfem.results import ANALYTIC, ELEMENTS
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
