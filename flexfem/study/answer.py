@@ -37,8 +37,8 @@ from flexfem.questions.batch import (
     batch_frequencies,
     solved_design,
 )
+from flexfem.questions.life import Repeated, of_preloads, scaled
 from flexfem.questions.modes import payload_of
-from flexfem.questions.strained import Repeated, of_preloads, scaled
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
