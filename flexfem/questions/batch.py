@@ -8,9 +8,7 @@ import numpy as np
 
 from flexfem.analytic.model import at_rest
 from flexfem.analytic.paper import Freedoms
-from flexfem.analytic.responses import DriftRates, LinkParts, WarmBodies, in_plane, many, mass_matrix, rates_of
-from flexfem.analytic.responses import drift as analytic_drift
-from flexfem.analytic.responses import driven as driven_compliance
+from flexfem.analytic.responses import DriftRates, in_plane, rates_of
 from flexfem.arrays import Array
 from flexfem.fem import fields
 from flexfem.fem.mesh import mesh_sectors
@@ -21,15 +19,13 @@ from flexfem.fem.structure import layers_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower
-from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.drive import element_ranges
-from flexfem.questions.driven import DriveRanges, drive_ranges, driven
+from flexfem.questions.driven import DriveRanges
 from flexfem.questions.life import Lives, Repeated, by_elements, by_wrenches, lives
 from flexfem.questions.modes import vibrating
 from flexfem.refused import ComputationFailed
-from flexfem.units import DENSITY
 
 LOWEST = 3  # natural frequencies: of the platform on its hinges
 
@@ -50,13 +46,6 @@ class ErrorPercentages(NamedTuple):
     along: Array
     across: Array
     bands: Array | None
-
-
-class Moments(NamedTuple):
-    """Area moments, mm^2 to mm^4, of n designs: bodies (n, 3 chains, 4 bodies, 4) and hub (n, 4)."""
-
-    bodies: Array
-    hub: Array
 
 
 class Answers(NamedTuple):
@@ -115,37 +104,6 @@ def batch_at_rest(
         return answers
     strained = by_wrenches(designs, found.wrench, repeated)
     return answers._replace(lives=lives(strained, designs.fatigue, strength, repeated))
-
-
-def batch_frequencies(
-    designs: Designs,
-    hinges: Compliance,
-    freedoms: Freedoms,
-    moments: Moments,
-    payload: Payload,
-    elastic: LinkParts | None = None,
-) -> Array:
-    """The three lowest natural frequencies (n, 3), rad/s, of n designs by the analytic model; nan where it has none.
-
-    moments : of what is drawn.   elastic : of `link_parts`, (n, ...) each; None where pads, links, platform are rigid.
-    """
-    mass = mass_matrix(moments.bodies, moments.hub, designs.thickness * designs.density * DENSITY, payload)
-    return np.asarray(many(designs.frames, hinges, freedoms, mass, elastic).frequencies[:, :LOWEST])
-
-
-def batch_drift(
-    designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: WarmBodies | None = None
-) -> DriftRates:
-    """Drift of n designs by the analytic model, with elastic `bodies` or rigid ones; nan where it is singular."""
-    return rates_of(analytic_drift(designs, hinges, freedoms, *in_plane(designs), bodies).pose)
-
-
-def batch_drives(
-    designs: Designs, hinges: Compliance, freedoms: Freedoms, drive: StageDrive, elastic: LinkParts | None = None
-) -> DriveRanges:
-    """The analytic model of n driven designs, with `elastic` links of n designs or rigid ones; nan where singular."""
-    model = driven_compliance(designs.frames, hinges, freedoms, drive.stacks, elastic)
-    return drive_ranges(designs, driven(model.compliance, drive), model.necks, drive)
 
 
 def solved_design(

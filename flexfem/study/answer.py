@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from itertools import compress, pairwise
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -15,7 +15,18 @@ import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
 from flexfem.analytic.paper import freedoms_of
-from flexfem.analytic.responses import LinkParts, WarmBodies, link_parts, on_bodies
+from flexfem.analytic.responses import (
+    LinkParts,
+    WarmBodies,
+    drift,
+    in_plane,
+    link_parts,
+    many,
+    mass_matrix,
+    on_bodies,
+    rates_of,
+)
+from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.mesher import Limit
 from flexfem.files.refusals import suggestion
@@ -28,21 +39,23 @@ from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.batch import (
-    Clock,
-    Moments,
-    batch_at_rest,
-    batch_drift,
-    batch_drives,
-    batch_frequencies,
-    solved_design,
-)
+from flexfem.questions.batch import LOWEST, Clock, batch_at_rest, solved_design
+from flexfem.questions.driven import drive_ranges, driven
 from flexfem.questions.life import Repeated, of_preloads, repeated
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
 from flexfem.study.plan import Study, names_in
+from flexfem.units import DENSITY
+
+
+class Moments(NamedTuple):
+    """Area moments, mm^2 to mm^4, of n designs: bodies (n, 3 chains, 4 bodies, 4) and hub (n, 4)."""
+
+    bodies: Array
+    hub: Array
+
 
 Stages = Callable[[int], Stage]
 Found = TypeVar("Found")
@@ -120,14 +133,19 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             drive = drives_of(loaded.stage, designs, reason, stages)
             pushed = drawn(lambda stage: link_parts(stage, drive_of(stage).stacks)) if study.links else None
             drive.stiffness[reason != ""] = np.nan  # not asked: nan all through
-            found = found._replace(drives=batch_drives(designs, *model, drive, pushed))
+            of = driven_compliance(designs.frames, *model, drive.stacks, pushed)
+            drives = drive_ranges(designs, driven(of.compliance, drive), of.necks, drive)
+            found = found._replace(drives=drives)
         if study.frequencies is not None:
             moments = drawn(lambda stage: Moments(body_moments(stage), hub_moments(stage)))
             elastic = drawn(lambda stage: link_parts(stage, on_bodies(stage))) if study.links else None
-            carried = payload(loaded) or Payload()
-            found = found._replace(frequencies=batch_frequencies(designs, *model, moments, carried, elastic))
+            areal = designs.thickness * designs.density * DENSITY
+            mass = mass_matrix(moments.bodies, moments.hub, areal, payload(loaded) or Payload())
+            frequencies = many(designs.frames, *model, mass, elastic).frequencies[:, :LOWEST]
+            found = found._replace(frequencies=np.asarray(frequencies))
         if study.drift is not None:
-            found = found._replace(drift=batch_drift(designs, *model, warm))
+            pose = drift(designs, *model, *in_plane(designs), warm).pose
+            found = found._replace(drift=rates_of(pose))
         lost = np.isnan(found.stiffness[:, 0, 0])
         if found.drift is not None:
             lost |= np.isnan(found.drift.uniform).any(axis=1)
