@@ -247,13 +247,9 @@ def mesh_sectors(
     checks, MeshTimeout when it takes too long.
     """
     check_feasible(stage)
-    even = isinstance(resolution, int)
     across = (resolution,) * 3 if isinstance(resolution, int) else resolution
-    chains = (1,) if stage.chains_alike and even else (1, 2, 3)
-    jobs = [sector_drawing(stage, chain, across[chain - 1]) for chain in chains]
-    if not even:
-        cuts = {f"cut {side}": max(job.divisions[f"cut {side}"] for job in jobs) for side in ("behind", "ahead")}
-        jobs = [job._replace(divisions=job.divisions | cuts) for job in jobs]
+    chains = (1,) if stage.chains_alike and len(set(across)) == 1 else (1, 2, 3)
+    jobs = [sector_drawing(stage, chain, across[chain - 1], max(across)) for chain in chains]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
     estimate = estimate_triangles(stage, sum(areas) * 3 / len(chains), max(across))
     if estimate > MOST_TRIANGLES:
@@ -307,13 +303,13 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
     return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), places
 
 
-def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:
-    """Drawing and sizes of the sector that holds one chain."""
+def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Job:
+    """Drawing and sizes of the sector that holds one chain; `finest` resolution of all chains: cuts are common."""
     fine = max(resolution, 2)  # a single triangle from side to side of an arc would fold
     faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
     places = _fine_places(stage, chain, faces, fine)
     cones = tuple(cone(*place, coarse, fine) for place in places if place[-1] < coarse)
-    cuts = max(2, math.ceil(rim_of(stage)[0] / coarse))
+    cuts = max(2, math.ceil(rim_of(stage)[0] / (COARSEST * stage.chain.link_width / max(finest, 2))))
     divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
     divisions |= {"cut behind": cuts, "cut ahead": cuts}
     return Job(faces, divisions, cones)
