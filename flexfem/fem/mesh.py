@@ -105,10 +105,7 @@ class StageMesh(NamedTuple):
 def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
     """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two).
 
-    Notes
-    -----
-    The local thickness that they follow is a hyperbola of the distance from a neck's centre: the notch's own
-    `t + d^2 / R` near the neck, a straight growth of `SLOPE` far from it.
+    They follow a thickness that is a hyperbola of the distance from a neck's centre: `t + d^2 / R` near the neck.
     """
     width = stage.chain.link_width
     coarse = COARSEST * width
@@ -194,11 +191,8 @@ def least_scaled_jacobian(found: Array) -> float:
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
     """A grid of the unit square, every cell cut into two quadratic triangles, put in its place by a map.
 
-    Parameters
-    ----------
     place : u, v (...) in 0..1 to points (..., 2), mm, without turning the square over. Middle nodes are mapped too.
-
-    The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
+        The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
     """
     number = np.arange((2 * columns + 1) * (2 * rows + 1)).reshape(2 * rows + 1, 2 * columns + 1)
     v, u = np.meshgrid(np.linspace(0, 1, 2 * rows + 1), np.linspace(0, 1, 2 * columns + 1), indexing="ij")
@@ -219,8 +213,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
 class Sector(NamedTuple):
     """Curved quadratic triangles of one chain with its sector of the platform, in the frame of chain 1.
 
-    mesh : bodies 0 to 3 in the order of `stage.bodies.BODIES`; edges on `ground`, `hub`, `cut ahead`, `cut behind`
-        and, for each hinge, `neck base` and so on.
+    mesh : bodies 0 to 3; edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge, `neck base` etc.
     behind, ahead : (k,), nodes on the cuts without those on the hub, outwards; ahead is behind turned by 120 degrees.
     """
 
