@@ -33,7 +33,7 @@ from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.batch import Clock, elements, solved_design
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
-from flexfem.questions.strained import Repeated, scaled
+from flexfem.questions.life import Repeated, scaled
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import (
     DRIFTS,

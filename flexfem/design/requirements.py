@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -110,12 +109,13 @@ class Require(Table):
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Require:
-        if self.at_least is None and self.at_most is None:
+        low, high = self.at_least, self.at_most
+        if low is None and high is None:
             raise refusal("at_least, at_most or both")
-        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
-            raise refusal(f">= {self.at_least:g}, the least", "at_most")
-        for key in ("at_least", "at_most"):
-            if 0 < abs(getattr(self, key) or 0.0) < 1 / LARGEST:
+        if low is not None and high is not None and low > high:
+            raise refusal(f">= {low:g}, the least", "at_most")
+        for key, end in (("at_least", low), ("at_most", high)):
+            if 0 < abs(end or 0.0) < 1 / LARGEST:
                 raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are in parts of it", key)
         return self
 
@@ -226,12 +226,13 @@ class Requirements(Sourced):
 
     @model_validator(mode="after")
     def _expressions_name_columns(self) -> Requirements:
+        own, dimensions = {*MASS, *ERRORS, *SCATTERED}, set[str]()
         for index, free in enumerate(self.free):
             for column in columns_of([free]):
-                if column.name in (*MASS, *ERRORS, *SCATTERED):
+                dimensions.add(column.name)
+                if column.name in own:
                     raise refusal(f"a name of its own, not {shown(column.name)} again", "free", index, "label")
-        known = {*(column.name for column in columns_of(self.free)), *self.study.outputs, *MASS, *ERRORS}
-        known |= {*SCATTERED} if self.tolerance is not None else set()
+        known = {*dimensions, *self.study.outputs, *(own if self.tolerance is not None else {*MASS, *ERRORS})}
         for index, output in enumerate(self.output):
             if output.name in known or output.name in keys():
                 raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
@@ -247,9 +248,9 @@ class Requirements(Sourced):
     def _ends_are_apart(self) -> Requirements:
         for index, each in enumerate(self.require):
             if each.at_least is not None and each.at_most is not None:
-                apart = 0.02 * self.accuracy_percent * max(abs(each.at_least), abs(each.at_most))
-                if each.at_most < each.at_least + apart:
-                    expected = f">= {each.at_least + apart:.6g}, with both ends twice accuracy_percent apart"
+                least = each.at_least + 0.02 * self.accuracy_percent * max(abs(each.at_least), abs(each.at_most))
+                if each.at_most < least:
+                    expected = f">= {least:.6g}, with both ends twice accuracy_percent apart"
                     raise refusal(expected, "require", index, "at_most")
         return self
 
@@ -287,13 +288,7 @@ class Requirements(Sourced):
 
 @dataclass(frozen=True)
 class LoadedRequirements:
-    """Requirements with their base stage read and found feasible.
-
-    Attributes
-    ----------
-    columns : tuple of Column
-        The free dimensions, stars expanded.
-    """
+    """Requirements with their base stage read and found feasible; the free dimensions as columns, stars expanded."""
 
     path: Path
     requirements: Requirements
@@ -321,39 +316,31 @@ class LoadedRequirements:
         """The values (d,) of the base stage, those outside the range of a dimension brought to its nearer end."""
         found = []
         for column in self.columns:
-            factor = column.factor
-            ends = factor.values or tuple(each for each in (factor.start, factor.end) if each is not None)
+            ends = column.factor.values or (column.factor.start or 0.0, column.factor.end or 0.0)
             own = [v for path in column.keys if (v := keys()[path].value_in(self.stage)) is not None]
-            found.append(float(np.clip(np.mean(own) if own else ends[0], min(ends), max(ends))))
+            found.append(float(np.clip(np.mean(own or ends[:1]), min(ends), max(ends))))
         return np.array(found)
 
 
 def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
     """Read a requirements file and its base stage.
 
-    Raises
-    ------
-    BadInput
-        The file is refused, or its base stage cannot be read, made or asked: one line with file, line and key.
+    Raises BadInput for a file that is refused, and for objectives that no free dimension changes: one line with file,
+    line and key.
     """
     found = validate(Requirements, path)
     stage = base_stage(path, found.study)
     unused = found.study.unasked - found.used - ({DENSITY} if found.used & {*MASS} else set())
     columns = columns_of_file(path, "free", found.free, stage, unused)
-    _require_changes(path, found, stage, columns)
-    return LoadedRequirements(Path(path), found, stage, columns)
-
-
-def _require_changes(path: str | os.PathLike[str], of: Requirements, stage: Stage, columns: Iterable[Column]) -> None:
-    """Refuse objectives that no free dimension changes, and requirements on keys that the stage does not have."""
     set_by = {name for column in columns for name in column.keys}
-    fixed = {*keys(), *(output.name for output in of.output)} - set_by
-    for index, objective in enumerate(of.objective):
-        if of.names_of(objective.quantity) <= fixed:
+    fixed = {*keys(), *(output.name for output in found.output)} - set_by
+    for index, objective in enumerate(found.objective):
+        if found.names_of(objective.quantity) <= fixed:
             place = f"objective[{index}].{objective.key} = {shown(objective.quantity)}"
             raise bad_key(path, ("objective", index, objective.key), f"{place}, expected what a free dimension changes")
-    for index, require in enumerate(of.require):
+    for index, require in enumerate(found.require):
         for name in names_in(require.quantity):
             if name in keys() and name not in set_by and keys()[name].value_in(stage) is None:
                 message = f"require[{index}].quantity: the stage has no {name} of its own"
                 raise bad_key(path, ("require", index), message)
+    return LoadedRequirements(Path(path), found, stage, columns)

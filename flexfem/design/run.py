@@ -68,9 +68,9 @@ def run_design(
         folder = checked_path(output)
         check_folder(folder)
         count = loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
-        figures = (f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf"))
-        stages = (STAGE.format(stem), *(FRONT.format(stem, number + 1) for number in range(count)))
-        for name in (*stages, f"{stem}-design.json", *figures) if folder.is_dir() else ():
+        names = [STAGE.format(stem), *(FRONT.format(stem, k + 1) for k in range(count)), f"{stem}-design.json"]
+        names += [f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
+        for name in names if folder.is_dir() else ():
             check_file(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
     with nullcontext() if workers == 1 else Workers(workers) as pool:

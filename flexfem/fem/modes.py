@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
@@ -41,7 +40,6 @@ class VibratingStructure(NamedTuple):
 
     @property
     def structure(self) -> Structure:
-        """The structure."""
         return self.mass.of
 
 
@@ -178,11 +176,8 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
     return squares, motion / np.sqrt(np.tile(massive, motion.shape[1] // count))
 
 
-def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift: float = 0.0) -> tuple[Array, Any]:
-    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK in shift-invert mode.
-
-    mass : (m, m), symmetric, or complex Hermitian.   solve : by `K - shift M`, which is positive definite.
-    """
+def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
+    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK, solving by K."""
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     size = mass.shape[0]
@@ -191,7 +186,7 @@ def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift:
     inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype)
     start = np.random.default_rng(0).standard_normal(size)  # the same every time
     try:
-        values, vectors = eigsh(mass, count, M=mass, sigma=shift, OPinv=inverse, v0=start)  # A is not used
+        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, v0=start)  # A is not used
     except ArpackError as failure:
         raise ComputationFailed(f"eigenvalues: {failure}") from None
     order = np.argsort(values)

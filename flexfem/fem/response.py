@@ -41,14 +41,13 @@ PUSH_QUADRATURE = 8  # degree, for pushes, whose weights are no polynomials in a
 class StaticSolution(NamedTuple):
     """A structure at rest in k cases; one sector of three alike, or the whole.
 
-    motion : (size, k), unknowns.   fields, forces : (k, n, ...), displacements, mm, and nodal forces, N, of all nodes.
+    motion : (size, k), unknowns.   fields : (k, n, ...), displacements, mm, of all nodes.
     pads : (k, pads, 3), force and moment of the ground on each pad of the whole, about the platform's centre.
     energy : (k, k), N mm, of the whole, `u_i' K u_j`.
     """
 
     motion: Array
     fields: Array
-    forces: Array
     pads: Array
     energy: Array
 
@@ -64,7 +63,6 @@ class StaticSolution(NamedTuple):
 
     @property
     def unknowns(self) -> int:
-        """Number of equations."""
         return len(self.motion)
 
 
@@ -106,7 +104,7 @@ def settle(
         residual, flat = loads - of.loads(forces), forces.reshape(len(forces), -1)
         held = [forces[:, nodes].reshape(len(forces), -1) @ rigid for nodes, rigid in zip(pads, ground, strict=True)]
         energy = whole(fields.reshape(len(fields), -1) @ flat.T)
-        found = StaticSolution(motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), energy)
+        found = StaticSolution(motion, fields, np.stack([r for each in held for r in around(each)], 1), energy)
         work = whole(motion.T @ loads + imposed.reshape(len(imposed), -1) @ flat.T)
         unbalanced = _imbalance(found, work, loaded, scale)
         if max(unbalanced.values()) <= SETTLED:
@@ -173,7 +171,6 @@ class Response:
 
     @property
     def mesh(self) -> StageMesh:
-        """The whole stage."""
         return self._welded[0]
 
     @cached_property

@@ -382,10 +382,10 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         labels += [(curve[30], said, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length, LINK)]
     for anchor, text, colour in labels:
         place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True, bbox=PLAIN)
-    for chain, (at, hinge) in enumerate(zip(points[:, 0], hinges[::3], strict=True), start=1):
-        foot = at - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+    for hinge in hinges[::3]:
+        foot = hinge.centre - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
         taken.append(shapely.Point(foot).buffer(3.0 * radius))
-        place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, size=10)
+        place_label(axes, foot, f"chain {hinge.chain}", taken, 0.06 * size, size=10)
 
 
 def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
@@ -466,12 +466,10 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         "material.name": stage.material.name,
     }
     lines = ["; ".join(text for key, text in facts.items() if found.given(key))]
-    if missing:
-        lines.append(f"missing: {', '.join(missing)}")
-    elif stage.chains_alike:
-        lines.append("Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees.")
+    lines += [f"missing: {', '.join(missing)}"] if missing else []
     if found.whole:
-        lines.append("Heavy lines: clamped. Disc: the hub, rigid in the models.")
+        alike = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
+        lines.append(f"{alike if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
     title = stage.name if found.given("name") else str(stage.origin)
     figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, doubts=found.doubts)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then

@@ -1,8 +1,7 @@
 """Bands of finite elements: how far a number on the finest mesh may be from that at vanishing triangle size.
 
-A number that does not vanish converges steadily, and three meshes show how. What a stage moves across a command does
-not: it is what nearly equal mesh errors of nine hinges leave of each other, it changes its sign from mesh to mesh, and
-two meshes may agree by chance. Its band is taken from the whole error of the compliance, `command_convergence`.
+A number that does not vanish converges steadily. What a stage moves across a command does not: it is what nearly equal
+mesh errors of nine hinges leave of each other. Its band is that of the whole compliance, `command_convergence`.
 """
 
 from __future__ import annotations
@@ -63,13 +62,11 @@ def percentages(error: Array, commanded: ArrayLike, direction: Direction, lever:
 
 
 class Convergence(NamedTuple):
-    """A number on meshes of growing resolution.
+    """A number on meshes of growing resolution, its value at vanishing triangle size, and the band about the finest.
 
-    resolutions, values : (levels,), coarse to fine.
     verdict : `converging` when the finest three levels approach a limit with an order within `TRUSTED`; otherwise the
         theoretical order and the safety factor `CAUTIOUS` are used, as they always are across a command.
-    order : the order used.  observed : the one observed on the finest three levels, nan where there is none.
-    extrapolated : value at vanishing triangle size.  band : half-width about the finest value.
+    order : the order used.   observed : that of the finest three levels, nan where there is none.
     """
 
     resolutions: Array
@@ -135,8 +132,6 @@ def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
 def mesh_band(resolutions: Array, values: Array, round_off: float = ROUND_OFF) -> float:
     """Half-width of the mesh uncertainty about the finest of two or three values, coarse to fine.
 
-    Notes
-    -----
     The larger, where there are three, of `grid_convergence` and of Roache's index for two meshes, with the theoretical
     order and the safety factor 3: the first alone left out 6 of 36 compliances at resolution 4, the larger none
     (`benchmarks/solid_bands.py`).
@@ -189,20 +184,19 @@ def command_convergence(
 
     Parameters
     ----------
-    percents : (levels, 3), coarse to fine.   axis : of the command.
-    compliances : (levels, n, n), order x, y, theta, then of other loads.   force : (n,), per unit of the command, by
-        which they err.   readings : (n, 3), loads with which the pose is read, by default unit loads of x, y, theta.
+    percents : (levels, 3), coarse to fine.   axis : of the command.   force : (n,), per unit of it, by which they err.
+    compliances : (levels, n, n), order x, y, theta, then of other loads.
+    readings : (n, 3), loads with which the pose is read, by default unit loads of x, y, theta.
 
     Notes
     -----
     Along the command, `grid_convergence`, unless readings are given: where joints are held the error along is as much
     a small difference of large numbers as that across. Across, so too where symmetry leaves round-off on every mesh;
-    otherwise the error of the compliance C is split into a multiple of it and a rest, dC = m C + D, with m midway
-    between the extreme eigenvalues of dC x = e C x. The first moves a pose c = C f by m c; for the rest, half the
-    spread h of the eigenvalues bounds |r' D f| <= h sqrt(r' C r . f' C f) (Cauchy-Schwarz in the energy product),
-    whatever r is read and f applied. m and h come from both differences between the finest three levels, each taken
-    to the finest by the theoretical order; the larger counts, times `CAUTIOUS`. Differences of one entry may vanish by
-    chance; a spread vanishes only when five independent differences do at once.
+    otherwise the error of the compliance C is split, dC = m C + D, with m midway between the extreme eigenvalues of
+    dC x = e C x. The first moves a pose c = C f by m c; for the rest, half the spread h of the eigenvalues bounds
+    |r' D f| <= h sqrt(r' C r . f' C f) (Cauchy-Schwarz in the energy product). m and h come from both differences
+    between the finest three levels, each taken to the finest by the theoretical order; the larger counts, times
+    `CAUTIOUS`. One entry may agree by chance; a spread vanishes only when five independent differences do at once.
     """
     found = [grid_convergence(resolutions, values) for values in np.transpose(percents)]
     C, steps = np.asarray(compliances), np.asarray(resolutions, dtype=float) ** ORDER
@@ -244,8 +238,6 @@ def error_bands(
 def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     """Half-widths (3, 3) of the mesh uncertainty of compliances (levels, 3, 3), of every entry in its own unit.
 
-    Notes
-    -----
     On the diagonal `grid_convergence`; off it the bound of `command_convergence` with unit forces. An entry that is
     round-off on every mesh, zero by symmetry, has the largest of its values as its band.
     """
@@ -261,8 +253,6 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
 def corner_bands(resolutions: Array, values: Array, order: float = CORNER_ORDER) -> Array:
     """Half-widths (...) of values (3 levels, ...) that corners of clamped edges decide: drift, ranges of a drive.
 
-    Notes
-    -----
     Both differences between the meshes are taken to the finest by the order of the corners; the larger counts, with a
     safety factor. It held all 68 numbers of eight random driven stages, of which `mesh_band` left out 23
     (`benchmarks/corner_bands.py`).
@@ -273,8 +263,6 @@ def corner_bands(resolutions: Array, values: Array, order: float = CORNER_ORDER)
 def stress_bands(resolutions: Array, values: Array) -> Array:
     """As `corner_bands`, of highest neck stresses, which change their place, and of what follows them, by order 3.
 
-    Notes
-    -----
     It held 72 highest stresses of 24 stages, of which the grid convergence index left out 3, one by nine times its band
     (`benchmarks/corner_bands.py`).
     """
@@ -316,11 +304,7 @@ def _unless_silent(largest: Array, bands: Array) -> Array:
 
 
 class SolidLevels(NamedTuple):
-    """Compliances that bound the one of `solve_solid`: coarser meshes of the plane, fewer layers.
-
-    planes : (3 levels, 3, 3), of three resolutions with one layer, coarse to fine.
-    few, many : (3, 3), of two numbers of layers on the coarsest of these.
-    """
+    """Compliances of three meshes with one layer, coarse to fine, and of two numbers of layers on the coarsest."""
 
     planes: Array
     few: Array
@@ -358,8 +342,6 @@ def coarser(
 def solid_bands(of: SolidLevels, resolution: int) -> tuple[Array, Array]:
     """Bands (3, 3) of a compliance on a mesh of some resolution, by the mesh in the plane and by the layers.
 
-    Notes
-    -----
     They add up: neither is known to take from the other. So few layers show no order that could be trusted; their band
     is the last change of all entries together, by Cauchy-Schwarz, times `SAFETY`.
     """

@@ -6,29 +6,18 @@ error by, so the shares telescope: their sum is the total, whatever they are.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import (
-    CALIBRATED,
-    DEFAULT_FORMULA,
-    analyse,
-    at_rest,
-    hinge_compliances,
-    on_thickness_chart,
-)
-from flexfem.analytic.paper import freedoms_of
-from flexfem.arrays import Array, inverse
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, thick
+from flexfem.arrays import Array
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings
@@ -112,27 +101,24 @@ def budget(
     shares = np.concatenate([np.diff(rungs, axis=0), rungs[-1:] - rungs[:1]])
     band = np.full(shares.shape, np.nan)
     band[-1] = finest
-    outside, outside_band = np.full((3, 3, 3), np.nan), np.full((3, 3, 3), np.nan)
-    if (thick := thick_compliance(stage)) is not None:
-        outside[0] = error_matrix(K, thick, lever) - ladder[-1]
+    outside, outside_band = np.full((2, 3, 3, 3), np.nan)
+    if (thicker := thick_compliance(stage)) is not None:
+        outside[0] = error_matrix(K, thicker, lever) - ladder[-1]
     settings: dict[str, Any] = {"model": f"mobility {paper.mobility}, {DEFAULT_FORMULA}", "resolution": resolution}
     if not plane:
-        outside[1], outside_band[1] = measured(stage)
+        outside[1], outside_band[1] = _measured(stage, K)
         outside[2], outside_band[2] = shares[-1] + outside[1], band[-1] + outside_band[1]
         settings["three dimensions"] = f"{SOLID[0]} triangles, {SOLID[1]} layers"
     texts = warnings.of_result(stage, paper)
     for direction, force in zip(DIRECTIONS, K.T * commands[:, None], strict=True):  # (18)
         highest = float(np.max(load_case(stage, meshes[-1].mesh, meshes[-1], force).neck_stress))
         texts += warnings.of_yield(highest, stage.material.yield_strength, f"command in {direction}")
-    along = {"share": shares, "solid": outside}
-    return Budget(
-        about(stage),
-        {name: np.diagonal(each, axis1=1, axis2=2) for name, each in along.items()}
-        | {"across": np.moveaxis(shares, 1, 2), "solid_across": np.moveaxis(outside, 1, 2)},
-        {name: np.diagonal(each, axis1=1, axis2=2) for name, each in (("share", band), ("solid", outside_band))},
-        settings=settings,
-        warnings=texts,
+    values, bands = (
+        {name: np.diagonal(each, axis1=1, axis2=2) for name, each in (("share", planar), ("solid", solid))}
+        for planar, solid in ((shares, outside), (band, outside_band))
     )
+    values |= {"across": np.moveaxis(shares, 1, 2), "solid_across": np.moveaxis(outside, 1, 2)}
+    return Budget(about(stage), values, bands, settings=settings, warnings=texts)
 
 
 def _bent(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
@@ -147,33 +133,29 @@ def thick_compliance(stage: Stage) -> Array | None:
 
     None when one is not on the thickness chart.
     """
-    design = replace(lower(stage), plane="corrected")
-    if not np.all(on_thickness_chart(design)):
+    try:
+        return analyse(thick(stage), 21, CALIBRATED, True).compliance
+    except BadInput:
         return None
-    hinges, bodies = hinge_compliances(design, CALIBRATED), body_compliance(stage, design.plane)
-    return inverse(at_rest(design, hinges, freedoms_of(21), bodies[None]).stiffness[0])
 
 
-def measured(stage: Stage) -> tuple[Array, Array]:
+def _measured(stage: Stage, K: Array) -> tuple[Array, Array]:
     """What three dimensions change, percentage points (3, 3), column j for command j, and its band along the command.
 
-    Notes
-    -----
     The error in three dimensions less that of the stage's own plane problem on the same mesh of the plane, whose own
     error so cancels. The band is `SAFETY` times what the last step of the mesh and of the layers changed, one after the
     other.
     """
+
+    def change(resolution: int, layers: int) -> Array:
+        solid = solve_solid(stage, resolution, layers)
+        flat = unit_response(solid.sectors, plate_of(stage)).compliance
+        lever = stage.chain.link_lengths[2]
+        return error_matrix(K, solid.compliance, lever) - error_matrix(K, flat, lever)
+
     resolution, count = SOLID
     coarse, medium, _ = levels(resolution)
-    of_mesh = change(stage, resolution, 1) - change(stage, medium, 1)
-    of_layers = change(stage, coarse, count) - change(stage, coarse, levels(count)[1])
+    of_mesh = change(resolution, 1) - change(medium, 1)
+    of_layers = change(coarse, count) - change(coarse, levels(count)[1])
     band = SAFETY * (np.abs(of_mesh) + np.abs(of_layers))
-    return change(stage, resolution, count), np.where(np.eye(3, dtype=bool), band, np.nan)
-
-
-def change(stage: Stage, resolution: int, layers: int) -> Array:
-    """Percentage points (3, 3), column j for command j, from the stage's own plane problem to three dimensions."""
-    response, predicted = solve_solid(stage, resolution, layers), analyse(stage).stiffness
-    plane, lever = unit_response(response.sectors, plate_of(stage)), stage.chain.link_lengths[2]
-    solid, flat = (error_matrix(predicted, each.compliance, lever) for each in (response, plane))
-    return np.asarray(solid - flat)
+    return change(resolution, count), np.where(np.eye(3, dtype=bool), band, np.nan)

@@ -32,7 +32,7 @@ RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of
 class Imposed(NamedTuple):
     """What a model computed for the pose: rotations of hinges, or strokes of the drive.
 
-    stacks : conjugate to them.   names : (m,).   given : (m, 3), per command in x, y, theta: rad or mm, per mm and rad.
+    stacks : conjugate to them.   given : (m, 3), per command in x, y, theta: rad or mm, per mm and rad.
     model, drive : the driven stage as the model sees it, and its stacks; None where hinges are turned.
     """
 
@@ -66,8 +66,6 @@ def turned_hinges(mobility: int) -> tuple[int, ...]:
 def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
     """What an analytic model has its hinges or stacks do. Raises BadInput for strokes without actuators.
 
-    Notes
-    -----
     Rotations a: min a' C_dd^-1 a with C_Ud C_dd^-1 a = u, so a = C_dU (C_Ud C_dd^-1 C_dU)^-1 u. Where these rotations
     fix all of the model, as with mobility three and six, that is (29), (30).
     """
@@ -95,8 +93,6 @@ def elements(stage: Stage, resolution: int, drive: Drive, mobility: int) -> Impo
 def imposed_bands(given: Imposed, compliances: Array, case: Case, lever: float) -> tuple[Convergence, ...]:
     """Grid convergence of the percentages of a case on meshes (levels, 3 + n, 3 + n), coarse to fine.
 
-    Notes
-    -----
     With the forces f = Y T x an error dC of the compliance moves the pose by r' dC f to first order, where the
     readings r = (1, -Y C_dU) are the loads of the platform with the drive holding its strokes.
     """

@@ -1,9 +1,8 @@
 """What large displacements do to a stage, and what the second-order terms of (16) are worth.
 
-Four ways to the load that holds the platform at a pose: linear, by (18) with the stiffness at rest; the stiffness (16)
-of the displaced stage without its second-order terms, summed along the way; (16) as it stands, likewise; and exact
-equilibrium of the pseudo-rigid stage. Beside them nonlinear finite elements. Each is compared with its own linear
-answer: what the hinge formulas err by is there with and without displacement, and drops out.
+The load that holds the platform at a pose by the stiffness (16) of the displaced stage without its second-order terms,
+summed along the way; by (16) as it stands; by exact equilibrium of the pseudo-rigid stage; and by nonlinear finite
+elements. Each is compared with its own linear answer, in which the error of the hinge formulas drops out.
 """
 
 from __future__ import annotations

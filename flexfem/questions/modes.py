@@ -23,14 +23,8 @@ from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.response import stack_loads
 from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
 from flexfem.files.writing import replacing, write_atomically
-from flexfem.mechanism.bodies import (
-    Payload,
-    carried,
-    carried_out_of_plane,
-    drawn_inertia,
-    hub_moments,
-    mass_per_area,
-)
+from flexfem.mechanism import bodies
+from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -279,8 +273,12 @@ def modes(
                 raise BadInput("no [[actuator]]: the stage has no drive to engage")
         drive = drive_of(stage)
     warnings, notes = list(warning.of_stage(stage)), list[str]()
-    drawn = drawn_inertia(stage) + load.matrix
-    values = {"mass": drawn[0, 0], "inertia": drawn[2, 2], "hub_mass": hub_moments(stage)[0] * mass_per_area(stage)}
+    drawn = bodies.drawn_inertia(stage) + load.matrix
+    values = {
+        "mass": drawn[0, 0],
+        "inertia": drawn[2, 2],
+        "hub_mass": bodies.hub_moments(stage)[0] * bodies.mass_per_area(stage),
+    }
     rigid = {} if models == "elements" else _analytic(stage, load, drive, warnings)
     warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
     elements, places = dict[str, Answered](), list(range(count))
@@ -376,7 +374,7 @@ def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive
     of, pushes, rates = structure(mesh, plate_of(stage)), None, None
     if drive is not None:
         pushes, rates = stack_loads(of, drive.stacks)[:, 3:], drive.stiffness
-    return vibrating_structure(of, stage.material.density * DENSITY, carried(stage, payload), pushes, rates)
+    return vibrating_structure(of, stage.material.density * DENSITY, bodies.carried(stage, payload), pushes, rates)
 
 
 def _in_plane(
@@ -414,7 +412,7 @@ def _in_three_dimensions(
     """The lowest modes of both kinds together; bands are shares of the frequency on the meshes that they are from."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
     meshes = {level: mesh_sectors(stage, level) for level in levels(mesh.resolution)}
-    loads = carried(stage, payload), carried_out_of_plane(stage, payload)
+    loads = bodies.carried(stage, payload), bodies.carried_out_of_plane(stage, payload)
 
     def by_kind(kind: int) -> tuple[ModesOfStructure, Array]:
         """Modes of one kind, and their frequencies with both bands (3, k)."""

@@ -17,22 +17,11 @@ from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
 from flexfem.questions.reach import reach
-from flexfem.questions.setup import (
-    DEFAULT,
-    Analytic,
-    Answered,
-    Mesh,
-    MeshFields,
-    Models,
-    answer,
-    mesh_of,
-    on_meshes,
-    question,
-    solved,
-)
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, MeshFields, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SHEET, SOLID, SOLVED, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
@@ -102,7 +91,7 @@ class Summary(Result):
     free_high = Quantity("to ", "motion", ("direction",), SOLVED, prefixed=True)
 
 
-@question
+@setup.question
 def stiffness(
     stage: Stage,
     *,
@@ -136,7 +125,7 @@ def stiffness(
     0.641
     """
     check_feasible(stage)
-    mesh = mesh_of(models, resolution, layers)
+    mesh = setup.mesh_of(models, resolution, layers)
     if force is not None and displacement is not None:
         raise BadInput("force and displacement, expected one of the two")
     load = None if force is None else arguments.forces("force", force, 1)
@@ -177,7 +166,7 @@ def stiffness(
         warnings += warning.of_motion(stage, last["pose"], "under this load")
     for end, direction in zip(np.diag(last["yield_range"]), DIRECTIONS, strict=True):
         warnings += warning.of_motion(stage, end, f"end of the range at yield in {direction}")
-    return answer(Stiffness, stage, found, mesh, settings, values, warnings=warnings, notes=notes, fields=fields)
+    return setup.answer(Stiffness, stage, found, mesh, settings, values, warnings=warnings, notes=notes, fields=fields)
 
 
 def _at_rest(
@@ -203,7 +192,7 @@ def _in_plane(
 ) -> tuple[Answered, MeshFields | None]:
     """Plane finite elements on three meshes."""
     sizes = np.array(levels(resolution), dtype=float)
-    responses = on_meshes(levels(resolution), lambda level: solved(stage, level), progress)
+    responses = on_meshes(levels(resolution), lambda level: setup.solved(stage, level), progress)
     finest, stresses = responses[-1], np.array([element_stress(stage, each) for each in responses])
     bands = compliance_bands(sizes, np.array([each.compliance for each in responses]))
     values, more = _at_rest(stage, finest.compliance, stresses[-1], bands)
@@ -268,7 +257,7 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     return soft, hard
 
 
-@question
+@setup.question
 def summary(
     stage: Stage,
     *,

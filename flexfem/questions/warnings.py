@@ -101,8 +101,6 @@ def of_formula(stage: Stage, formula: str) -> Warnings:
 def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
     """Freedoms of hinges, and elastic links, that a model leaves out though they matter on this stage.
 
-    Notes
-    -----
     Compared are compliances by one hinge formula: the model's, with axial freedoms, with shear too, with elastic links.
     """
     ladder = np.array([np.diag(model.compliance), *_with_more(stage, model.formula, model.mobility)])
@@ -200,8 +198,6 @@ def stress_accuracy(formula: str, links: bool = True, plane: Plane = "plane_stre
 def driven_accuracy(formula: str, links: bool, plane: Plane) -> str:
     """How far the analytic neck stress of a driven stage, and its limits of yield, are from finite elements, in words.
 
-    Notes
-    -----
     Single necks of high stress on random driven stages, rounded outwards (benchmarks/drive_stress.py).
     """
     at = f"limits of yield are set at {100 * (1 - YIELD_MARGIN[plane]):g} % of the yield strength"

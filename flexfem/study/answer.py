@@ -37,8 +37,8 @@ from flexfem.questions.batch import (
     batch_frequencies,
     solved_design,
 )
+from flexfem.questions.life import Repeated, of_preloads, scaled
 from flexfem.questions.modes import payload_of
-from flexfem.questions.strained import Repeated, of_preloads, scaled
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
@@ -282,8 +282,6 @@ def own_values(loaded: LoadedStudy) -> dict[str, float]:
 def unseen(loaded: LoadedStudy) -> list[str]:
     """Warnings on factors that change none of the outputs that a study shows or constrains, of all where it does not.
 
-    Notes
-    -----
     Found by the model itself: designs that differ in one factor alone, compared output by output. Finite elements mesh
     what a factor changes, and are not asked.
     """

@@ -179,13 +179,8 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
 def columns_on(stage: Stage, factor: Factor, unasked: frozenset[str]) -> Iterator[Column]:
     """The columns of a factor of a base stage, whose own value is the mean where a normal distribution gives none.
 
-    Parameters
-    ----------
-    unasked : key paths that no answer which is asked for depends on.
-
-    Raises
-    ------
-    BadInput : the stage has no value of its own, or one for each key; or nothing of it follows the keys.
+    unasked : key paths that no answer which is asked for depends on.   Raises BadInput: the stage has no value of its
+    own, or one for each key; or nothing of it follows the keys.
     """
     for column in columns_of([factor]):
         named, found = ", ".join(column.keys), [keys()[path] for path in column.keys]

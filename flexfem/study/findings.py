@@ -82,7 +82,7 @@ class AxisText(NamedTuple):
 
 
 class Caption(NamedTuple):
-    """What stands above a figure: its title, lines on how the numbers came about, the key paths in doubt."""
+    """What stands above a figure: title, lines on how the numbers came about, key paths in doubt."""
 
     title: str
     lines: Sequence[str]
@@ -371,12 +371,9 @@ Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
 
 
 def findings(source: Source) -> dict[str, Record | Refused]:
-    """What every figure of a study file shows, by the name of its files.
+    """What every figure of a study file shows, by the name of its files; `Refused` where it cannot be drawn.
 
-    Raises
-    ------
-    BadInput
-        Nothing has an answer; a figure that cannot be drawn for reasons of its own is `Refused`.
+    Raises BadInput: nothing has an answer.
     """
     loaded, table = source.loaded, source.table
     if not table.ok.any():
@@ -552,11 +549,8 @@ class Front(NamedTuple):
 def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> Index:
     """Places (m,) of the designs, x and y (n, 2), that no other beats, from the best in x to the best in y.
 
-    Notes
-    -----
     One design beats another when it is no worse in both values and better in one; equal designs stay together. Sorted
-    from the best x on, a design is on the front when its y is better than all before: n log n, as H. T. Kung,
-    F. Luccio, F. P. Preparata, J. ACM 22 (1975) 469.
+    from the best x on, a design is on the front when its y is better than all before (Kung, Luccio, Preparata 1975).
     """
     x, y = np.where(larger, points, -points).T
     order = np.lexsort((-y, -x))
@@ -651,23 +645,14 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
 def percentiles(
     values: Array, percent: Sequence[float], draws: Index | None = None, confidence: float = CONFIDENCE
 ) -> list[Percentile]:
-    """Percentiles of a sample (n,) and their distribution-free confidence intervals.
+    """Percentiles, between 0 and 100, of a sample (n,), and intervals that hold the true ones with a probability.
 
-    Parameters
-    ----------
-    percent : sequence of float
-        Between 0 and 100, both excluded.
-    draws : (n,), optional
-        Number of the independent draw that each value belongs to, from 0; None when each is its own.
-    confidence : float
-        Least probability that an interval holds the true percentile; about that with `draws`.
+    draws : (n,), number of the independent draw that each value belongs to, from 0; None when each is its own.
 
-    Notes
-    -----
-    Of n draws, the number below the true percentile is binomial, so that the true percentile lies between two order
-    statistics with a probability known for every continuous distribution (H. A. David, H. N. Nagaraja, Order
-    Statistics, 3rd ed., Wiley 2003, section 7.1). Half of what is left is allowed on each side. Where values share a
-    draw, the share below the percentile scatters from draw to draw (R. S. Woodruff, J. Am. Stat. Assoc. 47 (1952) 635).
+    The number of draws below the true percentile is binomial, so that it lies between two order statistics with a
+    probability known for every continuous distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., Wiley
+    2003, section 7.1); half of what is left is allowed on each side. Where values share a draw, the share below the
+    percentile scatters from draw to draw (R. S. Woodruff, J. Am. Stat. Assoc. 47 (1952) 635).
     """
     from scipy.stats import binom, norm
 
@@ -740,12 +725,8 @@ def sensitivity(source: Source, value: str) -> Indices:
 
 
 def sobol_indices(answers: Array, factors: int) -> Indices:
-    """First-order and total indices of answers (base * (factors + 2),) in the order of Saltelli's scheme in `sample`.
-
-    Notes
-    -----
-    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f); intervals as `_half_widths`.
-    """
+    """First-order and total indices of answers (base * (factors + 2),) in the order of Saltelli's scheme in `sample`:
+    A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f)."""
     groups = answers.reshape(-1, factors + 2)
     groups = groups - groups[:, [0, -1]].mean()
     A, AB, B = groups[:, 0], groups[:, 1:-1].T, groups[:, -1]
@@ -758,8 +739,6 @@ def sobol_indices(answers: Array, factors: int) -> Indices:
 def first_order(factors: Iterable[Array], answers: Array) -> Indices:
     """First-order indices from any sample: k `factors` (n,), of which one is held at a time, and answers (n,).
 
-    Notes
-    -----
     What a smooth curve in one factor alone explains of the variance (given-data estimation: E. Plischke, E. Borgonovo,
     C. L. Smith, Eur. J. Oper. Res. 226 (2013) 536; local polynomials: S. Da Veiga, F. Wahl, F. Gamboa, Technometrics 51
     (2009) 452). The curve is a straight line in each of about n^(1/3) equally filled bins, or the mean of each value of
@@ -778,8 +757,6 @@ def first_order(factors: Iterable[Array], answers: Array) -> Indices:
 def _half_widths(parts: Array, size: Array, index: Array) -> Array:
     """Half-widths (k,) of confidence intervals of indices (k,): means of parts (k, n) over that of size (n,).
 
-    Notes
-    -----
     Normal, linearised: the variance of a ratio of means (W. G. Cochran, Sampling Techniques, 3rd ed., Wiley 1977).
     """
     from scipy.special import ndtri

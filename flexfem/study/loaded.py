@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -116,15 +116,17 @@ class LoadedStudy:
 def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     """Read a study file and its base stage.
 
-    Raises
-    ------
-    BadInput
-        As `toml.validate`, or the base stage cannot be read or made; one line naming file, line and key.
+    Raises BadInput as `toml.validate`, or where the base stage cannot be read or made: one line with file, line, key.
     """
     study = validate(Study, path)
     stage = base_stage(path, study)
-    columns = columns_of_file(path, "factor", study.factor, stage, study.unasked)
-    loaded = LoadedStudy(Path(path), study, stage, columns, Path(path).stem, _given(path, study, columns))
+    columns, given = columns_of_file(path, "factor", study.factor, stage, study.unasked), None
+    if study.sampling.file is not None:
+        try:
+            given = given_of(Path(path).parent / study.sampling.file, columns)
+        except BadInput as error:
+            raise bad_key(path, ("sampling", "file"), f"sampling.file: {error}") from None
+    loaded = LoadedStudy(Path(path), study, stage, columns, Path(path).stem, given)
     _require_key_values(loaded)
     return loaded
 
@@ -169,20 +171,10 @@ def columns_of_file(
     return tuple(columns)
 
 
-def _given(path: str | os.PathLike[str], study: Study, columns: Sequence[Column]) -> Given | None:
-    """The table of designs that a study file names, read through; None where it names none."""
-    if study.sampling.file is None:
-        return None
-    try:
-        return given_of(Path(path).parent / study.sampling.file, columns)
-    except BadInput as error:
-        raise bad_key(path, ("sampling", "file"), f"sampling.file: {error}") from None
-
-
 def _require_key_values(loaded: LoadedStudy) -> None:
     """Raise BadInput where an expression asks for a key that no factor sets and the stage leaves to a default."""
-    study, set_by = loaded.study, {path for column in loaded.columns for path in column.keys}
-    named = {*(column.name for column in loaded.columns), *study.every_output, *set_by}
+    study, columns = loaded.study, loaded.columns
+    named = {*study.every_output, *(name for column in columns for name in (column.name, *column.keys))}
     places = [(output.expression, ("output", k, "expression")) for k, output in enumerate(study.output)]
     places += [(constraint.value, ("constraint", k, "value")) for k, constraint in enumerate(study.constraint)]
     for expression, place in places:
@@ -207,11 +199,8 @@ class Given(NamedTuple):
 def given_of(path: Path, columns: Sequence[Column]) -> Given:
     """Read a table of designs, and check every value.
 
-    Raises
-    ------
-    BadInput
-        The file is missing, not CSV or Parquet, or without rows; a column is missing or there twice; a value is no
-        finite number or outside the limits of its key. One line naming file, row, column, value and what was expected.
+    Raises BadInput, one line with file, row, column, value and what was expected: the file is missing, not CSV or
+    Parquet, or without rows; a column is missing or there twice; a value is not finite or beyond the limits of its key.
     """
     path = Path(os.path.abspath(path))
     where = place_of(path)
@@ -271,8 +260,6 @@ def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tupl
 def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
     """Factor values (stop - start, columns) of the designs from `start` up to `stop`, in file units.
 
-    Notes
-    -----
     A grid counts its last factor fastest. Samples of methods that are `EXTENSIBLE` begin alike however large they are.
     """
     factors = [column.factor for column in loaded.columns]
@@ -293,8 +280,6 @@ def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
 def correlated(loaded: LoadedStudy, quantiles: Array) -> Array:
     """Quantiles (n, columns) with the rank correlations of the study, from independent ones between 0 and 1.
 
-    Notes
-    -----
     A Gaussian copula (R. B. Nelsen, An Introduction to Copulas, 2nd ed., Springer 2006): normal deviates `L z` with
     `L L' = R` of `plan.normal_correlation`; every factor keeps its own distribution.
     """
@@ -397,17 +382,7 @@ def _latin_hypercube(seed: int, columns: int, designs: int) -> Array:
     return np.asarray(qmc.LatinHypercube(columns, rng=np.random.default_rng(seed)).random(designs))
 
 
-class Varied(Protocol):
-    """A stage and the columns that set numbers of it: a study that is loaded, for one."""
-
-    @property
-    def stage(self) -> Stage: ...
-
-    @property
-    def columns(self) -> tuple[Column, ...]: ...
-
-
-def designs_of(loaded: Varied, values: Array) -> Designs:
+def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     """The designs whose factors take `values` (n, columns), file units; nothing is checked here."""
     designs = lower(loaded.stage).repeated(len(values))
     for key, column in _settings(loaded):
@@ -417,12 +392,10 @@ def designs_of(loaded: Varied, values: Array) -> Designs:
     return designs
 
 
-def stage_of(loaded: Varied, values: Array) -> Stage:
+def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
     """The design whose factors take `values` (columns,), file units, as a stage.
 
-    Raises
-    ------
-    BadInput : a value that no stage file can give; one line that begins with its key.
+    Raises BadInput for a value that no stage file can give, one line that begins with its key.
     """
     changes: dict[str, Any] = {}
     for key, column in _settings(loaded):
@@ -435,7 +408,7 @@ def stage_of(loaded: Varied, values: Array) -> Stage:
     return Stage.from_names(merged_changes(held, changes))
 
 
-def _settings(loaded: Varied) -> list[tuple[Key, int]]:
+def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
     """Every key set and the column that sets it, those of one chain after those of all three."""
     found = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
     return sorted(found, key=lambda setting: setting[0].table[:1] == ("override",))
@@ -479,8 +452,6 @@ class Judged(NamedTuple):
 def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Judged:
     """Derived outputs and constraints of designs.
 
-    Parameters
-    ----------
     columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have an answer, bool (n,).
     """
     known, feasible = dict(columns), np.array(ok, dtype=bool)

@@ -250,10 +250,7 @@ class Correlation(Table):
 def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Array:
     """Correlation matrix of the normal deviates whose ranks are correlated as `given`; the others are independent.
 
-    Notes
-    -----
-    `r = 2 sin(pi rho / 6)` for a rank correlation rho of two normal deviates: K. Pearson, On further methods of
-    determining correlation (1907).
+    `r = 2 sin(pi rho / 6)` for a rank correlation: K. Pearson, On further methods of determining correlation (1907).
     """
     matrix = np.eye(len(columns))
     for each in given:

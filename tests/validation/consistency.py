@@ -14,10 +14,10 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped
 from flexfem.fem.mesher import Cone
-from flexfem.fem.structure import NONE, Structure, edge_force, mass_of, nodes_on, structure
+from flexfem.fem.structure import NONE, Structure, mass_of, nodes_on, structure
 from flexfem.mechanism.bodies import Face, Segment
 
-from .fields import FieldErrors, Function, Solution, clamp, meshed, on_chords, size_of, solve, uniform
+from .fields import FieldErrors, Function, clamp, meshed, on_chords, size_of, solve
 from .problem import ORDER_ALLOWED, ROUND_OFF, Exact, Finding, hooke, order, problem, rectangle
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)
@@ -164,37 +164,6 @@ def _without_energy(K: Array, expected: int) -> list[Finding]:
     zero = float(np.sum(np.abs(values) < ROUND_OFF * values[-1]))
     note = f"the next is {values[expected] / values[-1]:.1g} of the largest"
     return [Finding("eigenvalues that are zero", expected, zero, 0.0, unknowns=len(values), note=note)]
-
-
-def loaded(mesh: StageMesh, label: str, traction: tuple[float, float]) -> tuple[Solution, Array]:
-    """The plate with arcs held on its right side under a uniform traction, MPa, on one label; and its forces."""
-    force = edge_force(mesh, PLATE, mesh.edges[label], uniform(*traction))
-    return solve(mesh, PLATE, force, clamp(nodes_on(mesh, "held"))), force
-
-
-@problem(
-    "Balances",
-    "symmetry of the stiffness matrix, energies, and the recovery of reactions",
-    "E. Betti, Teoria della elasticita, Il Nuovo Cimento 7-8 (1872); B. P. E. Clapeyron's theorem, in: "
-    "S. P. Timoshenko, J. N. Goodier, Theory of Elasticity (1970); equilibrium of forces and moments",
-)
-def balances() -> list[Finding]:
-    """Works of two loads on each other's displacements, strain energy against work, reactions against the load."""
-    mesh = plate_mesh(SIZE)
-    (one, force), (other, second_force) = loaded(mesh, "notch", (3.1, -1.7)), loaded(mesh, "left", (-0.6, 2.3))
-    works = np.sum(force * other.field), np.sum(second_force * one.field)
-    inner = structure(mesh, PLATE, held=NONE).forces(one.field[None])[0]
-    arms = np.column_stack([-mesh.nodes[:, 1], mesh.nodes[:, 0]])
-    moment = np.sum(arms * (force + one.reactions)) / np.sum(np.abs(arms * force))
-    resultant = np.abs((force + one.reactions).sum(axis=0)).max() / np.abs(force.sum(axis=0)).max()
-    energy = np.sum(inner * one.field) / np.sum(force * one.field) - 1
-    rows = {
-        "relative difference of the two works": works[0] / works[1] - 1,
-        "relative difference of twice the strain energy and the work": energy,
-        "relative sum of loads and reactions": resultant,
-        "relative moment of loads and reactions": moment,
-    }
-    return [Finding(what, 0.0, ours, ROUND_OFF, unknowns=one.unknowns) for what, ours in rows.items()]
 
 
 SOLID = Plate(71.7e3, 0.33, 1.0)  # aluminium
