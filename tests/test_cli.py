@@ -112,7 +112,8 @@ def test_check_tells_where_every_number_comes_from_and_repeats_no_source(flexfem
     assert code == 0 and "mobility: 6" in out
     for key in ("chain.link_lengths_mm", "hinges.base.neck_mm", "material.youngs_modulus_gpa"):
         assert key in out
-    assert out.count("assumed: Table I of the paper") <= 1
+    assert out.count("assumed: Table I of the paper") <= 1 and out.count("model: ") == 1
+    assert "thickness: 10 mm\n" in out and "link width 9 mm" in out and "stroke (um)" in out
     assert machine(flexfem, "check", STAGE)["mobility"] == 6
 
 
