@@ -110,14 +110,11 @@ def test_code_of_the_user_that_ends_the_program_does_not_pass_for_a_result(tmp_p
     assert said in ended.stderr.decode() and ended.stderr.count(b"\n") == 1
 
 
-def test_progress_to_a_full_stream_ends_nothing_and_results_to_one_do():
+def test_progress_to_a_full_stream_ends_nothing_results_to_one_do_and_control_characters_are_text():
     for silent in (True, False):
         with open("/dev/full", "w") as full, nullcontext() if silent else pytest.raises(OSError, match="No space"):
             Plain(full, silent).write("x" * 10000)
             Plain(full, silent).flush()
-
-
-def test_control_characters_are_printed_as_text():
     stream = io.StringIO()
     Plain(stream, True).write("a\x1b[31m\tb\x9b\r\u202e\n")
     assert stream.getvalue() == "a\\x1b[31m\tb\\x9b\\r\\u202e\n"
