@@ -15,10 +15,9 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import Plane, actuators_of, counted, of_drive, of_heat, of_stage
+from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.setup import question
-from flexfem.units import FORCES, MICROMETRE
 
 POINTS = 121  # of a curve
 HIGHEST = 1e6  # H/h that is asked for; the chart has no largest
@@ -65,16 +64,6 @@ class DriveReport(NamedTuple):
     provenance: dict[str, str]
     assumed: list[str]
     not_stated: list[str]
-
-    @property
-    def lines(self) -> list[str]:
-        """A line for each actuator, for terminals."""
-        return [
-            f"{one.name} (chain {', '.join(map(str, one.chains))}): {counted(len(one.contacts_mm), 'stack', 'stacks')} "
-            f"{one.stack or 'of the file'}, stroke {MICROMETRE.factor * one.stroke:.4g} {MICROMETRE.plain}, blocking "
-            f"force {one.blocking_force:.4g} {FORCES[0]}"
-            for one in self.actuators
-        ]
 
 
 class StageReport(NamedTuple):
