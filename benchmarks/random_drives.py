@@ -16,7 +16,6 @@ from random_stages import described, drawn
 from flexfem.analytic.model import CALIBRATED, ModelChoice
 from flexfem.arrays import Array
 from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.contacts import middle_at, tangent_at
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements, engaged_stiffness, push_spread
@@ -41,8 +40,8 @@ def with_drive(stage: Stage, rng: np.random.Generator, preload: float = 0.0) -> 
                 if s <= segment.length:
                     break
                 s -= segment.length
-            normal = 1j * side * tangent_at(segment, np.array(s / segment.length))
-            point = middle_at(segment, np.array(s / segment.length)) + normal * stage.chain.link_width / 2
+            normal = 1j * side * segment.tangent(np.array(s / segment.length))
+            point = segment.at(np.array(s / segment.length)) + normal * stage.chain.link_width / 2
             actuators.append(
                 {
                     "name": name,

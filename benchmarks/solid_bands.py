@@ -3,7 +3,7 @@
     python benchmarks/solid_bands.py [--stages 4] [--seeds 5001 5002 5003] [--keep FILE.npz]
 
 The truth is the answer moved by what much finer meshes with one layer, and many more layers on a coarse mesh, change.
-`--keep` stores what was solved, which `tests/questions/test_solid_bands.py` counts again without solving.
+`--keep` stores what was solved, which `tests/questions/test_bands.py` counts again without solving.
 """
 
 from __future__ import annotations

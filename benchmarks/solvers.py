@@ -128,11 +128,10 @@ def installed() -> list[str]:
 
 
 def child(name: str, path: Path) -> None:
-    from flexfem.baselines import read_mesh
     from flexfem.fem.elements import Plate
 
-    with path.with_suffix(".pickle").open("rb") as file:
-        mesh = pickle.load(file) if name in OF_SECTORS else read_mesh(path)
+    sectors, whole = pickle.loads(path.read_bytes())
+    mesh = sectors if name in OF_SECTORS else whole
     compliance = SOLVERS[name](mesh, Plate(*PLATE))
     print(f"{compliance[0, 0]:.12e} {sum(not_counted):.3f}")
 
@@ -155,17 +154,15 @@ def measure(name: str, path: Path) -> tuple[float, float, float]:
 
 
 def table(resolution: int, repeats: int, names: list[str], folder: Path) -> None:
-    from flexfem.baselines import write_mesh
     from flexfem.fem.elements import Plate
     from flexfem.fem.mesh import mesh_sectors, welded
     from flexfem.fem.structure import structure
     from flexfem.mechanism.stage import load_feasible
 
-    path = folder / f"{resolution}.npz"
+    path = folder / f"{resolution}.pickle"
     sectors = mesh_sectors(load_feasible(STAGE), resolution, time_limit=600.0)
-    path.with_suffix(".pickle").write_bytes(pickle.dumps(sectors))
     mesh, _ = welded(sectors)
-    write_mesh(mesh, path)
+    path.write_bytes(pickle.dumps((sectors, mesh)))
     print(f"\n{structure(mesh, Plate(*PLATE)).size} unknowns, {len(mesh.triangles)} triangles, {os.cpu_count()} cores")
     runs: dict[str, list[tuple[float, float, float]]] = {name: [] for name in names}
     for _ in range(repeats):

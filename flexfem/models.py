@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem import arguments
-from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, ModelChoice, choose, model_of
+from flexfem.analytic.model import DEFAULT_FORMULA, AnalyticResult, ModelChoice, choose
 from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.analytic.paper import apply
 from flexfem.arguments import forces, poses
@@ -194,7 +194,7 @@ def analyse(
     array([2.14, 0.  , 0.  ])
     """
     check_feasible(stage)
-    chosen = choose(stage, model_of(mobility, formula, links), [])
+    chosen = choose(stage, mobility, formula, links, [])
     found = analyse_stage(*chosen)
     of = (found.mobility, found.formula, found.links)
     return AnalyticModel(stage, found.stiffness, found.compliance, *of, chosen, found)

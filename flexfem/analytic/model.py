@@ -191,7 +191,8 @@ def analyse(
     BadInput: mobility or formula not known, a neck too thin beside the others, or as `hinge_compliance`.
     ComputationFailed: the stage is at a singular configuration.
     """
-    freedoms, design, hinges = _freedoms(stage, mobility, links), lower(stage), hinge_compliance(stage, formula)
+    design, hinges = lower(stage), hinge_compliance(stage, formula)
+    freedoms = freedoms_of(21 if links else mobility, design.prismatic)
     bodies = body_compliance(stage)[None] if links else None
     found = at_rest(design, Compliance(*(part[None] for part in hinges)), freedoms, bodies)
     K, inside = found.stiffness[0], in_range(design, formula)[0]
@@ -221,16 +222,15 @@ class ModelChoice(NamedTuple):
         return _name(self.formula, self.links, mobility, self.stage.model)
 
 
-def model_of(mobility: int | None, formula: str | None, links: bool) -> tuple[int | None, str, bool] | None:
-    """Mobility, formula and elastic links that were asked for; None when nothing was. Raises BadInput."""
+def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool, warnings: list[str]) -> ModelChoice:
+    """The model asked for, of the plane of the stage's file, or `best_model` where nothing was. Raises BadInput."""
+    if links and mobility not in (None, 21):
+        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
+    if mobility is None and formula is None and not links:
+        return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula
     formulas.formula(name)
-    return (mobility, name, links) if formula is not None or mobility is not None or links else None
-
-
-def choose(stage: Stage, asked: tuple[int | None, str, bool] | None, warnings: list[str]) -> ModelChoice:
-    """The model asked for, of the plane of the stage's file, and `best_model` where nothing was."""
-    return ModelChoice(stage, *asked) if asked else best_model(stage, warnings)
+    return ModelChoice(stage, mobility, name, links)
 
 
 def best_model(stage: Stage, warnings: list[str], formula: str | None = None) -> ModelChoice:
@@ -288,7 +288,7 @@ def assemble(stage: Stage, mobility: int | None = None, formula: str = DEFAULT_F
 
     Where the joints that the paper calls independent do not fix the others, six others are dependent.
     """
-    of = mechanism(stage_frames(stage), hinge_compliance(stage, formula), _freedoms(stage, mobility))
+    of = mechanism(stage_frames(stage), hinge_compliance(stage, formula), freedoms_of(mobility, lower(stage).prismatic))
     if np.isnan(stiffness(of).K_uu).any():
         return of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
     return of
@@ -327,9 +327,3 @@ def _sentence(reason: str, stage: Stage, formula: str, chain: int, position: int
         ends = ", ".join(f"{low:g} to {high:g}" for low, high in chart.thickness_chart().ends)
         return f'{said}: not on the thickness chart of model = "corrected" with {values}, expected {ends}'
     return f"hinge formula {formula!r} has no positive compliance at t/R = {tau:.3g}, expected another one"
-
-
-def _freedoms(stage: Stage, mobility: int | None, links: bool = False) -> Freedoms:
-    if links and mobility not in (None, 21):
-        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
-    return freedoms_of(21 if links else mobility, lower(stage).prismatic)

@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.linalg import qr
 
 from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import Array, Index, inverse
@@ -220,7 +221,7 @@ def chosen(joints: Joints, independent: Array | Index) -> Choice:
 
 
 def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
-    """Six dependent joints for every design by pivoted modified Gram-Schmidt on the loop Jacobian at rest.
+    """Six dependent joints for every design by a pivoted QR decomposition of the loop Jacobian at rest.
 
     Columns are weighted by k^-1/2 (joint motions of equal energy), rows of rotation by the mean distance of the hinges
     from the platform centre: pivots then do not depend on units. Each pivot is the softest joint that the loops still
@@ -230,16 +231,11 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     W, _ = _loops(at.pose, first_order(joints, at))
     length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]
     W = W * np.where(np.arange(DEPENDENT)[:, None] % 3 == 2, length, 1.0) / np.sqrt(springs)[..., None, :]
-    dependent = np.zeros((*W.shape[:-2], W.shape[-1]), dtype=bool)
-    for _ in range(DEPENDENT):
-        norms = np.where(dependent, -1.0, np.sum(W**2, axis=-2))
-        pivot = np.argmax(norms, axis=-1)[..., None]
-        np.put_along_axis(dependent, pivot, True, axis=-1)
-        q = np.take_along_axis(W, pivot[..., None, :], axis=-1)
-        q = q / np.maximum(np.linalg.norm(q, axis=-2, keepdims=True), np.finfo(float).tiny)
-        W = W - q * (np.swapaxes(q, -1, -2) @ W)
-    order = np.argsort(~dependent, axis=-1, kind="stable")
-    return Choice(order[..., DEPENDENT:], order[..., :DEPENDENT])
+    order = np.array(
+        [qr(each, mode="r", pivoting=True, check_finite=False)[1] for each in W.reshape(-1, *W.shape[-2:])]
+    )
+    order = order.reshape(*W.shape[:-2], W.shape[-1])
+    return Choice(np.sort(order[..., DEPENDENT:]), np.sort(order[..., :DEPENDENT]))
 
 
 def influence(frames: Frames, joints: Joints, choice: Choice, displacement: Array) -> Influence:

@@ -217,8 +217,7 @@ class Mapped(NamedTuple):
 def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mapped:
     """Search, solve, correct, until the model agrees with finite elements at its optimum and all ends are kept there.
 
-    Requirements are tightened by the bands and, where dimensions are continuous, by the accuracy besides, as far as
-    that leaves any design.
+    Requirements are tightened by the bands, and where dimensions are continuous by the accuracy, if any design is left.
     """
     accuracy, steps_alone = model.loaded.requirements.accuracy_percent / 100, not model.space.continuous.any()
     rounds, optima, guards = list[Proof](), list[BestDesign](), list[Array | None]([None])
@@ -244,18 +243,14 @@ def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mappe
 def _guarded(
     model: Model, guards: list[Array | None], store: Store, near: Array | None, everywhere: bool, say: Say
 ) -> tuple[Model, BestDesign]:
-    """The optimum with the widest of `guards` that leave a design, the last being none, and the model with it.
-
-    Where there is none without guards either, it is that with the widest.
-    """
+    """The optimum with the widest of `guards` that leave a design, with the first where none does, and its model."""
     tried = list[tuple[Model, BestDesign]]()
     for guard in guards:
         guarded = replace(model, guard=guard)
-        best = searched(guarded, near, store, everywhere, say)
-        tried.append((guarded, best))
-        if best.merit < MISSED:
+        tried.append((guarded, searched(guarded, near, store, everywhere, say)))
+        if tried[-1][1].merit < MISSED:
             return tried[-1]
-        near = best.values
+        near = tried[-1][1].values
     return tried[0]
 
 

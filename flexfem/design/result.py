@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -17,6 +18,9 @@ from flexfem.units import NONE, Unit, unit_of
 
 Verdict: TypeAlias = Literal["met", "within the band", "missed"]
 Checked: TypeAlias = Literal["finite elements", "finite elements in three dimensions", "analytic model alone", "exact"]
+
+
+SECTIONS = ("design", "requirements", "sensitivity", "front", "search")
 
 
 class Record(BaseModel):
@@ -46,13 +50,9 @@ class Stated(Record):
         """The unit of a column or key; none of an expression of several."""
         return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
 
-    def unit_name(self, plain: bool = False) -> str:
-        """Of the unit; `plain` for terminals."""
-        return self.unit.plain if plain else self.unit.name
-
     def headed(self, plain: bool = False) -> str:
-        """The label, with the unit in brackets where there is one."""
-        unit = self.unit_name(plain)
+        """The label, with the unit in brackets where there is one; `plain` for terminals."""
+        unit = self.unit.plain if plain else self.unit.name
         return f"{self.label} ({unit})" if unit else self.label
 
     def said(self, plain: bool = False) -> str:
@@ -60,12 +60,7 @@ class Stated(Record):
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
         spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the pushes"
-        return f"{text} {self.unit_name(plain)}".rstrip() + sampling + spread
-
-    @property
-    def resting_on(self) -> list[str]:
-        """What answers it, and what the model by itself says: two cells of a table."""
-        return [self.checked_by, f"{self.uncorrected:.6g}"]
+        return f"{text} {self.unit.plain if plain else self.unit.name}".rstrip() + sampling + spread
 
 
 class Goal(Stated):
@@ -97,11 +92,6 @@ class Requirement(Stated):
         """Its ends in words, without unit."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
         return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
-
-    @property
-    def margins(self) -> str:
-        """The margin in per cent with its band."""
-        return f"{self.margin_percent:.3g}" + (f" ± {self.band_percent:.2g}" if self.band_percent else "")
 
 
 class SoleRelaxation(Record):
@@ -233,68 +223,59 @@ class Designed(Record):
 
     def sections(self, plain: bool = True) -> dict[str, list[TextTable]]:
         """Tables by what they are about; none of what there is nothing to say about."""
-        rests, limit = ["checked by", "model by itself"], "limits the objective"
-        dimensions = [
-            [name, f"{value:.6g}", f"{self.relaxed[name]:.6g}", "at an end of its range" * (name in self.at_ends)]
-            for name, value in self.design.items()
-        ]
-        goals = [[each.label, each.said(plain), each.better, *each.resting_on] for each in self.objectives]
-        requirements = [
-            [each.label, each.wanted, each.said(plain), each.verdict, each.margins, limit * each.active,
-             *each.resting_on]
-            for each in self.requirements
-        ]  # fmt: skip
-        relaxed = [
-            [each.label, "with the others", f"{each.relax_to:.6g}", f"{-each.margin_percent:.3g}"]
-            for each in self.requirements
-            if each.relax_to is not None
-        ]
-        for one in self.alternatives:
-            none = one.relax_to is None or one.percent is None
-            relaxation = ["none is enough", ""] if none else [f"{one.relax_to:.6g}", f"{one.percent:.3g}"]
-            relaxed.append([one.requirement, "alone", *relaxation])
+        found: dict[str, list[TextTable]] = {name: [] for name in SECTIONS}
+
+        def add(section: str, caption: str, head: list[str], rows: Iterable[list[str]], names: int = 1) -> None:
+            if made := list(rows):
+                found[section].append(TextTable(head, made, names, caption))
+
+        limit, rests = "limits the objective", ["checked by", "model by itself"]
         every = {each.name: each.label for each in (*self.requirements, *self.objectives)}
-        changes = [[name, *(_change(row[key]) for key in every)] for name, row in self.sensitivities.items()]
         headed = [goal.headed(plain) for goal in self.objectives]
-        margins = [f"margin of {each.label} (%)" for each in self.requirements]
-        front = [
-            [str(k), *(f"{x:.6g}" for x in (*one.design.values(), *one.values, *one.predicted)),
-             *(f"{x:.3g}" for x in one.margins_percent), "met" if one.met else "not met"]
-            for k, one in enumerate(self.front, 1)
-        ]  # fmt: skip
-        of_front = ["design", *self.design, *headed, *(f"{each}, corrected model" for each in headed), *margins]
-        counts = [[name, f"{count:,}"] for name, count in self.evaluations.items()]
-        rounds = [[str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"] for k, r in enumerate(self.rounds, 1)]
-        found = {
-            "design": [
-                TextTable(
-                    ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"],
-                    dimensions, 1, "Dimensions of the design",
-                ),
-                TextTable(["objective", "value", "better", *rests], goals, 1, "Objectives"),
-            ],
-            "requirements": [
-                TextTable(
-                    ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *rests],
-                    requirements, 1, "Requirements with their margins",
-                ),
-                TextTable(["requirement", "relaxed", "to", "by (%)"], relaxed, 2, "Smallest relaxations, by the model"),
-            ],
-            "sensitivity": [
-                TextTable(["dimension", *every.values()], changes, 1, "Change (%) for 1 % more of a dimension")
-            ],
-            "front": [
-                TextTable(
-                    [*of_front, "requirements"], front, 1,
-                    "Designs that no other beats in both objectives, solved by finite elements",
-                )
-            ],
-            "search": [
-                TextTable(["model", "designs"], counts, 1, "Evaluations"),
-                TextTable(["round", "designs by the model", "largest difference (%)"], rounds, 1, "Rounds"),
-            ],
-        }  # fmt: skip
-        return {name: [table for table in tables if table.rows] for name, tables in found.items()}
+        add(
+            "design", "Dimensions of the design",
+            ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"],
+            ([name, f"{value:.6g}", f"{self.relaxed[name]:.6g}", "at an end of its range" * (name in self.at_ends)]
+             for name, value in self.design.items()),
+        )  # fmt: skip
+        add(
+            "design", "Objectives", ["objective", "value", "better", *rests],
+            ([each.label, each.said(plain), each.better, each.checked_by, f"{each.uncorrected:.6g}"]
+             for each in self.objectives),
+        )  # fmt: skip
+        add(
+            "requirements", "Requirements with their margins",
+            ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *rests],
+            ([each.label, each.wanted, each.said(plain), each.verdict,
+              f"{each.margin_percent:.3g}" + (f" ± {each.band_percent:.2g}" if each.band_percent else ""),
+              limit * each.active, each.checked_by, f"{each.uncorrected:.6g}"] for each in self.requirements),
+        )  # fmt: skip
+        relaxed = [(each.label, "with the others", each.relax_to, -each.margin_percent)
+                   for each in self.requirements if each.relax_to is not None]  # fmt: skip
+        sole = [(one.requirement, "alone", one.relax_to, one.percent) for one in self.alternatives]
+        add(
+            "requirements", "Smallest relaxations, by the model", ["requirement", "relaxed", "to", "by (%)"],
+            ([name, how, *(["none is enough", ""] if to is None or by is None else [f"{to:.6g}", f"{by:.3g}"])]
+             for name, how, to, by in (*relaxed, *sole)), 2,
+        )  # fmt: skip
+        add(
+            "sensitivity", "Change (%) for 1 % more of a dimension", ["dimension", *every.values()],
+            ([name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in every)]
+             for name, row in self.sensitivities.items()),
+        )  # fmt: skip
+        add(
+            "front", "Designs that no other beats in both objectives, solved by finite elements",
+            ["design", *self.design, *headed, *(f"{each}, corrected model" for each in headed),
+             *(f"margin of {each.label} (%)" for each in self.requirements), "requirements"],
+            ([str(k), *(f"{x:.6g}" for x in (*one.design.values(), *one.values, *one.predicted)),
+              *(f"{x:.3g}" for x in one.margins_percent), "met" if one.met else "not met"]
+             for k, one in enumerate(self.front, 1)),
+        )  # fmt: skip
+        counts = ([name, f"{count:,}"] for name, count in self.evaluations.items())
+        add("search", "Evaluations", ["model", "designs"], counts)
+        rounds = ([str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"] for k, r in enumerate(self.rounds, 1))
+        add("search", "Rounds", ["round", "designs by the model", "largest difference (%)"], rounds)
+        return found
 
     @property
     def decisive(self) -> list[Stated]:
@@ -303,10 +284,6 @@ class Designed(Record):
         for each in (*self.objectives, *(one for one in self.requirements if one.active)):
             found.setdefault(each.name, each)
         return list(found.values())
-
-
-def _change(value: float | None) -> str:
-    return "not known" if value is None else f"{value:+.3g}"
 
 
 def is_design(path: str | os.PathLike[str]) -> bool:

@@ -26,6 +26,7 @@ CONFIDENCE = 0.95  # of an interval of that coupling
 OTHERS = 100_000  # stages that what is found is stated for
 BLOCK = 10_000  # stages at a time: bounds the memory
 NODES = 12  # necks that each hinge is answered at
+CHEBYSHEV = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
 WIDEST = 0.5  # deviation over neck up to which 12 nodes interpolate to 1e-6
 UPPER = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # entries of a symmetric matrix: xx, xy, xt, yy, yt, tt
 REFUSED = f"tolerance.neck_um: a neck that scatters is off the chart of its hinge, or by more than {WIDEST:.0%}"
@@ -60,7 +61,7 @@ class NeckScatter:
     def nodes(self) -> Array:
         """Deviations (NODES, 3, 3) that each hinge is answered at, from the least to the greatest of all."""
         low, high = self._ends
-        return low + (high - low) * (_chebyshev()[:, None, None] + 1) / 2
+        return np.asarray(low + (high - low) * (CHEBYSHEV[:, None, None] + 1) / 2)
 
     @cached_property
     def _searched_basis(self) -> Array:
@@ -76,7 +77,7 @@ class NeckScatter:
         low, high = self._ends
         weights = (-1.0) ** np.arange(NODES)
         weights[[0, -1]] /= 2
-        away = (2 * (off - low) / (high - low) - 1)[..., None] - _chebyshev()
+        away = (2 * (off - low) / (high - low) - 1)[..., None] - CHEBYSHEV
         on_node = away == 0
         terms = weights / np.where(on_node, 1.0, away)
         found = np.where(on_node.any(axis=-1, keepdims=True), on_node, terms / terms.sum(axis=-1, keepdims=True))
@@ -142,8 +143,8 @@ def stated(searched: Array, couplings: Array, checked: list[Array]) -> Scattered
     Notes
     -----
     Order statistics: of n stages the number below the true value is binomial, whatever the distribution (H. A. David,
-    H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1). 72 stages are the fewest. The factor is by
-    least squares; a quantile of finite elements is off that of the model times it by no more than the misfit.
+    H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1). The factor is by least squares; a quantile of
+    finite elements is off that of the model times it by no more than the misfit.
     """
     from scipy.stats import binom
 
@@ -167,10 +168,6 @@ def _sizes(couplings: Array) -> Array:
 def _quantiles(couplings: Array) -> Array:
     """The 95 % values (4,) of couplings (3, stages)."""
     return np.asarray(np.quantile(_sizes(couplings), LEVEL, axis=-1))
-
-
-def _chebyshev() -> Array:
-    return np.asarray(np.cos(np.pi * np.arange(NODES) / (NODES - 1)))
 
 
 def _couplings(chains: Array) -> Array:

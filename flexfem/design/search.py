@@ -46,10 +46,7 @@ class BestDesign(NamedTuple):
 def optimum(
     model: Model, seed: int, near: Array | None = None, everywhere: bool = True, say: Say = silent
 ) -> BestDesign:
-    """The best design of all, or with `everywhere` false that beside `near` (d,) alone.
-
-    With `everywhere`, `near` is a design to begin with besides: the last answer to nearly the same.
-    """
+    """The best design of all, `near` (d,) being one to begin with; with `everywhere` false that beside `near` alone."""
     search = _Search(model, seed)
     start = search.everywhere(near, say) if near is None or everywhere else near
     relaxed = search.beside(start)

@@ -44,7 +44,7 @@ from numpy.typing import NDArray
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises, widening
 from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.structure import NONE, edge_force, nodes_on, structure
+from flexfem.fem.structure import NONE, Structure, edge_force, nodes_on, structure
 from flexfem.files.writing import write_atomically
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
@@ -91,22 +91,16 @@ class SingleHinge(NamedTuple):
 
 
 class Extrapolation(NamedTuple):
-    """Values (k,) at vanishing element size, half-widths of their uncertainty, and the values (l, k) on the meshes.
-
-    unknowns : on the finest mesh.
-    """
+    """Values (k,) at vanishing element size, half-widths of their uncertainty, and unknowns on the finest mesh."""
 
     values: Array
     bands: Array
-    levels: Array
     unknowns: int
 
 
 def _mesh(hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: Callable[[Array], Array]) -> StageMesh:
     """Mesh a quarter: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
 
-    Parameters
-    ----------
     columns : along the arc, the wall, the block.   along : shares of these of the block to places on it.
 
     Notes
@@ -190,22 +184,22 @@ def _held(mesh: StageMesh) -> NDArray[np.bool_]:
     return held
 
 
-def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None = None) -> Array:
-    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`.
+def _answers(of: Structure, loads: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Displacements (k, n, ...) of a quarter under loads, zero where held, and the work (k,) of these on the hinge.
 
-    Notes
-    -----
-    A unit load's work on the quarter is a quarter of its work on the hinge, which is the compliance with the blocks'.
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """
-    mesh = mesh or hinge_mesh(hinge, refinement)
-    of, whole = structure(mesh, Plate(1.0, hinge.poissons_ratio, 1.0), held=NONE), list[float]()
     lower = of.lower()
-    for force, held in zip(_loads(mesh, hinge.block), _held(mesh), strict=True):
-        field = of.settled(lower, force, held)
-        whole.append(4 * float(np.sum((2 * force - of.forces(field[None])[0]) * field)))
-    return np.array(whole) - block_compliance(hinge)
+    fields = np.array([of.settled(lower, *each) for each in zip(loads, held, strict=True)])
+    return fields, 4 * np.sum((2 * loads - of.forces(fields)) * fields, axis=tuple(range(1, loads.ndim)))
+
+
+def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None = None) -> Array:
+    """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
+    mesh = mesh or hinge_mesh(hinge, refinement)
+    of = structure(mesh, Plate(1.0, hinge.poissons_ratio, 1.0), held=NONE)
+    return _answers(of, _loads(mesh, hinge.block), _held(mesh))[1] - block_compliance(hinge)
 
 
 def block_compliance(hinge: SingleHinge) -> Array:
@@ -221,7 +215,7 @@ def sample(hinge: SingleHinge, levels: Sequence[int] = LEVELS) -> Extrapolation:
     found = np.array([compliance(hinge, refinement) for refinement in levels])
     limits = richardson(levels, found)
     unknowns = 2 * len(hinge_mesh(hinge, levels[-1]).nodes)
-    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], found, unknowns)
+    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], unknowns)
 
 
 def richardson(levels: Sequence[int], values: Array) -> Array:
@@ -231,68 +225,37 @@ def richardson(levels: Sequence[int], values: Array) -> Array:
     return np.asarray(values[1:] + (values[1:] - values[:-1]) / (growth - 1))
 
 
-class _Solved(NamedTuple):
-    """Displacements by a moment and a pull in plane stress (2, n, 2) and in three dimensions (2, n, m, 3); compliances.
+def thick_answer(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, Array, int]:
+    """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), stress factors (2,).
 
-    thin : (2,), in plane stress, with the blocks'.   excess : (2,), what three dimensions add.
+    By a moment and a pull. The factors are the highest von Mises stress over that in plane stress; in a wide neck it
+    lies near the free faces, about t away. Last the number of unknowns.
     """
-
-    mesh: StageMesh
-    line: Layers
-    plane: Array
-    solid: Array
-    thin: Array
-    excess: Array
-
-
-def _solved(hinge: SingleHinge, refinement: int) -> _Solved:
     mesh, line = section_mesh(hinge, refinement), layers(hinge, refinement)
-    plate = Plate(1.0, hinge.poissons_ratio, 1.0)
+    plate, near = Plate(1.0, hinge.poissons_ratio, 1.0), np.flatnonzero(np.hypot(*mesh.nodes.T) <= 1.0)
     flat, held = _loads(mesh, hinge.block)[:2], _held(mesh)[:2]
     through = np.pad(flat[:, :, None] * (line.values @ line.weights)[:, None], [*[(0, 0)] * 3, (0, 1)])
     fixed = np.pad(np.repeat(held[:, :, None], len(line.heights), axis=2), [*[(0, 0)] * 3, (0, 1)])
     fixed[0, nodes_on(mesh, "bottom"), :, 2] = True
     fixed[0, nodes_on(mesh, "left")[0], 1:, 1] = False  # the motion along y that bending leaves is held at one point
-    fields, works = [], []
-    for layered_by, loads, supports in ((None, flat, held), (line, through, fixed)):
-        of = structure(mesh, plate, layered_by, SOLID_QUADRATURE, NONE)
-        lower = of.lower()
-        fields.append(np.array([of.settled(lower, *each) for each in zip(loads, supports, strict=True)]))
-        works.append(4 * np.sum(loads * fields[-1], axis=tuple(range(1, loads.ndim))))  # on the hinge, of four quarters
-    return _Solved(mesh, line, fields[0], fields[1], works[0], works[1] / line.weights.sum() - works[0])
+    plane, thin = _answers(structure(mesh, plate, None, SOLID_QUADRATURE, NONE), flat, held)
+    solid, thick = _answers(structure(mesh, plate, line, SOLID_QUADRATURE, NONE), through, fixed)
+    flat_stress = von_mises(nodal_stress(mesh, plate, plane, near)).max(axis=1)
+    stress = von_mises(nodal_stress(mesh, plate, solid, near, line)).max(axis=(1, 2))
+    excess = thick / line.weights.sum() - thin
+    return thin - block_compliance(hinge)[:2], excess, stress / flat_stress, solid[0].size
 
 
-def compliances(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, int]:
-    """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), number of unknowns."""
-    of = _solved(hinge, refinement)
-    return of.thin - block_compliance(hinge)[:2], of.excess, of.solid[0].size
+def thick_sample(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS) -> tuple[Extrapolation, Extrapolation]:
+    """Positions of a hinge between plane stress, 0, and plane strain, 1, and stress factors; meshes coarse to fine.
 
-
-def thick_sample(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS) -> Extrapolation:
-    """Positions of a hinge between plane stress, 0, and plane strain, 1, over refinements, coarse to fine.
-
-    The band is what the finest of the three or more meshes moves the value by, far more than what is left after it.
+    The bands are what the finest of the three or more meshes moves the values by: that of a position, which is
+    extrapolated, is far more than what is left after it.
     """
-    made = [compliances(hinge, refinement) for refinement in levels]
-    found = np.array([-excess / plane for plane, excess, _ in made]) / hinge.poissons_ratio**2
-    limits = richardson(levels, found)
-    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), found, made[-1][2])
-
-
-def stress_factors(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS[1:]) -> Extrapolation:
-    """Highest von Mises stress over that in plane stress, under a moment and a pull (2,), on the finest of two meshes.
-
-    The band is what that mesh moves it by. In a wide neck the highest stress lies near the free faces, about t away.
-    """
-    found, unknowns, plate = [], 0, Plate(1.0, hinge.poissons_ratio, 1.0)
-    for refinement in levels:
-        of = _solved(hinge, refinement)
-        near = np.flatnonzero(np.hypot(*of.mesh.nodes.T) <= 1.0)
-        thin = von_mises(nodal_stress(of.mesh, plate, of.plane, near)).max(axis=1)
-        thick = von_mises(nodal_stress(of.mesh, plate, of.solid, near, of.line)).max(axis=(1, 2))
-        found.append(thick / thin)
-        unknowns = of.solid[0].size
-    return Extrapolation(found[-1], np.abs(found[-1] - found[-2]), np.array(found), unknowns)
+    plane, excess, stress, unknowns = zip(*(thick_answer(hinge, refinement) for refinement in levels), strict=True)
+    limits = richardson(levels, -np.array(excess) / np.array(plane) / hinge.poissons_ratio**2)
+    position = Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), unknowns[-1])
+    return position, Extrapolation(stress[-1], np.abs(stress[-1] - stress[-2]), unknowns[-1])
 
 
 class Chart(NamedTuple):
@@ -332,8 +295,7 @@ def _plane(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapola
 
 def _thick(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapolation, ...]:
     ratio, width, nu = point
-    hinge = SingleHinge(ratio, 1.0, width, nu)
-    return thick_sample(hinge, levels), stress_factors(hinge, levels[-2:])
+    return thick_sample(SingleHinge(ratio, 1.0, width, nu), levels)
 
 
 ROOT = (np.sqrt, np.square)

@@ -253,17 +253,6 @@ class Pairs(NamedTuple):
     gathering: sp.csr_array
 
 
-def pairs_of(triangles: Index, number: Index) -> Pairs:
-    """Pairs of the nodes of triangles (e, 6) that have a `number` (n,), others -1."""
-    nodes = number[triangles]
-    one, other = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-    chosen = (other >= 0) & (one >= other)
-    keys, pair = np.unique(one[chosen] * len(number) + other[chosen], return_inverse=True)
-    gathering = sp.csr_array(sp.csc_array((np.ones(len(pair)), pair, np.arange(len(pair) + 1)), (len(keys), len(pair))))
-    rows, columns = (each.astype(np.int32) for each in np.divmod(keys, len(number)))
-    return Pairs(rows, columns, chosen, gathering)
-
-
 def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
     """Lower triangle of a symmetric matrix of the unknowns of the numbered nodes, node by node as of `Layers.kept`.
 

@@ -8,6 +8,7 @@ complement `S = L_bb L_bb'`, so that no right-hand side is solved for each unkno
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, NamedTuple, TypeAlias
@@ -76,18 +77,14 @@ def _whole(lower: sp.csr_array) -> sp.csc_array:
 
 def superlu(lower: sp.csr_array) -> Solve:
     """As `factorise`, by SuperLU without pivoting, which the symmetric ordering needs."""
-    return _unpivoted(lower, {})[0]
-
-
-def _unpivoted(lower: sp.csr_array, options: dict[str, bool]) -> tuple[Solve, Any]:
     from scipy.sparse.linalg import splu
 
-    given = {"SymmetricMode": True, **options}
+    options = {"SymmetricMode": True}
     try:
-        factor = splu(_whole(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=given)
+        factor = splu(_whole(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError:
         raise ComputationFailed(SINGULAR) from None
-    return lambda b: np.asarray(factor.solve(b)), factor
+    return lambda b: np.asarray(factor.solve(b))
 
 
 def dense(A: Array) -> Solve:
@@ -161,13 +158,6 @@ def _by_superlu(lower: sp.csr_array, boundary: int) -> Condensed:
     return Condensed((schur + schur.T) / 2, reduced, expanded)
 
 
-class Factorization(NamedTuple):
-    """A factorised symmetric matrix, and whether it is positive definite."""
-
-    solve: Solve
-    definite: bool
-
-
 class Factoriser:
     """Factorises matrices, definite or not; those with the pattern of the one before share its order (CHOLMOD)."""
 
@@ -175,25 +165,20 @@ class Factoriser:
     _matrix: Any
     _symbolic: Any
 
-    def __call__(self, lower: sp.csr_array) -> Factorization:
-        """A factor, good until the next one is made. Raises ComputationFailed for a singular matrix."""
+    def __call__(self, lower: sp.csr_array) -> Solve:
+        """How a factor solves, until the next one is made. Raises ComputationFailed for a singular matrix."""
         from scipy.sparse.linalg import splu
 
+        if find_spec("cvxopt") is not None:
+            with suppress(ComputationFailed):  # not definite
+                return self._by_cholmod(lower)
         try:
-            return Factorization(self._definite(lower), True)
-        except ComputationFailed:
-            pass
-        try:
-            return Factorization(splu(_whole(lower)).solve, False)
+            factor = splu(_whole(lower))
         except RuntimeError:
             raise ComputationFailed(UNSTABLE) from None
+        return lambda b: np.asarray(factor.solve(b))
 
-    def _definite(self, lower: sp.csr_array) -> Solve:
-        if find_spec("cvxopt") is None:
-            solve, factor = _unpivoted(lower, {"Equil": False})  # U's diagonal is positive if the matrix is definite
-            if np.array_equal(factor.perm_r, factor.perm_c) and np.all(factor.U.diagonal() > 0):
-                return solve
-            raise ComputationFailed(SINGULAR)
+    def _by_cholmod(self, lower: sp.csr_array) -> Solve:
         from cvxopt import cholmod, matrix
 
         ordered = lower.tocsc()  # as cvxopt has its entries

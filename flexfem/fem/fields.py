@@ -142,11 +142,10 @@ def edge_maxima(mesh: StageMesh, values: Array) -> Array:
 
 def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
     """Largest of values (n, ...) at places (n,) from `low` to `high`, linear in between."""
+    from scipy.interpolate import make_interp_spline
+
     order = np.argsort(places)
     places, values = places[order], values[order]
     inside = (places > low) & (places < high)
-    k = np.clip(np.searchsorted(places, [low, high]), 1, len(places) - 1)
-    share = ([low, high] - places[k - 1]) / (places[k] - places[k - 1])
-    share = share.reshape(2, *[1] * (values.ndim - 1))
-    ends = (1 - share) * values[k - 1] + share * values[k]
+    ends = make_interp_spline(places, values, k=1)([low, high])
     return np.asarray(np.max(np.concatenate([values[inside], ends]), axis=0))

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
@@ -41,7 +40,6 @@ class VibratingStructure(NamedTuple):
 
     @property
     def structure(self) -> Structure:
-        """The structure."""
         return self.mass.of
 
 
@@ -89,13 +87,10 @@ def vibrating_structure(
 ) -> VibratingStructure:
     """Assemble and factorise.
 
-    Parameters
-    ----------
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload.
     pushes, rates : of engaged stacks, (size, n) and (n,), N/mm.
     degree : of the quadrature of the mass, by default exact.
     space : motions whose stiffness is factorised; None for all.
-
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
     space, pushes = space or every_motion(of), np.zeros((of.size, 0)) if pushes is None else pushes
@@ -130,11 +125,8 @@ def stage_modes(
 ) -> Modes:
     """The lowest `count` modes of a stage by its sectors; out of the plane where the layers are antisymmetric.
 
-    Parameters
-    ----------
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload for the pose of the hub.
     degree : of the quadrature of the stiffness in the plane.
-
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
     stage = by_sectors(sectors, plate, layers, degree)
@@ -178,11 +170,8 @@ def _ritz(space: Space, of: VibratingStructure, count: int) -> tuple[Array, Arra
     return squares, motion / np.sqrt(np.tile(massive, motion.shape[1] // count))
 
 
-def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift: float = 0.0) -> tuple[Array, Any]:
-    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK in shift-invert mode.
-
-    mass : (m, m), symmetric, or complex Hermitian.   solve : by `K - shift M`, which is positive definite.
-    """
+def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
+    """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK, solving by K."""
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     size = mass.shape[0]
@@ -191,7 +180,7 @@ def lowest(solve: Solve, mass: sp.csc_array | LinearOperator, count: int, shift:
     inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype)
     start = np.random.default_rng(0).standard_normal(size)  # the same every time
     try:
-        values, vectors = eigsh(mass, count, M=mass, sigma=shift, OPinv=inverse, v0=start)  # A is not used
+        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, v0=start)  # A is not used
     except ArpackError as failure:
         raise ComputationFailed(f"eigenvalues: {failure}") from None
     order = np.argsort(values)

@@ -6,11 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import ElementBatch, Plate, assembled, stress_tensor
-from flexfem.fem.factor import Factoriser, Factorization
+from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.structure import Structure, structure
 from flexfem.refused import ComputationFailed
@@ -134,10 +133,7 @@ class Equilibria(NamedTuple):
     fields : (k, n, 2), mm, displacement of every node.
     energy : (k,), N mm, stored in the material.
     compliance : (k, 3, 3), tangent: change of the pose per change of the load, mm and rad per N and N mm.
-    stable : (k,), whether the tangent stiffness is positive definite: the equilibrium keeps itself under the dead load.
     strain : (k,), largest magnitude of a Green-Lagrange strain component; the material law assumes it small.
-    residual : (k,), root of the energy of the remaining Newton step over the stored energy.
-    iterations : (k,), Newton iterations, those of load steps that failed included.
     """
 
     load: Array
@@ -145,10 +141,7 @@ class Equilibria(NamedTuple):
     fields: Array
     energy: Array
     compliance: Array
-    stable: NDArray[np.bool_]
     strain: Array
-    residual: Array
-    iterations: NDArray[np.int64]
 
 
 def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
@@ -170,35 +163,35 @@ def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
 
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
-    """As `equilibrium`, the hub held at poses (k, 3) or (3,), mm and rad, by `load`; `stable` is of dead loads."""
+    """As `equilibrium`, the hub held at poses (k, 3) or (3,), mm and rad, by `load`."""
     return _follow(mesh, plate, poses, True)
 
 
 class _Step(NamedTuple):
     """A Newton step: the state after it, its size as root of energy, the energy before it, its largest turn, the unit
-    answers (2f + 3, 3) to loads on the hub, and the factor."""
+    answers (2f + 3, 3) to loads on the hub, and how the tangent solves."""
 
     state: State
     size: float
     energy: float
     turn: float
     unit: Array
-    factor: Factorization
+    solve: Solve
 
 
 def _follow(mesh: StageMesh, plate: Plate, targets: Array, hold: bool) -> Equilibria:
     model, start, scale, rows = LargeStructure(structure(mesh, plate)), np.zeros(3), 0.0, []
     state = model.at(start, np.zeros_like(mesh.nodes))
     for target in np.atleast_2d(np.asarray(targets, dtype=float)):
-        step, iterations, scale = _reach(model, state, start, target, hold, scale)
+        step, scale = _reach(model, state, start, target, hold, scale)
         state, start = step.state, target
-        rows.append(_row(model, step, iterations, scale, None if hold else target))
+        rows.append(_row(model, step, None if hold else target))
     return Equilibria(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
 def _reach(
     model: LargeStructure, state: State, start: Array, target: Array, hold: bool, scale: float
-) -> tuple[_Step, int, float]:
+) -> tuple[_Step, float]:
     """Go from a state at `start`, a load or (hold) a pose, to `target`, in steps that are halved when Newton fails."""
     done, part, iterations = 0.0, 1.0, 0
     while part >= SMALLEST and iterations <= ALL_ITERATIONS:
@@ -210,7 +203,7 @@ def _reach(
             continue
         state, done, scale = step.state, done + part, max(scale, step.energy)
         if done >= 1.0:
-            return step, iterations, scale
+            return step, scale
         part = min(2 * part, 1.0 - done)
     what = "holding the hub at" if hold else "under the load"
     raise ComputationFailed(
@@ -235,10 +228,10 @@ def _newton(model: LargeStructure, state: State, goal: Array, hold: bool, scale:
 
 def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step:
     """One Newton step towards a load or (hold) a pose; held, the load on the hub is the one that brings it there."""
-    of, held, factor = model.of, model.held(state), model.factorise(model.tangent(state))
+    of, held, solve = model.of, model.held(state), model.factorise(model.tangent(state))
     missing = -held.forces
     missing[-3:] = 0.0 if hold else missing[-3:] + goal
-    found = factor.solve(np.column_stack([missing, np.eye(of.size, 3, 3 - of.size)]))
+    found = solve(np.column_stack([missing, np.eye(of.size, 3, 3 - of.size)]))
     change, unit = found[:, 0], found[:, 1:]
     if hold:
         missing[-3:] = np.linalg.solve(unit[-3:], goal - state.pose - change[-3:])
@@ -257,27 +250,21 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
         rate = (half + np.swapaxes(half, -3, -2)) / 2
         stress.append(stress_tensor(of.plate, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ missing)))
-    return _Step(State(pose, moved, stress), size, held.energy, float(turn), unit, factor)
+    return _Step(State(pose, moved, stress), size, held.energy, float(turn), unit, solve)
 
 
-def _row(model: LargeStructure, step: _Step, iterations: int, scale: float, load: Array | None) -> tuple[Any, ...]:
+def _row(model: LargeStructure, step: _Step, load: Array | None) -> tuple[Any, ...]:
     """The entries of `Equilibria`, in their order; `load` None takes what the hub needs to stay where it is."""
-    held = model.held(step.state)
+    held, at, compliance = model.held(step.state), step.state, step.unit[-3:]
     if held.strain > LARGEST_STRAIN:
         raise ComputationFailed(
             f"equilibrium refused: strain of {held.strain:.2g}, expected at most {LARGEST_STRAIN:g}, beyond which the"
             " material law means nothing"
         )
-    missing, compliance = -held.forces, step.unit[-3:]
-    applied = held.forces[-3:] if load is None else load
-    missing[-3:] += applied
-    change = step.factor.solve(missing[:, None])[:, 0]
-    if load is None:  # the forces on the hub alone carry the rounding of stiff bodies; this takes it out
-        missing[-3:] = np.linalg.solve(compliance, -change[-3:])
-        change, applied = change + step.unit @ missing[-3:], applied + missing[-3:]
-    residual = _relative(float(np.sqrt(abs(change @ missing))), max(scale, held.energy))
-    at, stable = step.state, step.factor.definite
-    return applied, at.pose, at.field, held.energy, compliance, stable, held.strain, residual, iterations
+    if load is None:  # forces on the hub alone carry the rounding of stiff bodies, which those left on the nodes undo
+        left = np.append(-held.forces[:-3], np.zeros(3))
+        load = held.forces[-3:] - np.linalg.solve(compliance, step.solve(left[:, None])[-3:, 0])
+    return load, at.pose, at.field, held.energy, compliance, held.strain
 
 
 def _relative(size: float, energy: float) -> float:

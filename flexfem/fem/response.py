@@ -41,14 +41,13 @@ PUSH_QUADRATURE = 8  # degree, for pushes, whose weights are no polynomials in a
 class StaticSolution(NamedTuple):
     """A structure at rest in k cases; one sector of three alike, or the whole.
 
-    motion : (size, k), unknowns.   fields, forces : (k, n, ...), displacements, mm, and nodal forces, N, of all nodes.
+    motion : (size, k), unknowns.   fields : (k, n, ...), displacements, mm, of all nodes.
     pads : (k, pads, 3), force and moment of the ground on each pad of the whole, about the platform's centre.
     energy : (k, k), N mm, of the whole, `u_i' K u_j`.
     """
 
     motion: Array
     fields: Array
-    forces: Array
     pads: Array
     energy: Array
 
@@ -64,7 +63,6 @@ class StaticSolution(NamedTuple):
 
     @property
     def unknowns(self) -> int:
-        """Number of equations."""
         return len(self.motion)
 
 
@@ -73,8 +71,6 @@ def settle(
 ) -> StaticSolution:
     """Refine the answer to loads until its balances hold. Raises ComputationFailed when they do not.
 
-    Parameters
-    ----------
     solve : by the stiffness, loads (size, k) -> unknowns (size, k).
     loads : (size, k), on the unknowns; where `alike`, a third of those of the whole.
     given : (k, n, ...), displacements imposed on clamped nodes, zero elsewhere; None holds them.
@@ -106,7 +102,7 @@ def settle(
         residual, flat = loads - of.loads(forces), forces.reshape(len(forces), -1)
         held = [forces[:, nodes].reshape(len(forces), -1) @ rigid for nodes, rigid in zip(pads, ground, strict=True)]
         energy = whole(fields.reshape(len(fields), -1) @ flat.T)
-        found = StaticSolution(motion, fields, forces, np.stack([r for each in held for r in around(each)], 1), energy)
+        found = StaticSolution(motion, fields, np.stack([r for each in held for r in around(each)], 1), energy)
         work = whole(motion.T @ loads + imposed.reshape(len(imposed), -1) @ flat.T)
         unbalanced = _imbalance(found, work, loaded, scale)
         if max(unbalanced.values()) <= SETTLED:
@@ -147,9 +143,7 @@ class Response:
     sectors, sector_fields : one or three sectors, and the displacements (3 cases, n, 2), mm, of their nodes, with
         layers (3, n, m, 3); both are in the frame of chain 1, the cases in that of the stage.
     reactions : (3, 3), row j the resultant of the clamped edges about the origin by case j, N and N mm.
-    energy : (3, 3), N mm, `u_i' K u_j`; half its diagonal is the strain energy by each case.
-    unknowns : number of equations that the whole stage would have.
-    extrusion : None in the plane.
+    energy : (3, 3), N mm, `u_i' K u_j`.   unknowns : of the whole stage.   extrusion : None in the plane.
     """
 
     compliance: Array
@@ -173,7 +167,6 @@ class Response:
 
     @property
     def mesh(self) -> StageMesh:
-        """The whole stage."""
         return self._welded[0]
 
     @cached_property
@@ -197,7 +190,6 @@ def unit_response(
     """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature in the plane.
 
     imposed : instead of loads, displacements (3, n, ...) of the clamped nodes of a structure.
-
     Raises ComputationFailed as `settle` and `Structure.lower`.
     """
     stage = by_sectors(sectors, plate, layers, degree)

@@ -30,7 +30,6 @@ from flexfem.fem.elements import (
     assembled,
     integration,
     mirrored,
-    pairs_of,
     segment_functions,
     sheet,
     stress_tensor,
@@ -110,7 +109,6 @@ class Structure:
 
     @property
     def size(self) -> int:
-        """Number of unknowns."""
         return len(self.free) * len(self.line.kept) + self.poses
 
     @property
@@ -162,7 +160,14 @@ class Structure:
         """Pairs of nodes that are free or of the hub, numbered in this order."""
         number, moving = np.full(len(self.mesh.nodes), -1), np.concatenate([self.free, self.hub])
         number[moving] = np.arange(len(moving))
-        return pairs_of(self.mesh.triangles, number)
+        nodes = number[self.mesh.triangles]
+        one, other = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+        chosen = (other >= 0) & (one >= other)
+        keys, pair = np.unique(one[chosen] * len(number) + other[chosen], return_inverse=True)
+        entries = np.ones(len(pair)), pair, np.arange(len(pair) + 1)  # one in every column
+        gathering = sp.csr_array(sp.csc_array(entries, (len(keys), len(pair))))
+        rows, columns = (each.astype(np.int32) for each in np.divmod(keys, len(number)))
+        return Pairs(rows, columns, chosen, gathering)
 
     def tied(self, whole: sp.csr_array, rates: Array) -> sp.csr_array:
         """Lower triangle (size, size) of T' K T from that of the free nodes and the hub, whose motion is `rates` q."""

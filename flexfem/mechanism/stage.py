@@ -14,6 +14,7 @@ from flexfem.files.provenance import Doubts, key_paths, values_by_key
 from flexfem.files.refusals import Problem, key_path, needed
 from flexfem.files.toml import Lines, Path, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
+from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
 from flexfem.mechanism.dimensioned import KEPT
 from flexfem.mechanism.drives import check_drive
@@ -26,7 +27,6 @@ from flexfem.mechanism.stage_file import (
     Origin,
     StageContent,
     actuators_of,
-    drive_content,
     hinges_of,
     merged_changes,
     of_drive,
@@ -167,8 +167,18 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def drive_hash(self) -> str:
-        """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of."""
-        return digest(canonical({"stage": self.hash, "drive": drive_content(self)}))
+        """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of.
+
+        Friction that is not stated and balls that are not loose are left out, as in hashes older than those keys.
+        """
+
+        def said(one: Actuator) -> list[Any]:
+            left_out = {"name", "stack"} | ({"friction"} if one.friction is None else set())
+            return [one.model_dump(exclude=left_out | (set() if one.ball_loose else {"ball_loose"})), one.rating]
+
+        chains = [[said(one) for one in row] for row in actuators_of(self)]
+        alike = all(chain == chains[0] for chain in chains)
+        return digest(canonical({"stage": self.hash, "drive": chains[0] if alike else chains}))
 
     @property
     def heat_hash(self) -> str:
@@ -224,13 +234,6 @@ def load_feasible(path: Path) -> Stage:
 
 
 DRAWN = ("chain.", "hinges.", "platform.")  # tables of what a drawing shows
-METAL = {  # nothing that is drawn shows it
-    "name": "unnamed",
-    "youngs_modulus_gpa": 70.0,
-    "poissons_ratio": 0.3,
-    "density_kg_m3": 2700.0,
-    "yield_strength_mpa": 300.0,
-}
 
 
 class PartialStage(NamedTuple):
@@ -260,7 +263,9 @@ def load_partly(path: Path) -> PartialStage:
 
     Raises BadInput as `load_stage` for what is wrong in it, and as `check_feasible` where nothing is missing.
     """
-    spare, missing = tomllib.loads(read_data("new-stage.toml")) | {"material": METAL, "name": "unnamed"}, list[str]()
+    metal = materials()["al-6061-t6"].model_dump(by_alias=True, exclude_none=True)  # nothing that is drawn shows it
+    spare = tomllib.loads(read_data("new-stage.toml")) | {"material": metal | {"name": "unnamed"}, "name": "unnamed"}
+    missing = list[str]()
 
     def completed(data: dict[str, Any], lines: Lines) -> dict[str, Any]:
         data = with_material_of_file(path, data, lines)

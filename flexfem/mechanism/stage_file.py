@@ -6,6 +6,7 @@ File keys end in their unit; the attributes carry none and hold inside units (th
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
@@ -175,12 +176,11 @@ def counted(count: int, one: str, many: str) -> str:
 
 def scopes_of(doubted: Iterable[str]) -> str:
     """What key paths of numbers in doubt are of, counted: "17 of geometry and material, 2 of the case"."""
-    counts: dict[str, int] = {}
+    counts = Counter[str]()
     for key in doubted:
         file, _, own = key.rpartition(": ")
         scope = "the drive" if of_drive(own) else "expansion" if of_heat(own) else "geometry and material"
-        scope = scope if file in ("", "stage") else FILES.get(file, f"the {file}")
-        counts[scope] = counts.get(scope, 0) + 1
+        counts[scope if file in ("", "stage") else FILES.get(file, f"the {file}")] += 1
     return ", ".join(f"{count} of {scope}" for scope, count in counts.items())
 
 
@@ -359,20 +359,6 @@ def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     own = {override.place: override for override in stage.override}
     rows = [[(each, own.get((chain, "actuator", each.name))) for each in stage.actuator] for chain in CHAINS]
     return tuple(tuple(Actuator.model_validate(_content(one, new)) if new else one for one, new in row) for row in rows)
-
-
-def drive_content(stage: StageContent) -> list[Any]:
-    """What of the drive is part of a hash, of every chain, or of one where all are alike: no names.
-
-    Friction that is not stated, and balls that are not loose, are left out, as in hashes older than those keys.
-    """
-
-    def said(one: Actuator) -> dict[str, Any]:
-        newer = {"friction": one.friction is None, "ball_loose": not one.ball_loose}
-        return one.model_dump(exclude={"name", "stack", *(key for key, left_out in newer.items() if left_out)})
-
-    chains = [[[said(one), one.rating] for one in chain] for chain in actuators_of(stage)]
-    return chains[0] if all(chain == chains[0] for chain in chains) else chains
 
 
 def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:

@@ -12,20 +12,9 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement
 from flexfem.files.refusals import shown
 from flexfem.mechanism.stage import Stage
+from flexfem.plot import style
 from flexfem.plot.stage import draw_to_one_scale, plot_stage
-from flexfem.plot.style import (
-    COLOURS,
-    GREY,
-    INK,
-    in_house_style,
-    name_rows,
-    new_axes,
-    panels,
-    ring,
-    share_x,
-    titled,
-    wrapped,
-)
+from flexfem.plot.style import COLOURS, GREY, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
 
@@ -40,7 +29,7 @@ SENSITIVITY = (
 FRONT = "Designs that no other beats in both objectives, by finite elements; each is a stage file, by its number."
 
 
-@in_house_style
+@style.in_house_style
 def design_figure(found: Designed) -> Figure:
     """Draw the stage, the margins of its requirements, the history of the search and, of two objectives, the front."""
     state = "every requirement is met" if found.feasible else "not every requirement is met"
@@ -127,7 +116,7 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     ax.plot(*values.T, color=COLOURS[0], linewidth=1.2, label="by finite elements")
     ax.plot(*np.array([one.predicted for one in found.front]).T, "+", color=INK, markersize=9, label="corrected model")
     for place, (at, one) in enumerate(zip(values, found.front, strict=True), 1):
-        ring(ax, at, str(place), INK if one.met else COLOURS[1])
+        style.ring(ax, at, str(place), INK if one.met else COLOURS[1])
     ax.plot(*(goal.value for goal in found.objectives), "o", color="none", markeredgecolor=INK, markersize=17,
             label="the design")  # fmt: skip
     first, second = (f"{goal.headed()}, the {goal.better} the better" for goal in found.objectives)
@@ -138,7 +127,7 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     return ax
 
 
-@in_house_style
+@style.in_house_style
 def front_figure(found: Designed) -> Figure:
     """Draw the front, and every design on it to one scale."""
     count = len(found.front) + 1
@@ -160,7 +149,7 @@ def _objectives(found: Designed, one: FrontDesign) -> str:
     return "\n".join(lines if one.met else [*lines, "a requirement is missed"])
 
 
-@in_house_style
+@style.in_house_style
 def sensitivity_figure(found: Designed) -> Figure:
     """Draw how objectives and active requirements follow each dimension."""
     quantities, title = found.decisive, f"{found.name}: sensitivity to each dimension"
@@ -175,7 +164,7 @@ def sensitivity_figure(found: Designed) -> Figure:
         ax.set_title(wrapped(", ".join([each.label, *ends]), 2.7, 9.5), loc="left", size=9.5)
         if place % across:
             ax.set_yticklabels([])
-    share_x(axes)
+    style.share_x(axes)
     return figure
 
 
@@ -195,7 +184,7 @@ def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) 
     bars = ax.barh(np.arange(len(values)), lengths, height=0.62, color=COLOURS[0])
     texts = ["not known" if x is None else ("+" if x > 0 else "") + significant(x, 2) for x in values]
     ax.bar_label(bars, texts, padding=4, size=8.5, color=INK)
-    name_rows(ax, list(found.design), 2.0)
+    style.name_rows(ax, list(found.design), 2.0)
     reach = 1.55 * float(np.max(np.abs(lengths), initial=0.0)) or 1.0  # with room for the numbers
     ax.set(xlim=(-reach, reach), xlabel="change (%) for 1 %")
     return ax

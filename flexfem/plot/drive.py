@@ -11,7 +11,7 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch, Polygon
+from matplotlib.patches import Circle, Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from flexfem.arrays import Array
@@ -91,22 +91,14 @@ def plot_strokes(ax: Axes, found: Drive) -> Axes:
 
 
 def plot_forces(ax: Axes, found: Drive) -> Axes:
-    """Draw the forces of the stacks, a bar for each criterion, with preload and blocking force; returns `ax`.
-
-    Blocking forces are written at the right of the axes, and drawn where the axis reaches them.
-    """
+    """Draw the forces of the stacks, a bar for each criterion, with preload and blocking force; returns `ax`."""
     force = dict(zip(found.axes["criterion"], found.force.T, strict=True))
-    preload, blocking = found.preload, found.blocking_force
-    rows, every = np.arange(len(preload)), np.concatenate([*force.values(), preload])
+    preload, every = found.preload, np.concatenate([*force.values(), found.preload])
     most, least = 1.12 * max(float(every.max()), 1e-9), min(0.0, 1.12 * float(every.min()))
     _bars(ax, force)
-    mark: Any = {"linestyle": "none", "marker": "|", "markersize": 17.0, "zorder": 5}
-    ax.plot(preload, rows, color=INK, markeredgewidth=1.3, label="preload", **mark)
-    near = blocking <= most
-    if near.any():
-        ax.plot(blocking[near], rows[near], color=NOTE_COLOUR, markeredgewidth=2.6, label="blocking force", **mark)
+    ax.plot(preload, np.arange(len(preload)), "|", color=INK, markersize=17.0, label="preload", zorder=5)
     beside: Any = {"transform": ax.get_yaxis_transform(), "va": "center", "size": 8.0, "color": "#404040"}
-    for row, value in enumerate(blocking.tolist()):
+    for row, value in enumerate(found.blocking_force.tolist()):
         ax.text(1.015, row, f"{value:.4g} {FORCES[0]}", **beside)
     _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.axes["stack"])])
     ax.set(xlabel=f"force ({FORCES[0]}); a contact opens at zero", xlim=(least, most))
@@ -289,11 +281,9 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         at = unit.factor * (edge.start + edge.end) / 2
         write(ax, at + 0.05 * size * (at - middle) / np.linalg.norm(at - middle), f"{k}", size=8.5)
     if found.circle > 0:
-        angle = np.linspace(0.0, 2 * np.pi, 181)
-        around = rest[:, None] + float(found.circle) * np.array([np.cos(angle), np.sin(angle)])
-        ax.plot(*(unit.factor * around), color=GREY, linewidth=0.9, label="circle about rest")
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    ax.set(xlim=(low[0] - 0.12 * size, high[0] + 0.12 * size), ylim=(low[1] - 0.12 * size, high[1] + 0.34 * size))
+        (x, y), look = unit.factor * rest, {"edgecolor": GREY, "linewidth": 0.9, "label": "circle about rest"}
+        ax.add_patch(Circle((x, y), unit.factor * float(found.circle), fill=False, **look))
+    ax.margins(x=0.12, y=0.3)
     ax.legend(loc="upper center", ncols=2, frameon=False)
     return ax
 

@@ -10,19 +10,8 @@ from matplotlib.figure import Figure
 
 from flexfem.arrays import Array
 from flexfem.mechanism.stage import HINGE_NAMES
-from flexfem.plot.style import (
-    COLOURS,
-    GREY,
-    INK,
-    MARKERS,
-    NAMES,
-    PALE,
-    in_house_style,
-    legend_below,
-    log_ticks,
-    panels,
-    titled,
-)
+from flexfem.plot import style
+from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, panels, titled
 from flexfem.plot.text import scientific, significant
 from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
 from flexfem.questions.identify import Identification
@@ -37,7 +26,7 @@ ENDS: Any = {"color": GREY, "linewidth": 1.1, "dashes": (7, 2, 1.5, 2)}
 SHADES = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
 
 
-@in_house_style
+@style.in_house_style
 def experiment_figure(found: Experiment) -> Figure:
     """Draw load over displacement for the three pushes, and below what its line leaves."""
     asked, title = found.settings, f"{found.about.name}: stiffness as read"
@@ -49,7 +38,7 @@ def experiment_figure(found: Experiment) -> Figure:
     for k, direction in enumerate(DIRECTIONS):
         titled(plot_push(every[k], found, direction), "abc"[k], NAMES[direction])
         plot_remains(every[3 + k], found, direction)
-    legend_below(figure, every, 5, handlelength=3.4)
+    style.legend_below(figure, every, 5, handlelength=3.4)
     return figure
 
 
@@ -101,7 +90,7 @@ def _readings(ax: Axes, found: Experiment, direction: Direction, what: str, valu
     return unit.factor
 
 
-@in_house_style
+@style.in_house_style
 def identification_figure(found: Identification) -> Figure:
     """Draw which neck offsets and fixtures fit the measured slopes."""
     stated = ", ".join(
@@ -112,7 +101,7 @@ def identification_figure(found: Identification) -> Figure:
     lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
     figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, doubts=found.about)
     plot_region(ax, found)
-    legend_below(figure, [ax], 2)
+    style.legend_below(figure, [ax], 2)
     return figure
 
 
@@ -146,7 +135,7 @@ FIRST = 1e2  # cycles at the left edge
 HINGES = {"base": "s", "elbow": "o", "platform": "^"}
 
 
-@in_house_style
+@style.in_house_style
 def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
     asked, first = found.settings, []
@@ -190,7 +179,7 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     left_out = f"; {beyond} of {found.cycles.size} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
     ax.xaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
-    log_ticks(ax.yaxis, ax.get_ylim())
+    style.log_ticks(ax.yaxis, ax.get_ylim())
     ax.set_ylabel(f"fully reversed stress amplitude of the same life ({STRESS})")
     ax.grid(which="major")
     ax.legend(loc="lower left", framealpha=1.0, edgecolor="none", ncols=2)

@@ -201,9 +201,7 @@ def _xy(z: complex) -> tuple[float, float]:
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
-    across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
-    size = (8.27, 7.2 * min(max(up / across, 0.5), 1.5) + 0.7)
-    figure, (axes,) = panels(size, model.stage, [mesh_size(model), KEY], 1, doubts=model)
+    figure, (axes,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, doubts=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_mesh(axes, model, fields)
     return figure
@@ -281,10 +279,8 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
 @in_house_style
 def model_sketch(model: CurveModels) -> Figure:
     """Draw the pseudo-rigid-body model, Figs. 3 and 4 of the paper: see `plot_model`."""
-    span = np.ptp([hinge.centre for hinge in model.hinges], axis=0)
-    height = 7.6 * min(max(np.divide(*(span + 0.3 * max(span))[::-1]), 0.5), 1.4) + 1.0
     title = f"{model.stage}: model of mobility {model.mobility}"
-    figure, (axes,) = panels((8.27, height), title, [mobility_line(model)], 1, doubts=model)
+    figure, (axes,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, doubts=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_model(axes, model)
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}
@@ -382,10 +378,10 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         labels += [(curve[30], said, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length, LINK)]
     for anchor, text, colour in labels:
         place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True, bbox=PLAIN)
-    for chain, (at, hinge) in enumerate(zip(points[:, 0], hinges[::3], strict=True), start=1):
-        foot = at - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
+    for hinge in hinges[::3]:
+        foot = hinge.centre - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
         taken.append(shapely.Point(foot).buffer(3.0 * radius))
-        place_label(axes, foot, f"chain {chain}", taken, 0.06 * size, size=10)
+        place_label(axes, foot, f"chain {hinge.chain}", taken, 0.06 * size, size=10)
 
 
 def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
@@ -466,12 +462,10 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         "material.name": stage.material.name,
     }
     lines = ["; ".join(text for key, text in facts.items() if found.given(key))]
-    if missing:
-        lines.append(f"missing: {', '.join(missing)}")
-    elif stage.chains_alike:
-        lines.append("Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees.")
+    lines += [f"missing: {', '.join(missing)}"] if missing else []
     if found.whole:
-        lines.append("Heavy lines: clamped. Disc: the hub, rigid in the models.")
+        alike = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
+        lines.append(f"{alike if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
     title = stage.name if found.given("name") else str(stage.origin)
     figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, doubts=found.doubts)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then

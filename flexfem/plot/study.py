@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -41,7 +40,7 @@ DOTS, MOST_DOTS = 5000, 100_000  # more are rasterised in a PDF; of more that ma
 HATCHES = ("////", "xxxx", "....", "||||", "----")
 CONTOURS = 8  # about
 BARS = (10, 60)  # fewest and most in a histogram
-MOST_DECIMALS = 7
+DIGITS, NONE = 5, "too few designs for an interval"  # of a percentile
 ROUND_OFF = 1e-12  # of the largest value
 ACROSS, CELL, WRITTEN = 4, 1.5, 6  # drawings in a row, their width in in, factors below each
 NAMED = "ABCDEFGHIJKL"
@@ -59,15 +58,10 @@ def write_study_figures(found: Mapping[str, findings.Record | findings.Refused],
 
 def page_of(record: findings.Record) -> Figure:
     """The page of one record."""
-    match record:
-        case StudyMap():
-            return map_figure(record)
-        case Distribution():
-            return distribution_figure(record)
-        case Sensitivity():
-            return sensitivity_figure(record)
-        case ParetoFront():
-            return pareto_figure(record)
+    draw: dict[type, Callable[[Any], Figure]] = {
+        StudyMap: map_figure, Distribution: distribution_figure, Sensitivity: sensitivity_figure
+    }  # fmt: skip
+    return draw.get(type(record), pareto_figure)(record)
 
 
 def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequence[str] = ("", "")) -> None:
@@ -292,16 +286,16 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
     borders = 10.0**borders if quantity.log else borders
     ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
     ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
-    entries, width = list[Any](), narrowest(scatter.percentiles)
+    entries = list[Any]()
     for dash, one in zip(("dashed", "solid", "dashed"), scatter.percentiles, strict=True):
         if np.isfinite([one.low, one.high]).all():
             ax.axvspan(one.low, one.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
         entries.append(ax.axvline(one.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
-        entries[-1].set_label(described(one, quantity.after, width))
+        entries[-1].set_label(_described(one, quantity.after))
     if scatter.nominal is not None:
         nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * np.abs(values).max() else 0.0
         entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4))
-        entries[-1].set_label(f"base stage: {to_digits(nominal, width) if nominal else '0'}{quantity.after}")
+        entries[-1].set_label(f"base stage: {significant(nominal, DIGITS)}{quantity.after}")
     style.legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
     ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)), xlim=(borders[0], borders[-1]))
     name_axes(ax, quantity)
@@ -318,24 +312,11 @@ def histogram(values: Array) -> tuple[Array, Array]:
     return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
 
 
-def described(one: Percentile, after: str, width: float) -> str:
-    """A percentile with its confidence interval, in words, to the second digit of a width."""
-    low, value, high = (to_digits(x, width) if np.isfinite(x) else "" for x in (one.low, one.value, one.high))
-    interval = f"{low}{SPACE}to{SPACE}{high}" if low and high else "too few designs for an interval"
-    return f"{one.percent:g}{SPACE}%: {value}{after}\n({interval})"
-
-
-def narrowest(found: Sequence[Percentile]) -> float:
-    """Width of the narrowest interval that there is, else zero."""
-    return min((one.high - one.low for one in found if 0 < one.high - one.low < np.inf), default=0.0)
-
-
-def to_digits(value: float, width: float) -> str:
-    """A number to the second digit of a width, or with four digits where that is long or there is no width."""
-    decimals = 1 - math.floor(math.log10(width)) if width > 0 else MOST_DECIMALS + 1
-    if decimals > MOST_DECIMALS or decimals < -2:
-        return significant(value)
-    return f"{round(value, decimals):z.{max(decimals, 0)}f}".replace("-", "\N{MINUS SIGN}")
+def _described(one: Percentile, after: str) -> str:
+    """A percentile with its confidence interval, in words."""
+    known = bool(np.isfinite([one.low, one.high]).all())
+    interval = f"{significant(one.low, DIGITS)}{SPACE}to{SPACE}{significant(one.high, DIGITS)}" if known else NONE
+    return f"{one.percent:g}{SPACE}%: {significant(one.value, DIGITS)}{after}\n({interval})"
 
 
 # sensitivities

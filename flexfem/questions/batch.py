@@ -26,8 +26,8 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.driven import DriveRanges, drive_ranges, driven
+from flexfem.questions.life import Lives, Repeated, by_elements, by_wrenches, lives
 from flexfem.questions.modes import vibrating
-from flexfem.questions.strained import Lives, Repeated, by_elements, by_wrenches, lives
 from flexfem.refused import ComputationFailed
 from flexfem.units import DENSITY
 

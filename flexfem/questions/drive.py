@@ -86,13 +86,9 @@ class Drive(Result):
         "largest hinge rotation", "mrad", ("chain", "hinge", "criterion"), SOLVED, "all", largest=("chain", "hinge")
     )
     stress = Quantity(
-        "highest neck stress",
-        "mpa",
-        ("model", "chain", "hinge", "criterion"),
-        STRESS,
-        "all",
+        "highest neck stress", "mpa", ("model", "chain", "hinge", "criterion"), STRESS, "all",
         largest=("chain", "hinge"),
-    )
+    )  # fmt: skip
     friction = Quantity(
         "pose that friction leaves open, at most ±", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
         prefixed=True,
@@ -113,10 +109,9 @@ class Drive(Result):
 
 
 class StackPlace(NamedTuple):
-    """A stack in its place, frame of the stage.
+    """A stack of a chain (1 to 3) between its carrier and the body that it pushes, and the index of its command.
 
-    chain : 1 to 3.   between : the body that carries it, and the one that it pushes.   actuator : index of its command.
-    contact, push : (2,), mm, where it pushes, and the unit vector in which it pushes the second body.
+    contact, push : (2,), mm, frame of the stage, where it pushes, and the unit vector in which it does.
     """
 
     chain: int
@@ -288,14 +283,10 @@ def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
-    """What the drive of a stage does, n = 1, by finite elements on a mesh of it; neck stress as of the analytic model.
-
-    Raises BadInput without actuators, ComputationFailed.
-    """
-    of, plate = drive_of(stage), plate_of(stage)
+    """What the drive of a stage does, n = 1, by finite elements; neck stress as of the analytic model."""
+    of, plate = drive_of(stage).at(None), plate_of(stage)
     C, fields = driven_response(mesh, plate, of.stacks)
-    one = of.at(None)
-    return drive_ranges(lower(stage), driven(C[None], one), neck_wrenches(mesh, plate, fields)[None], one)
+    return drive_ranges(lower(stage), driven(C[None], of), neck_wrenches(mesh, plate, fields)[None], of)
 
 
 def engaged_stiffness(of: Driven) -> Array:
@@ -304,13 +295,11 @@ def engaged_stiffness(of: Driven) -> Array:
 
 
 def push_spread(of: Commanding) -> Array:
-    """How much (3,) the engaged stiffness K_ii moves, at most, with pushes spread over half and twice the length that
-    is assumed, as far as links reach; zero by rigid links.
-    """
-    own = drive_of(of.stage)
-    spread = (tuple(stack.spread_over(times) for stack in own.stacks) for times in PLAUSIBLE)
-    models = [driven_model(of.stage, of.result, each).compliance for each in spread]
-    found = np.array([engaged_stiffness(driven(C, own)) for C in models])
+    """How much (3,) the engaged stiffness moves, at most, with pushes spread over half and twice the assumed length."""
+    own, found = drive_of(of.stage), []
+    for times in PLAUSIBLE:
+        spread = tuple(stack.spread_over(times) for stack in own.stacks)  # as far as links reach
+        found.append(engaged_stiffness(driven(driven_model(of.stage, of.result, spread).compliance, own)))
     return np.asarray(np.max(np.abs(found - engaged_stiffness(of.of)), axis=0))
 
 
@@ -322,14 +311,10 @@ def _with_friction(of: StageDrive) -> tuple[Stack, ...]:
 def left_open(of: Driven, across: Array, own: StageDrive, force: Array) -> Array:
     """Half-widths (3,) of the poses that friction leaves open, mm, mm, rad, with forces (n,) of all stacks, N.
 
-    Contacts that would have to pull are open and hold nothing.
-
-    Notes
-    -----
     A contact that its stack presses with N carries along its face any force f up to mu N before it slips. Every pose
     that the stage may rest in is `U + sum_i h_i f_i`, `|f_i| <= mu_i N_i`, `h = C_Ut - C_Ud Y C_dt` the motion by a
-    newton along contact i, the other stacks holding their strokes; the largest of each coordinate is
-    `sum |h_i| mu_i N_i`, reached only where all contacts are about to slip. N is the force without friction.
+    newton along contact i, the other stacks holding their strokes; at most `sum |h_i| mu_i N_i`, where all are about
+    to slip. N is the force without friction; contacts that would have to pull are open and hold nothing.
     """
     rubbing = list(own.rubbing)
     per_force = across[:3] - of.C[:3, 3:] @ of.Y @ across[3:]
@@ -340,21 +325,20 @@ def _commands(
     of: Driven, own: StageDrive, pose: Array, load: Array, lever: float, warnings: list[str]
 ) -> dict[Criterion, Array]:
     """Commands (m,) by criterion; those that stacks which only push cannot meet are left out, which is warned of."""
-    found: dict[Criterion, Array] = {CRITERIA[0]: commands_for(of, own, pose, load, lever, CRITERIA[0])}
-    for name in CRITERIA[1:]:
+    found, reason = dict[Criterion, Array](), ""
+    for name in CRITERIA:
         try:
             found[name] = commands_for(of, own, pose, load, lever, name)
         except ComputationFailed as failure:
+            if name == CRITERIA[0]:
+                raise
             warnings.append(f"{name}: {failure}")
-            if isinstance(failure, Unreachable) and name == "within limits":
-                warnings.append(f"the drive does not reach this pose: {failure.reason}")
+            reason = failure.reason if isinstance(failure, Unreachable) and name == "within limits" else ""
     if "within limits" in found:
-        used = {name: np.max(each) for name, each in shares(of, own, found["within limits"], load).items()}
+        used = {name: float(np.max(each)) for name, each in shares(of, own, found["within limits"], load).items()}
         which = max(used, key=lambda name: used[name])
-        if used[which] > 1 + ROUND_OFF:
-            warnings.append(
-                f"the drive does not reach this pose: it takes {used[which]:.4g} times its limit of {which}"
-            )
+        reason = f"it takes {used[which]:.4g} times its limit of {which}" if used[which] > 1 + ROUND_OFF else ""
+    warnings += [f"the drive does not reach this pose: {reason}"] if reason else []
     return found
 
 
@@ -370,11 +354,9 @@ def _stiffness(
     of, engaged = first.of, engaged_stiffness(first.of)
     ways = {way: serial(first.stage, first.result, own.stacks, way) for way in FOLLOWS}
     pushed = {PUSHES[way]: _preloaded(one, own, own.preload, np.zeros(3)) for way, one in ways.items()}
-    pushed |= {
-        f"pushed with the forces by {name}": _preloaded(ways["pushed"], own, f, load) for name, f in forces.items()
-    }
-    for name, K in pushed.items():
-        warnings += [f"no stable equilibrium of the stacks {name}"] if np.isnan(K).any() else []
+    for name, force in forces.items():
+        pushed[f"pushed with the forces by {name}"] = _preloaded(ways["pushed"], own, force, load)
+    warnings += [f"no stable equilibrium of the stacks {name}" for name, K in pushed.items() if np.isnan(K).any()]
     C = of.C[:3, :3]
     free = zip(FREE, (1 / np.diag(C), 1 / np.diag(of.engaged)), strict=True)
     states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | pushed | dict(free)
@@ -429,9 +411,7 @@ def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) 
 
 def stack_names(of: StageDrive) -> tuple[str, ...]:
     """Names of the stacks (n) of a drive: of its actuators, the second of a pair as the partner."""
-    commands = np.argmax(of.differential != 0, axis=1).tolist()
-    signs = of.differential.sum(axis=1).tolist()
-    return tuple(f"{of.names[k]}{', partner' if sign < 0 else ''}" for k, sign in zip(commands, signs, strict=True))
+    return tuple(f"{of.names[np.flatnonzero(row)[0]]}{', partner' if min(row) < 0 else ''}" for row in of.differential)
 
 
 def stack_places(stage: Stage) -> list[StackPlace]:

@@ -4,10 +4,6 @@ With loads F on the platform and the forces f by which n stacks push their bodie
 stiffness k with the free stroke s fills its opening: d = s - f / k. With commands x, all beyond rest:
 
     s = T x,   f = Y (s - C_dF F),   Y = (k^-1 + C_dd)^-1,   U = C_UF F + C_Ud f
-
-At a place x along a neck, from its centre, the stress is `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|`, h the
-height of the notch there. M, N, V are linear in the commands: yield is four half-spaces at every place. Preloads of
-single stacks stress the necks at rest; those of a pair bear on each other.
 """
 
 from __future__ import annotations
@@ -201,9 +197,7 @@ def linear_program(cost: Array, **limits: Any) -> Any:
 
 
 def limits_of(of: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLimits]:
-    """Every limit of a drive under a load (3,): of the commands (m,) the highest, then the lowest; of the forces (n,)
-    that none is above the blocking force, and that no contact is lost.
-    """
+    """Limits of a drive under a load (3,): of commands the highest, then the lowest; of forces both ways."""
     one, sizes = np.eye(drive.lowest.shape[-1]), np.abs(np.concatenate([drive.highest, drive.lowest], axis=-1))
     per_command, at_rest = of.Y @ of.T, of.Y @ of.C[..., 3:, :3] @ load
     left = drive.blocking_force - drive.preload
@@ -218,8 +212,7 @@ def limits_of(of: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLi
 def shares(of: Driven, drive: StageDrive, command: Array, load: Array) -> dict[Limit, Array]:
     """Shares that commands take of each limit, above one where they break it: of strokes (2m,), of forces (n,).
 
-    inf where nothing is allowed: the contact of a stack without preload that would have to pull. What is used of
-    nothing at all by round-off alone is nothing.
+    inf where nothing is allowed: the contact of a stack without preload that would have to pull.
     """
     found, limits = dict[Limit, Array](), limits_of(of, drive, load)
     for name in LIMITS:
@@ -232,9 +225,7 @@ def shares(of: Driven, drive: StageDrive, command: Array, load: Array) -> dict[L
 
 
 def neck_forces(frames: Frames, wrenches: Array) -> Array:
-    """Moments, forces along and across (3, ..., 3 chains, 3 hinges, k) of necks, N mm, N, by wrenches (..., 3, 3, 3, k)
-    at the platform centre.
-    """
+    """Moments, forces along and across (3, ..., 3 chains, 3 hinges, k) of necks, by wrenches (..., 3, 3, 3, k)."""
     return np.array(at_necks(frames, wrenches))
 
 
@@ -246,8 +237,8 @@ def per_command(of: Driven, frames: Frames, necks: Array) -> Array:
 def sections_of(designs: Designs) -> Array:
     """Places along the necks of n designs, (3, n, 3, 3, SECTIONS), the middle one at the centre.
 
-    Distance from the centre times K_s / K_b, mm: the lever of a force across the neck; von Mises stress of the moment
-    there, MPa per N mm, and of a force along the neck, MPa per N.
+    Lever of a force across the neck, mm; von Mises stress of the moment there, MPa per N mm, and of a force along the
+    neck, MPa per N: `|6 (M K_b + V x K_s) / (b h^2)| + |N K_t / (b h)|` at x from the centre, h the height there.
     """
     radius, neck = designs.radius[..., None], designs.neck[..., None]
     x = radius * np.linspace(-BESIDE, BESIDE, SECTIONS)
@@ -279,11 +270,9 @@ def limits_of_necks(at: Array, carried: Array, at_rest: Array, strength: float) 
 
 
 class DriveRanges(NamedTuple):
-    """What the drives of n designs do, directions x, y, theta; nan for a design that they do not move in all three, and
-    for one whose preloads alone make a neck yield.
+    """How far drives of n designs reach each way (n, 2, 3), mm and rad, and their stiffness (n, 3, 3) with the stacks.
 
-    reach : (n, 2, 3), mm and rad, how far each way, forwards and backwards.
-    engaged : (n, 3, 3), stiffness with the stacks holding their strokes.
+    nan for a design that they do not move in three directions, and for one whose preloads alone make a neck yield.
     """
 
     reach: Array
@@ -337,14 +326,12 @@ def _along_axes(of: Driven, drive: StageDrive) -> tuple[Array, Array, Array]:
     return Z, np.repeat(rows, 6, axis=0) @ Z, np.repeat(ends, 6, axis=0)
 
 
+# whether points (q, d) of some programs break further limits, and rows (q, d) and ends (q,) of those at the worst place
 Cut: TypeAlias = Callable[[Index, Array], tuple[NDArray[np.bool_], Array, Array]]
 
 
 def _yield_of(designs: Designs, design: Index, forces: Array, rest: Array) -> Cut:
-    """Whether points z (q, d) of some programs break yield, and the half-space (q, d), (q,) of the worst place.
-
-    Of p programs: their designs (p,), forces (3, p, 9, d) of the necks and those at rest (3, p, 9).
-    """
+    """Yield as a `Cut` of p programs, by their designs (p,), forces (3, p, 9, d) of the necks and at rest (3, p, 9)."""
     at = sections_of(designs).reshape(3, len(designs.thickness), 9, -1)
     lever, bending_most, tension_most = np.max(np.abs(at), axis=-1)  # of all places: an upper bound of the stress
     strength = designs.yield_strength * (1 - YIELD_MARGIN[designs.plane])  # the model's stress may be low
@@ -375,10 +362,6 @@ def _yield_of(designs: Designs, design: Index, forces: Array, rest: Array) -> Cu
 
 def farthest(A: Array, b: Array, cut: Cut | None = None) -> Array:
     """Points (p, d) of the largest z_0 with A z <= b, A (p, k, d), b (p, k), bounded; nan where there is none.
-
-    Parameters
-    ----------
-    cut : of some programs and their points, whether these break further limits, and which: rows (q, d), ends (q,).
 
     Notes
     -----

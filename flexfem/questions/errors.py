@@ -1,8 +1,4 @@
-"""Errors of an analytic model against finite elements: Section V of the paper, Figures 5 to 7.
-
-The force that (18) predicts for a command is applied to the finite elements, or with joints imposed, `imposed`, the
-rotations or strokes that the model computes for it.
-"""
+"""Errors of an analytic model against finite elements under its force (18) or its joints: Figures 5 to 7."""
 
 from __future__ import annotations
 
@@ -101,8 +97,6 @@ class CurveModels(BaseModel):
     assumed: list[str]
     not_stated: list[str]
     lever: float
-    link_width: float
-    platform_radius: float
     hub_radius: float
     hinges: list[HingeDrawing]
     resolution: int
@@ -158,11 +152,7 @@ class Verification(Result):
     drive = property(lambda of: of.settings["drive"], doc="What the finite elements were given.")
     elements = property(lambda of: of.settings["model"], doc="Which finite elements.")
     curves = property(lambda of: of.axes["curve"], doc="Labels of the curves.")
-
-    @property
-    def commanded(self) -> Array:
-        """Commands (points,), mm or rad."""
-        return self.command[:, DIRECTIONS.index(self.direction)]
+    commanded = property(lambda of: of.command[:, DIRECTIONS.index(of.direction)], doc="Commands (points,), mm or rad.")
 
     @property
     def models(self) -> dict[str, CurveModels]:
@@ -190,13 +180,11 @@ class Verification(Result):
 
 
 class Answer(NamedTuple):
-    """Finite elements of a curve.
+    """Finite elements of a curve: force, error less the command (points, 3); pose (3,), stress and fields at the last.
 
-    error : (points, 3), less the command.   pose (3,), neck_stress (3 chains, 3 hinges), fields : at full command.
-    bands : of the three percentages.   compliance : (3, 3), of the platform.
+    bands : of the three percentages, of_layers (3,) their share.   compliance : (3, 3), of the platform.
     peak_band : half-width of the highest neck stress per displacement, nan of one mesh.
     joints, imposed : names (m,), and rotations or strokes (points, m) that they were given.
-    of_layers : share (3,) of the bands.
     """
 
     error: Array
@@ -255,11 +243,8 @@ class CurveRun(NamedTuple):
 def run_case(loaded: LoadedCase) -> Verification:
     """Run every curve of a case. Raises BadInput when a stage does not suit the formula, ComputationFailed."""
     case, stages, found = loaded.case, loaded.stages, _doubts(loaded)
-    models = [analyse(stages[one.label], one.mobility, one.formula, one.links) for one in case.curve]
-    runs = [
-        CurveRun(curve, stages[curve.label], model, _answer(loaded, curve, model))
-        for curve, model in zip(case.curve, models, strict=True)
-    ]
+    models = {one: analyse(stages[one.label], one.mobility, one.formula, one.links) for one in case.curve}
+    runs = [CurveRun(one, stages[one.label], model, _answer(loaded, one, model)) for one, model in models.items()]
     joints = tuple(dict.fromkeys(name for each in runs for name in each.elements.joints))
     described = {each.curve.label: _described(case, each) for each in runs}
     labels = {
@@ -327,17 +312,16 @@ def _said(label: str, of: CurveModels) -> str:
 
 def _doubts(loaded: LoadedCase) -> Doubts:
     """What is assumed or not stated of a case and its stages, of their drives where these are used."""
-    stages = loaded.stages.values()
-    if loaded.case.drive != "strokes":
-        return doubts([("case: ", loaded.case), *(("", stage) for stage in stages)])
-    every = [doubts([("case: ", loaded.case)]), *(stage.drive_doubts for stage in stages)]
+    strokes = loaded.case.drive == "strokes"
+    every = [stage.drive_doubts if strokes else doubts([("", stage)]) for stage in loaded.stages.values()]
+    every.append(doubts([("case: ", loaded.case)]))
     return Doubts(*(sorted(set(chain.from_iterable(each))) for each in zip(*every, strict=True)))
 
 
 def _described(case: Case, run: CurveRun) -> CurveModels:
     """What is stored of a curve beside its numbers."""
     (curve, stage, model, elements), strokes = run, case.drive == "strokes"
-    own = stage.drive_doubts if strokes else Doubts(list(stage.assumed), list(stage.not_stated))
+    own = stage.drive_doubts if strokes else stage
     return CurveModels(
         stage=stage.name,
         file=curve.stage,
@@ -347,10 +331,9 @@ def _described(case: Case, run: CurveRun) -> CurveModels:
         formula=model.formula,
         formula_in_range=bool(np.all(model.in_range)),
         links=curve.links,
-        **own._asdict(),
+        assumed=list(own.assumed),
+        not_stated=list(own.not_stated),
         lever=stage.chain.link_lengths[2],
-        link_width=stage.chain.link_width,
-        platform_radius=stage.platform.radius,
         hub_radius=stage.platform.hub_radius,
         hinges=HingeDrawing.of_stage(stage, model.freedoms),
         resolution=case.resolution,
@@ -371,9 +354,8 @@ def _warnings(case: Case, run: CurveRun) -> list[str]:
     if case.analysis == "linear":
         found += warnings.of_motion(stage, elements.pose, full)
     for direction, each in zip(DIRECTIONS, elements.bands, strict=True):
-        said = (
-            f"{where}: the mesh band of the error in {direction}, {each.values[-1]:.4g} %, is ±{each.band:.2g} points"
-        )
+        error = f"{where}: the mesh band of the error in {direction}, {each.values[-1]:.4g} %,"
+        said = f"{error} is ±{each.band:.2g} points"
         if each.band > LARGE_BAND:
             found.append(f"{said}; a higher resolution narrows it")
         elif each.verdict not in SOUND and each.band > UNSETTLED:
@@ -450,8 +432,6 @@ def _exact(stage: Stage, curve: Curve, mesh: StageMesh, command: Array) -> tuple
 def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     """Finite elements in three dimensions under the force of a model; the mid-plane, and stress through the thickness.
 
-    Notes
-    -----
     The mesh in the plane errs alike with one layer and with more. What the layers leave out is bounded by
     `bands.pose_bounds` with the change from few layers to more; nothing where symmetry leaves round-off.
     """

@@ -4,28 +4,49 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq
 
 from flexfem import arguments
-from flexfem.analytic.model import CALIBRATED, analyse
-from flexfem.arrays import Array
+from flexfem.analytic.model import CALIBRATED, AnalyticResult, analyse
+from flexfem.arrays import Array, Index
+from flexfem.fem.elements import von_mises
+from flexfem.fem.fields import notch_fields
+from flexfem.fem.response import Response
+from flexfem.fem.structure import out_of_plane_ratio_of
 from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
-from flexfem.hinges.strength import KEY, Basquin, BasquinFit, checked_law, fit_basquin, required_law
+from flexfem.hinges.strength import (
+    KEY,
+    Basquin,
+    BasquinFit,
+    Wrench,
+    amplitude_at,
+    checked_law,
+    counted,
+    cycles_at,
+    equivalent,
+    fit_basquin,
+    required_law,
+    stress_raised,
+    surface_stress,
+)
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question, solved
-from flexfem.questions.strained import Repeated, Strained, by_elements, by_model, factor_at, of_preloads, scaled
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS
 
+LARGEST_FACTOR = 1e9  # by which an amplitude is multiplied in search of a life
 LARGEST_POSE = 1e2  # mm, rad
 LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
 UNKNOWN = (math.nan, math.nan)  # how far the true stress may be off, from and to
@@ -35,6 +56,128 @@ LEFT_OUT = (
     "life: a median of polished specimens; scatter, surface, size, residual stress, corrosion and stress across the "
     "plane are not in it"
 )
+
+
+class Repeated(NamedTuple):
+    """What the platform repeats: amplitude and mean pose (3,), mm, mm, rad; whether the mean grows with it.
+
+    wanted : life, cycles.   sensitivity : of notches, from 0 to 1.
+    """
+
+    amplitude: Array
+    mean: Array
+    proportional: bool
+    wanted: float
+    sensitivity: float = 1.0
+
+
+def repeated(amplitude: Array, mean: Array | None, ratio: float, wanted: float, sensitivity: float = 1.0) -> Repeated:
+    """A motion of an amplitude (3,) about a mean (3,), or with a ratio of its least to its greatest displacement."""
+    if mean is None:
+        return Repeated(amplitude, amplitude * (1.0 + ratio) / (1.0 - ratio), True, wanted, sensitivity)
+    return Repeated(amplitude, mean, not mean.any(), wanted, sensitivity)
+
+
+class Strained(NamedTuple):
+    """Points at the necks: neck (p,), from 0 to 8, chain by chain; amplitude and mean (..., p) of the stress, MPa.
+
+    counted : (..., p), part of the stress that counts for fatigue.   Leading axes are designs.
+    Stress is von Mises', the mean with the sign of the stress along the surface. The surface of a notch is free, so
+    that the stress there is uniaxial, and the highest principal stress in plane stress.
+    """
+
+    neck: Index
+    amplitude: Array
+    mean: Array
+    counted: Array
+
+    def times(self, factor: float, proportional: bool) -> Strained:
+        """With the amplitude multiplied, the mean too or not."""
+        mean = self.mean * factor if proportional else self.mean
+        return self._replace(amplitude=factor * self.amplitude, mean=mean)
+
+    def equivalent(self, walker: float | Array) -> Array:
+        """Fully reversed amplitude (..., p) of the same life by Walker's exponent, or one a design (..., 1)."""
+        return self.counted * equivalent(self.amplitude, self.mean, walker)
+
+    @property
+    def peak(self) -> Array:
+        """Largest magnitude of the stress (..., p)."""
+        return np.asarray(np.abs(self.mean) + self.amplitude)
+
+
+def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
+    """Both sides of every neck of n designs, by what the necks carry (n, 3, 3, 3)."""
+    bending, along = surface_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
+    sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
+    part = np.repeat(counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
+    return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.amplitude), sides @ of.mean, part)
+
+
+def by_model(stage: Stage, result: AnalyticResult, of: Repeated) -> Strained:
+    """Both sides of every neck, by the analytic model."""
+    found = by_wrenches(lower(stage), Wrench(*(part[None] for part in result.wrench)), of)
+    return Strained(found.neck, *(part[0] for part in found[1:]))
+
+
+def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
+    """The nodes in every notch, by finite elements in the plane."""
+    pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
+    part = counted(design.neck[0] / design.radius[0], of.sensitivity)
+    loads = np.array([of.amplitude, of.mean]) @ stiffness.T
+    parts = []
+    for (chain, hinge), stress in notch_fields(stage, response, loads):
+        amplitude, mean = von_mises(stress, pull)
+        sign = np.sign(np.trace(stress[1], axis1=1, axis2=2))
+        place = np.full(len(mean), 3 * chain + hinge)
+        parts.append(Strained(place, amplitude, sign * mean, np.full(len(mean), part[chain, hinge])))
+    return Strained(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+class Lives(NamedTuple):
+    """Of n designs: cycles (n,) at the amplitude, the size (n, 3) of that for the wanted life, mm, mm, rad, and safety
+    (n,), yield strength over the largest stress at a neck. moved : (3,), whether the amplitude has that direction."""
+
+    cycles: Array
+    largest: Array
+    safety: Array
+    moved: tuple[bool, ...]
+
+
+def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
+    """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
+    coefficient, exponent, walker = fatigue.T
+    highest = np.max(of.equivalent(walker[:, None]), axis=-1)
+    factor = amplitude_at(asked.wanted, coefficient, exponent) / highest
+    return Lives(
+        cycles_at(highest, coefficient, exponent),
+        factor[:, None] * np.abs(asked.amplitude),
+        yield_strength / np.max(of.peak, axis=-1),
+        tuple((asked.amplitude != 0).tolist()),
+    )
+
+
+def of_preloads(stage: Stage) -> list[str]:
+    """Of preloads that stress the necks, which those of pairs do not: that no life counts them."""
+    if all(len(contacts(stage, 1, k)) == 2 or not one.preload for k, one in enumerate(stage.actuator)):
+        return []
+    return ["the mean stress by preloads of single stacks is not in this life"]
+
+
+def factor_at(of: Strained, law: Basquin, cycles: float, proportional: bool) -> float:
+    """By what the amplitude may be multiplied for a life of `cycles` at the first neck; inf where none is pulled."""
+    wanted = float(law.amplitude(cycles))
+    if proportional:
+        highest = float(np.max(of.equivalent(law.walker)))
+        return wanted / highest if highest > 0 else float("inf")
+
+    def beyond(factor: float) -> float:
+        return float(np.max(of.times(factor, False).equivalent(law.walker))) - wanted
+
+    end = 1.0
+    while beyond(end) < 0 and end < LARGEST_FACTOR:
+        end *= 2.0
+    return float(brentq(beyond, 0.0, end, xtol=1e-14, rtol=1e-13)) if end < LARGEST_FACTOR else float("inf")
 
 
 class Life(Result):
@@ -115,7 +258,7 @@ def life(
     wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
     taken, notes = _law(stage, fit, law)
-    asked = Repeated(scaled(moved, middle, -1.0 if ratio is None else float(ratio)), wanted, sensitivity)
+    asked = repeated(moved, middle, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     found, name = dict[str, Answered](), None
@@ -138,13 +281,12 @@ def life(
         found[ELEMENTS] = Answered(values, {"equivalent": bands})
     for model, one in found.items():
         warnings += _warnings(stage, asked, taken, model, one.values)
-    motion = asked.motion
-    end = np.abs(motion.mean) + np.abs(motion.amplitude)
+    end = np.abs(asked.mean) + np.abs(asked.amplitude)
     warnings += [*warning.of_motion(stage, end, "farthest pose"), *of_preloads(stage)]
     settings = {
         "material": stage.material.name,
-        "amplitude": _pose(motion.amplitude),
-        "about": _pose(motion.mean),
+        "amplitude": _pose(asked.amplitude),
+        "about": _pose(asked.mean),
         "wanted cycles": f"{wanted:g}",
         "notch sensitivity": sensitivity,
         "analytic model": name,
@@ -191,11 +333,11 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
 
 def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float]) -> dict[str, Any]:
     """The quantities of one model; the true stress may be off by `error`, from and to."""
-    points, magnitudes = of.equivalent(law.walker), of.peak()
+    points, magnitudes = of.equivalent(law.walker), of.peak
     necks = [np.flatnonzero(of.neck == neck) for neck in range(9)]
     worst = np.array([here[int(np.argmax(points[here]))] for here in necks])
     stress, peak = points[worst], np.array([np.max(magnitudes[here]) for here in necks])
-    highest, proportional = float(np.max(stress)), asked.motion.proportional
+    highest, proportional = float(np.max(stress)), asked.proportional
     factor = factor_at(of, law, asked.wanted, proportional)
     endless = not np.isfinite(factor)
     found = {"amplitude": of.amplitude[worst], "mean": of.mean[worst], "equivalent": stress, "peak": peak}
@@ -207,8 +349,8 @@ def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tu
         "most": most,
         "safety": stage.material.yield_strength / float(np.max(peak)),
         "factor": factor,
-        "peak_at_largest": math.nan if endless else float(np.max(of.peak(factor, proportional))),
-        "largest": np.full(3, math.inf) if endless else factor * asked.motion.amplitude,
+        "peak_at_largest": math.nan if endless else float(np.max(of.times(factor, proportional).peak)),
+        "largest": np.full(3, math.inf) if endless else factor * asked.amplitude,
     }
 
 

@@ -98,19 +98,12 @@ class LimitNames(tuple[str, ...]):
         return "; ".join(f"{kind}: {' | '.join(places)}" for kind, places in self.by_kind.items())
 
 
-class Extreme(NamedTuple):
-    """The commands (m,) that go farthest in a direction, and the names of the limits that stop them."""
-
-    x: Array
-    by: LimitNames
-
-
 class Polytope(NamedTuple):
     """All poses y = (x, y, lever theta), mm, that limits allow; without vertices and faces where they are no solid.
 
-    dimension : of the set.   vertices : (v, 3), mm, mm, rad.   commands : (v, m), that lead there.
+    vertices : (v, 3), mm, mm, rad.   commands : (v, m), that lead there.   volume : mm^2 rad.
     normals, supports : (f, 3), (f,), mm: normal @ y <= support on every face.
-    faces : of each its vertices, counter-clockwise seen from outside.   by : of each the limits.   volume : mm^2 rad.
+    faces : of each its vertices, counter-clockwise seen from outside.   by : of each the limits.
     """
 
     dimension: int
@@ -255,8 +248,11 @@ class PoseSet:
         self.rows, self.bounds = rows / size[:, None], limits.bounds / size
         self.taken = np.arange(len(rows)) < 2 * len(self.unit)  # limits of strokes: every program is bounded
 
-    def farthest(self, c: Array, zero: tuple[int, ...] = ()) -> Extreme:
-        """The commands x with the largest c (m,) @ x, some directions of the pose at zero. Raises NothingAllowed."""
+    def farthest(self, c: Array, zero: tuple[int, ...] = ()) -> tuple[Array, LimitNames]:
+        """The commands x with the largest c (m,) @ x, some directions of the pose at zero, and the limits there.
+
+        Raises NothingAllowed.
+        """
         cost, at = c * self.unit, list(zero)
         cost = cost / (np.max(np.abs(cost)) or 1.0)
         equal = self.G[at] * self.unit / self.size[at, None], -self.rest[at] / self.size[at]
@@ -272,7 +268,7 @@ class PoseSet:
             self.taken[worst[beyond[worst] > EXACT]] = True
         multipliers = -found.ineqlin.marginals
         binding = np.flatnonzero(self.taken)[multipliers > MULTIPLIER * max(np.max(multipliers), MULTIPLIER)]
-        return Extreme(found.x * self.unit, LimitNames(dict.fromkeys(self.names[binding].tolist())))
+        return found.x * self.unit, LimitNames(dict.fromkeys(self.names[binding].tolist()))
 
     def ranges(self) -> tuple[Array, Stops]:
         """Ends (2 others zero or free, 2 low and high, 3), nan where no pose is reached, and what stops them.
@@ -285,14 +281,14 @@ class PoseSet:
             for row, (others, zero) in enumerate(others_of.items()):
                 for column, (end, sign) in enumerate({"low": -1.0, "high": 1.0}.items()):
                     try:
-                        found = self.farthest(sign * self.G[axis], zero)
+                        x, by = self.farthest(sign * self.G[axis], zero)
                     except NothingAllowed:
                         if others == "free":
                             raise
                         continue
-                    value = float(self.rest[axis] + self.G[axis] @ found.x)
+                    value = float(self.rest[axis] + self.G[axis] @ x)
                     ends[row, column, axis] = 0.0 if abs(value) < ROUND_OFF * self.size[axis] else value
-                    stops[others, direction, end] = found.by
+                    stops[others, direction, end] = by
         return ends, stops
 
     def solid(self, lever: float) -> Polytope:
@@ -316,20 +312,20 @@ class PoseSet:
             around = np.arctan2(arms @ np.cross(normal, arms[0]), arms @ arms[0])
             faces.append([face[k] for k in np.argsort(around)])
             normals.append(normal)
-        by = [self.farthest(normal @ G).by for normal in normals]
+        by = [self.farthest(normal @ G)[1] for normal in normals]
         supports = np.max(np.array(normals) @ Z.T, axis=1) * size + normals @ (scale * self.rest)
         poses, volume = commands @ self.G.T + self.rest, volume * size**3 / lever
         return Polytope(3, poses, commands, np.array(normals), supports, faces, by, volume)
 
     def _spanning(self, G: Array) -> tuple[Array, int]:
         """Commands whose images under G (3, m) span the set, and its dimension."""
-        X, dimension = self.farthest(G[0]).x[None], -1
+        X, dimension = self.farthest(G[0])[0][None], -1
         while True:
             _, values, axes = np.linalg.svd((X - X[0]) @ G.T)
             before, dimension = dimension, int(np.count_nonzero(values > FLAT))
             if dimension in (before, 3):
                 return X, dimension
-            new = [self.farthest(sign * w @ G).x for w in axes[dimension:] for sign in (1.0, -1.0)]
+            new = [self.farthest(sign * w @ G)[0] for w in axes[dimension:] for sign in (1.0, -1.0)]
             X = np.concatenate([X, new])
 
     def _refined(self, G: Array, commands: Array) -> Array:
@@ -341,7 +337,7 @@ class PoseSet:
             planes = {tuple(np.round(plane[:3], 10) + 0.0): plane for plane in ConvexHull(commands @ G.T).equations}
             fresh = [plane for key, plane in planes.items() if key not in known]
             known |= planes.keys()
-            farthest = [self.farthest(plane[:3] @ G).x for plane in fresh]
+            farthest = [self.farthest(plane[:3] @ G)[0] for plane in fresh]
             beyond = [x for x, plane in zip(farthest, fresh, strict=True) if plane[:3] @ G @ x + plane[3] > EXACT]
             if not beyond:
                 return commands

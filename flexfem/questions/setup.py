@@ -12,7 +12,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import ModelChoice, choose, model_of
+from flexfem.analytic.model import ModelChoice, choose
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, StageMesh, mesh_sectors
@@ -80,11 +80,7 @@ class Analytic(NamedTuple):
 
     def chosen(self, stage: Stage, warnings: list[str]) -> ModelChoice:
         """The model of a stage; adds warnings where a chart does not reach. Raises BadInput."""
-        if self.links and self.mobility not in (None, 21):
-            raise BadInput(
-                f"links with mobility {self.mobility}, expected 21 or None: elastic links go with all freedoms"
-            )
-        return choose(stage, model_of(*self), warnings)
+        return choose(stage, *self, warnings)
 
 
 DEFAULT = Analytic()

@@ -58,15 +58,6 @@ def test_a_straight_cantilever_that_ends_at_the_platform_is_timoshenkos():
     np.testing.assert_allclose(C, expected, rtol=QUADRATURE, atol=1e-18)
 
 
-def test_a_thin_ring_segment_bends_like_a_curved_bar():
-    of, R = stage(chain__link_width_mm=0.1), 50.0
-    EI, _, _ = section(of)
-    quarter = [Segment(R * np.exp(1j * a), R * np.exp(1j * b), 0j) for a, b in ((0.2, 1.0), (1.0, 0.2 + np.pi / 2))]
-    C = sum(bar(of, arc) for arc in quarter)
-    assert C[2, 2] == pytest.approx(R * np.pi / 2 / EI, rel=2e-6)  # a curved bar is Euler's when w / R vanishes
-    assert C[0, 0] + C[1, 1] == pytest.approx(R**3 * np.pi / 2 / EI, rel=5e-6)
-
-
 def test_a_sharp_bend_turns_under_a_moment_as_golovins_ring():
     """Timoshenko and Goodier, art. 29: 8 M (b^2 - a^2) / (E N) per rad."""
     of, R = stage(), 5.6

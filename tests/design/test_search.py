@@ -46,25 +46,8 @@ def grid_of(model, points):
     return values, model.merit(model.found(values))
 
 
-@pytest.mark.parametrize(
-    ("pieces", "points"),
-    [
-        ((NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE), 150),
-        pytest.param(
-            (
-                NECK,
-                LINK,
-                require("envelope_mm", None, 150),
-                require("range_y_um", 640),
-                best("maximise", "kxx_n_per_mm"),
-            ),
-            1000,
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load, pieces, points):
-    model = Model(load(*pieces))
+def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load):
+    model, points = Model(load(NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE)), 150
     values, merits = grid_of(model, points)
     least = int(np.argmin(merits))
     found = optimum(model, 5)

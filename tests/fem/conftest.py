@@ -32,12 +32,6 @@ def solved(stage, resolution=RESOLUTION):
     return Solved(stage, mesh, platform_response(mesh, plate_of(stage)))
 
 
-def in_length(C, lever):
-    """Compliance (3, 3) with rotations and moments made displacements and forces at `lever` mm."""
-    scale = np.array([1.0, 1.0, lever])
-    return C * np.outer(scale, scale)
-
-
 @pytest.fixture(scope="session")
 def alike():
     """The generic stage: three chains alike."""

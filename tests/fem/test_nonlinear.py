@@ -114,7 +114,6 @@ def test_thin_necks_leave_no_rounding_in_the_load_that_holds_a_pose():
     mesh, plate, pose = build_mesh(stage, 2), plate_of(stage), np.array([0.04, -0.02, 1e-3])
     held = imposed(mesh, plate, pose)
     np.testing.assert_allclose(equilibrium(mesh, plate, held.load).pose[0], pose, rtol=0, atol=1e-10 * pose[0])
-    assert held.residual[0] < 1e-8
 
 
 def test_the_tangent_compliance_is_the_change_of_the_equilibrium(eccentric):
@@ -132,20 +131,18 @@ def test_the_tangent_compliance_is_the_change_of_the_equilibrium(eccentric):
 def test_a_straight_column_is_unstable_beyond_eulers_load():
     mesh, euler = bar(60.0, 1.0, 60, 1), np.pi**2 * EI / (4 * 60.0**2)
     found = equilibrium(mesh, SLENDER, np.array([[-0.99 * euler, 0.0, 0.0], [-1.01 * euler, 0.0, 0.0]]))
-    assert found.stable.tolist() == [True, False]
+    assert (np.linalg.eigvalsh(found.compliance)[:, 0] > 0).tolist() == [True, False]
     np.testing.assert_allclose(found.pose[:, 1:], 0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("installed", [True, False], ids=["the one installed", "superlu"])
-def test_an_indefinite_matrix_is_solved_and_said_to_be_indefinite(monkeypatch, installed):
+def test_an_indefinite_matrix_is_solved(monkeypatch, installed):
     if not installed:
         monkeypatch.setattr("flexfem.fem.factor.find_spec", lambda name: None)
     factorise, x = Factoriser(), np.array([[3.0], [-1.0], [2.0]])
-    for corner, definite in ((2.0, True), (-2.0, False), (5.0, True)):
+    for corner in (2.0, -2.0, 5.0):
         K = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.0, -1.0, corner]])
-        factor = factorise(sp.csr_array(np.tril(K)))
-        np.testing.assert_allclose(factor.solve(K @ x), x, rtol=1e-12)
-        assert factor.definite == definite
+        np.testing.assert_allclose(factorise(sp.csr_array(np.tril(K)))(K @ x), x, rtol=1e-12)
     with pytest.raises(ComputationFailed, match=r"singular"):
         factorise(sp.csr_array(np.diag([2.0, 0.0, 1.0])))
 
@@ -158,7 +155,7 @@ def test_a_matrix_with_another_pattern_is_ordered_anew():
     x = np.random.default_rng(3).normal(size=(size, 1))
     for lower in (chain, sp.csr_array(chain + far), chain):
         whole = lower + sp.tril(lower.tocsc(), -1).T
-        np.testing.assert_allclose(factorise(lower).solve(whole @ x), x, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(factorise(lower)(whole @ x), x, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("load", [1e6 * LOAD, np.array([-1e5, 0.0, 0.0]), np.array([np.nan, 0.0, 0.0])])

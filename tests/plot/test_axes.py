@@ -13,8 +13,6 @@ import pytest
 from matplotlib import pyplot
 
 import flexfem
-from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Step
-from flexfem.plot.design import sensitivity_figure
 from flexfem.questions.check import hinge_review, thickness_review
 from flexfem.questions.fixture import MeasuredSlopes, Measurement
 from flexfem.results import Result
@@ -30,6 +28,8 @@ from flexfem.study.findings import (
     Share,
     StudyMap,
 )
+
+from ..design.recorded import recorded
 
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
@@ -102,29 +102,6 @@ def responding() -> Any:
     return vibrating().fields.reduced
 
 
-def designed() -> Designed:
-    """Two objectives, two requirements of which one is missed, and two designs of a front."""
-    said = {"label": "stiffness", "band": 0.5, "uncorrected": 99.0, "checked_by": "finite elements"}
-    goals = [
-        Goal(name="kxx_n_per_mm", value=101.0, better="larger", **said),
-        Goal(name="mass_kg", value=0.2, better="smaller", **said),
-    ]
-    ends = {"at_least": 90.0, "at_most": None, "size": 90.0, "active": True, "band_percent": 0.6, "relax_to": None}
-    met = {"value": 101.0, "margin": 11.0, "margin_percent": 12.2, "verdict": "met"}
-    missed = {"value": 81.0, "margin": -9.0, "margin_percent": -10.0, "verdict": "missed"}
-    asked = [Requirement(name=name, **found, **said, **ends) for name, found in (("a", met), ("b", missed))]
-    front = [FrontDesign(design={}, values=[k, k / 500], predicted=[k, k / 499], margins_percent=[], met=True, stage="")
-             for k in (99.0, 101.0)]  # fmt: skip
-    history = [Step(evaluations=n, objective=k, missed=0.0) for n, k in ((10, None), (40, 90.0), (90, 99.0))]
-    design = {"neck": 0.5, "link": 22.0, "pad": 3.0}
-    rows = zip(design, [(2.4, 1.0, 0.0, 0.7), (-1.0, 0.4, 0.0, -0.2), (None, 0.0, 0.0, 0.0)], strict=True)
-    followed = {key: dict(zip(("kxx_n_per_mm", "mass_kg", "a", "b"), row, strict=True)) for key, row in rows}
-    return Designed.model_construct(
-        name="One", objectives=goals, requirements=asked, front=front, history=history, design=design,
-        sensitivities=followed, at_ends=["link"], assumed=["a key"], not_stated=[],
-    )  # fmt: skip
-
-
 DRAWN: dict[str, Any] = {
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
@@ -136,13 +113,13 @@ DRAWN: dict[str, Any] = {
     "plot_formulas": lambda made: (hinge_review(), "axial"),
     "plot_front": lambda made: (front(),),
     "plot_hinge": lambda made: (),
-    "plot_history": lambda made: (designed(),),
+    "plot_history": lambda made: (recorded(),),
     "plot_hinge_table": lambda made: (made.model(),),
     "plot_histogram": lambda made: (Scatter(Y, np.linspace(0.0, 10.0, 30), percentiles(), 5.0),),
     "plot_large": lambda made: (displaced(), "y", "across"),
     "plot_life": lambda made: (lived(),),
     "plot_map": lambda made: (study_map(),),
-    "plot_margins": lambda made: (designed(),),
+    "plot_margins": lambda made: (recorded(),),
     "plot_mesh": lambda made: (made.model(), made.fields()),
     "plot_mode": lambda made: (vibrating(), 2),
     "plot_model": lambda made: (made.model(),),
@@ -153,14 +130,14 @@ DRAWN: dict[str, Any] = {
     "plot_remains": lambda made: (pushed(), "y"),
     "plot_response": lambda made: (responding(), "theta", "load", "phase"),
     "plot_section": lambda made: (reached(),),
-    "plot_sensitivity": lambda made: (designed(), "b"),
+    "plot_sensitivity": lambda made: (recorded(), "envelope_mm"),
     "plot_shares": lambda made: (Share(Y, indices()), ["one", "two"]),
     "plot_solid": lambda made: (reached(),),
     "plot_stage": lambda made: (flexfem.load(STAGE),),
     "plot_dimensions": lambda made: (flexfem.load(STAGE),),
     "plot_strokes": lambda made: (driven(),),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),
-    "plot_tradeoff": lambda made: (designed(),),
+    "plot_tradeoff": lambda made: (recorded(),),
 }
 
 
@@ -209,40 +186,3 @@ def test_a_budget_in_no_direction_is_refused(made):
         with pytest.raises(flexfem.BadInput, match=f"direction {shown}, expected one of x, y, theta"):
             flexfem.plot.plot_budget(pyplot.figure().subplots(), made.budget(), direction)
         pyplot.close()
-
-
-def test_margins_history_and_front_of_a_design_are_its_numbers():
-    figure, (margins, history, front) = pyplot.subplots(1, 3)
-    flexfem.plot.plot_margins(margins, designed())
-    ends = sorted(float(line.get_xdata()[-1]) for line in margins.lines if len(line.get_xdata()) == 2)
-    assert -10.0 in ends and 12.2 in ends
-    flexfem.plot.plot_history(history, designed())
-    assert history.lines[0].get_xydata().tolist() == [[40.0, 90.0], [90.0, 99.0]]
-    flexfem.plot.plot_tradeoff(front, designed())
-    assert front.lines[0].get_xydata().tolist() == [[99.0, 0.198], [101.0, 0.202]]
-    assert front.lines[-1].get_xydata().tolist() == [[101.0, 0.2]]
-    assert "N/mm" in front.get_xlabel() and "larger" in front.get_xlabel() and "smaller" in front.get_ylabel()
-    pyplot.close(figure)
-
-
-def test_bars_of_a_sensitivity_are_its_numbers_and_what_is_not_known_has_none():
-    figure, ax = pyplot.subplots()
-    flexfem.plot.plot_sensitivity(ax, designed())
-    assert [bar.get_width() for bar in ax.patches] == [2.4, -1.0, 0.0]
-    assert [text.get_text() for text in ax.texts] == ["+2.4", "\N{MINUS SIGN}1.0", "not known"]
-    assert [label.get_text() for label in ax.get_yticklabels()] == ["neck", "link", "pad"]
-    assert ax.yaxis_inverted() and -ax.get_xlim()[0] == ax.get_xlim()[1] > 2.4
-    with pytest.raises(flexfem.BadInput, match='quantity "kyy_n_per_mm", expected one of kxx_n_per_mm, mass_kg, a, b'):
-        flexfem.plot.plot_sensitivity(ax, designed(), "kyy_n_per_mm")
-    pyplot.close(figure)
-
-
-def test_a_figure_of_sensitivities_has_objectives_and_active_requirements_on_one_scale():
-    one = designed()
-    free = one.requirements[0].model_copy(update={"active": False})
-    figure = sensitivity_figure(one.model_copy(update={"requirements": [free, one.requirements[1]]}))
-    assert [ax.get_title(loc="left") for ax in figure.axes] == [
-        "stiffness, the larger the better", "stiffness, the smaller the better", "stiffness, at least 90"
-    ]  # fmt: skip
-    assert [ax.patches[0].get_width() for ax in figure.axes] == [2.4, 1.0, 0.7]
-    assert len({ax.get_xlim() for ax in figure.axes}) == 1

@@ -124,3 +124,10 @@ def test_a_front_is_of_finite_elements_and_its_designs_are_drawn_by_their_number
     assert one.get_xlim() == two.get_xlim()
     reaches = [max(np.abs(path.vertices).max() for path in ax.collections[0].get_paths()) for ax in (one, two)]
     assert reaches[0] > reaches[1] + 3  # link 1 is 6 mm longer
+
+
+def test_a_sensitivity_that_is_not_known_has_no_bar_and_another_quantity_is_refused():
+    ax = flexfem.plot.plot_sensitivity(None, recorded(), "coupling_95")
+    assert [words(text) for text in ax.texts] == ["not known", "+1.1"] and ax.patches[0].get_width() == 0.0
+    with pytest.raises(flexfem.BadInput, match='quantity "kyy_n_per_mm", expected one of range_x_um, mass_kg, kxx_n'):
+        flexfem.plot.plot_sensitivity(None, recorded(), "kyy_n_per_mm")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,6 @@ from flexfem.study.findings import (
     Share,
     Source,
     StudyMap,
-    distribution_of,
     findings,
     front_of,
     map_of,
@@ -334,37 +332,6 @@ def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: 
     assert "stage: thickness_mm" in shown.caption.assumed
 
 
-def test_a_map_of_more_factors_says_over_which_it_is_the_mean(tmp_path: Path) -> None:
-    third = '[[figure]]\nkind = "pareto"'
-    loaded = study(tmp_path, GRID, (third, f'[[factor]]\nkey = "thickness_mm"\nvalues = [9.0, 11.0]\n{third}'))
-    table = answered(loaded)
-    shown = map_of(Source(loaded, table, {}), loaded.study.figure[0])
-    kxx = table.columns["kxx_n_per_mm"].reshape(28, 2)
-    np.testing.assert_allclose(shown.cells.values, kxx.mean(axis=1), rtol=1e-12)
-    half = np.nanmedian(np.abs(np.diff(kxx, axis=1))) / np.sqrt(2)
-    lines = " ".join(shown.caption.lines)
-    assert "the mean over thickness: of 2 designs (median), which scatter by" in lines
-    found = re.search(r"scatter by ([\d.]+).N/mm", lines)
-    assert found and float(found[1]) == pytest.approx(half, rel=0.02)  # two digits
-
-
-def test_constraints_and_doubts_are_counted_above_the_figure(tmp_path: Path) -> None:
-    limit = '[[constraint]]\nlabel = "reach"\nvalue = "range_x_um"\nleast = 500.0\n'
-    loaded = study(tmp_path, GRID, ('[[figure]]\nkind = "map"\nx', f'{limit}[[figure]]\nkind = "map"\nx'))
-    table = answered(loaded)
-    feasible = table.ok & (table.columns["range_x_um"] >= 500.0)
-    reason = np.where(table.ok & (table.design % 5 == 0), "something", table.reason)
-    table = replace(table, feasible=feasible, reason=reason)
-    source = Source(loaded, table, {})
-    ok = int(table.ok.sum())
-    assert 0 < feasible.sum() < ok
-    front = front_of(source, loaded.study.figure[2])
-    assert len(front.points) == feasible.sum()
-    assert front.left_out == [
-        f"not drawn: {table.counts['refused']} refused, {ok - feasible.sum()} that break a constraint"
-    ]
-
-
 def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_those_designs(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
@@ -398,23 +365,6 @@ def test_a_base_stage_beyond_the_front_is_said_to_be_no_design_of_it(
     at = {"envelope_mm": x * float(sizes[k]), "kxx_n_per_mm": y * float(stiffnesses[k])}
     lines = front_of(own._replace(nominal=at), figure).caption.lines
     assert ("The base stage lies beyond the front" in " ".join(lines)) is said
-
-
-def test_intervals_of_a_saltelli_sample_count_its_base_rows(tmp_path: Path) -> None:
-    loaded = study(tmp_path, SCATTERED)
-    table = answered(loaded)
-    assert loaded.count == 80
-    source = source_of(loaded, table)
-    caption, (scatter, other), _ = distribution_of(source, loaded.study.figure[0])
-    assert other.nominal == source.nominal["coupling_xy"] != scatter.nominal
-    median = scatter.percentiles[1]
-    ordered = np.sort(scatter.values)
-    ranks = np.searchsorted(ordered, [median.low, median.high])
-    assert ranks[1] - ranks[0] > 1.3 * 2 * 1.96 * np.sqrt(80 / 4)  # wider than 80 independent draws would have it
-    assert (
-        scatter.nominal == pytest.approx(np.median(scatter.values), rel=0.01)
-        and "independent draws" in caption.lines[-1]
-    )
 
 
 def test_a_failed_design_is_refused_by_the_sensitivity(tmp_path: Path) -> None:

@@ -91,10 +91,6 @@ def test_levels_are_far_enough_apart_and_end_with_the_one_asked_for(resolution):
     assert fine / middle >= 1.3 and middle / coarse >= 1.3
 
 
-def test_levels_of_small_resolutions():
-    assert [levels(n) for n in (4, 8, 9, 13)] == [(2, 3, 4), (4, 6, 8), (4, 6, 9), (7, 10, 13)]
-
-
 PATH = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 LIMIT, RATE, ORDER = np.array([0.025, 0.020, 2e-5]), np.array([-0.3, -0.5, -0.9]), np.array([2.0, 3.0, 4.0])
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from matplotlib.text import Annotation
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.fem.fields import largest_within
 from flexfem.plot.fields import drift_figure, exaggeration, plot_drift
 from flexfem.questions import heat
 from flexfem.questions.bands import corner_bands, layer_bands, pose_bands
@@ -101,11 +99,6 @@ def test_drift_is_linear_in_the_expansion_of_the_frame(stage, value):
     np.testing.assert_allclose(poses(value), low + (value - 1.0) / 2.0 * (high - low), rtol=1e-9, atol=1e-14)
 
 
-def test_a_stage_without_expansion_is_refused(stage):
-    with pytest.raises(flexfem.BadInput, match=r"material.expansion_um_per_m_k is missing"):
-        flexfem.drift(stage.replace(material={"name": "own", "expansion": None}))
-
-
 def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zero():
     """Values 0.9, 1, 1.1 at 4, 6, 8: (8/6)^1.4 - 1 = 0.4959, and (8/4)^1.4 - (8/6)^1.4 = 1.1431."""
     steps = np.array([4.0, 6.0, 8.0])
@@ -119,12 +112,6 @@ def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zer
     layered = layer_bands(few, many)
     np.testing.assert_allclose(layered[:, 0], [0.375, 0.375, 0.0])
     np.testing.assert_allclose(layered[:, 1], [0.0, 2e-12, 0.25])
-
-
-def test_the_largest_within_a_part_of_an_edge_is_taken_between_its_nodes():
-    """Nodes in any order; at 0.2 of 0 to 1 the line from 9 at 0 to 4 at 0.5 has 7, that of the other column 3."""
-    places, values = np.array([0.5, 1.0, 0.0]), np.array([[4.0, 5.0], [5.0, -90.0], [9.0, 5.0 / 3]])
-    np.testing.assert_allclose(largest_within(places, values, 0.2, 0.8), [7.0, 5.0])
 
 
 @pytest.mark.slow
@@ -179,18 +166,6 @@ def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(fo
     np.testing.assert_allclose(bars.get_paths()[0].vertices[::3], moved[ground[:, 0]])
     with pytest.raises(flexfem.BadInput, match="expected one of: uniform"):
         plot_drift(None, found, "warm")
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys):
-    cli.app(["drift", str(STAGE), "--models", "analytic", "--json", "-o", str(tmp_path)], standalone_mode=False)
-    printed = json.loads(capsys.readouterr().out)
-    assert printed["quantities"] == flexfem.drift(flexfem.load(STAGE), models="analytic").to_dict()["quantities"]
-    assert json.loads((tmp_path / "mobility6-drift.json").read_text())["quantities"] == printed["quantities"]
-    cli.app(["drift", str(STAGE), "--models", "analytic", "--mobility", "6"], standalone_mode=False)
-    text = capsys.readouterr().out
-    assert "expansion 23.6 um/(m K); frame 12 um/(m K)" in text and "mobility 6, plane stress" in text
-    assert "warning: the stacks, their preloads and their own expansion are left out" in text
 
 
 @pytest.mark.parametrize(

@@ -10,14 +10,12 @@ import pytest
 import flexfem
 from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import analyse, assemble
-from flexfem.commands import cli
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of
 from flexfem.plot.drive import large_figure
 from flexfem.questions import large as module
 from flexfem.questions.large import EXACT, HELD, LOADED, TANGENT, WITHOUT, Large
 from flexfem.questions.setup import solved
-from flexfem.results import Result
 from flexfem.units import DIRECTIONS
 
 PATH = Path(__file__).parents[2] / "geometry/mobility6.toml"
@@ -107,13 +105,3 @@ def test_the_figure_draws_every_theory_over_the_command(found):
     np.testing.assert_allclose(loaded[:, 1], found.at("error", direction="x")[:, LOADED])
     figure = large_figure(flexfem.large(flexfem.load(PATH), models="analytic"))
     assert not [line for line in figure.axes[1].get_lines() if "finite elements" in str(line.get_label())]
-
-
-@pytest.mark.usefixtures("unrendered")
-def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys):
-    options = ["--models", "analytic", "--amplitude", "0.1", "-o", str(tmp_path)]
-    cli.app(["large", str(PATH), *options], standalone_mode=False)
-    assert "amplitude" in capsys.readouterr().out
-    kept = Result.read(tmp_path / "mobility6-large.json")
-    np.testing.assert_allclose(kept.amplitude, [0.1, 0.1, 2e-3])
-    assert np.isnan(kept.at("error", theory="finite elements")).all()

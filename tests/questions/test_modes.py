@@ -187,22 +187,3 @@ def test_modes_write_shapes_animations_the_response_and_reduced_models(flexfem_c
     assert "drives engaged" in out and "their own mass is left out" in out and "K_cb and M_cb are truncated" in out
     ends = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat", "-1.gif", "-response.png", "-response.pdf")
     assert {each.name for each in (tmp_path / "out").iterdir()} == {f"mobility3-modes{end}" for end in ends}
-
-
-@pytest.mark.parametrize(
-    ("options", "said"),
-    [
-        ({"drives": "on"}, "drives 'on', expected disengaged or engaged"),
-        ({"payload": (float("nan"), 0)}, "payload nan 0, expected two numbers from 0"),
-        ({"payload": (-1, 0)}, "payload -1 0, expected two numbers from 0"),
-        ({"count": 0}, "count 0, expected an integer from 1 to 100"),
-        ({"damping": float("nan")}, "damping nan, expected a number above 0, at most 99"),
-        ({"tilting": 3.0}, "tilting without layers"),
-        ({"layers": 3, "drives": "engaged"}, "drives 'engaged' with layers"),
-        ({"layers": 3, "payload": (1, 20), "tilting": 9.9}, "tilting 9.9, expected a number from 10 to"),
-        ({"layers": 3, "count": 41}, "count 41, expected an integer from 1 to 40"),
-    ],
-)
-def test_impossible_numbers_are_refused(options, said):
-    with pytest.raises(flexfem.BadInput, match=said):
-        flexfem.modes(flexfem.load(ROOT / "geometry/mobility6.toml"), **options)

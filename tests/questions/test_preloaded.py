@@ -60,7 +60,7 @@ def preloaded(of, stacks, force, follows):
         g, H = openings(stacks, ends, reads.T @ motion, follows)
         held = model.held(state)
         missing = reads @ (g @ force) - held.forces
-        Z = Factoriser()(model.tangent(state)).solve(np.column_stack([missing, hub, reads]))
+        Z = Factoriser()(model.tangent(state))(np.column_stack([missing, hub, reads]))
         Q = -block_diag(*(N * each for N, each in zip(force, H, strict=True)))
         Z = Z - Z[:, 4:] @ np.linalg.solve(np.eye(len(Q)) + Q @ (reads.T @ Z[:, 4:]), Q @ (reads.T @ Z))
         C = np.column_stack([hub, reads @ g]).T @ Z[:, 1:] @ block_diag(np.eye(3), g)
