@@ -65,7 +65,8 @@ def run(
 @contextmanager
 def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
     """Show on standard error how far a run is; a stop says what is kept."""
-    latest, began = list[Progress](), time.monotonic()
+    began = time.monotonic()
+    latest: list[Progress] = []
     try:
         with working("study", EVERY) as say:
 
