@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import Annotated, Any, Concatenate, NamedTuple, ParamSpec, Self, TypeAlias, TypeVar
+from typing import Annotated, Any, Concatenate, ParamSpec, Self, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -32,36 +32,29 @@ from flexfem.units import UNITS
 INSIDE = "inside units"
 
 
-class Conversion(NamedTuple):
-    """A number that files state in another unit than is held: what the number of a file is multiplied by."""
-
-    factor: float
-
-    def inside(self, value: float) -> float:
-        """The number that is held."""
-        return self.factor * value
-
-    def stated(self, value: float) -> float:
-        """The number of a file that becomes `value`: of those that do the shortest; where none does, the nearest."""
-        near = [value / self.factor]
-        for _ in range(3):
-            near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
-        return min(near, key=lambda number: (abs(self.inside(number) - value), len(repr(number))))
-
-    def before(self, value: Any, info: ValidationInfo) -> Any:
-        """From Python's number to the file's, which the limits are about."""
-        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
-        return self.stated(float(value)) if info.context == INSIDE and is_number else value
-
-    def dumped(self, value: float | None, info: SerializationInfo) -> float | None:
-        """In file units beside file keys."""
-        return self.stated(value) if info.by_alias and value is not None else value
-
-
 def in_unit(name: str) -> tuple[Any, ...]:
     """Annotations of a number that files state in a unit of `units.UNITS`."""
-    of = Conversion(1 / UNITS[name].factor)
-    return AfterValidator(of.inside), BeforeValidator(of.before), PlainSerializer(of.dumped)
+    factor = 1 / UNITS[name].factor
+
+    def inside(value: float) -> float:
+        return factor * value
+
+    def stated(value: float) -> float:
+        """The number of a file that becomes `value`: of those that do the shortest; where none does, the nearest."""
+        near = [value / factor]
+        for _ in range(3):
+            near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
+        return min(near, key=lambda number: (abs(inside(number) - value), len(repr(number))))
+
+    def before(value: Any, info: ValidationInfo) -> Any:
+        """From Python's number to the file's, which the limits are about."""
+        is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
+        return stated(float(value)) if info.context == INSIDE and is_number else value
+
+    def dumped(value: float | None, info: SerializationInfo) -> float | None:
+        return stated(value) if info.by_alias and value is not None else value
+
+    return AfterValidator(inside), BeforeValidator(before), PlainSerializer(dumped)
 
 
 Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]
@@ -160,15 +153,11 @@ def once(compute: Callable[Concatenate[Of, Given], Found]) -> Callable[Concatena
         kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
         key = (compute, given, tuple(named.items()))
         if key not in kept:
-            kept[key] = _read_only(compute(stage, *given, **named))
+            made = kept[key] = compute(stage, *given, **named)
+            for part in made if isinstance(made, tuple) else (made,):
+                if isinstance(part, np.ndarray):
+                    part.setflags(write=False)
         found: Found = kept[key]
         return found
 
     return keeping
-
-
-def _read_only(found: Found) -> Found:
-    for part in found if isinstance(found, tuple) else (found,):
-        if isinstance(part, np.ndarray):
-            part.setflags(write=False)
-    return found

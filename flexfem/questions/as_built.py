@@ -43,15 +43,10 @@ class MeasuredNeck(Table):
 
     chain: int = Field(ge=1, le=3, description="The chain of the hinge", examples=[2])
     hinge: HingeName = Field(description="Which of its hinges")
-    neck: Neck = Field(
-        alias="neck_um", description="As measured; half to twice the drawn one, or it is refused", examples=[512.0]
-    )
-    sd: Deviation = Field(
-        default=0.0,
-        alias="sd_um",
-        description="Standard deviation of the measurement, of all nine necks or of none; at most a fifth of the neck",
-        examples=[3.0],
-    )
+    neck: Neck = Field(alias="neck_um", examples=[512.0])
+    """As measured; half to twice the drawn one, or it is refused"""
+    sd: Deviation = Field(default=0.0, alias="sd_um", examples=[3.0])
+    """Standard deviation of the measurement, of all nine necks or of none; at most a fifth of the neck"""
 
 
 class Necks(Sourced):
@@ -59,9 +54,8 @@ class Necks(Sourced):
 
     kind: ClassVar[str] = "necks file"
 
-    neck: tuple[MeasuredNeck, ...] = Field(
-        description="A neck as measured; each of the nine once", json_schema_extra={"minItems": 9, "maxItems": 9}
-    )
+    neck: tuple[MeasuredNeck, ...] = Field(json_schema_extra={"minItems": 9, "maxItems": 9})
+    """A neck as measured; each of the nine once"""
 
     @model_validator(mode="after")
     def _every_hinge_once(self) -> Necks:

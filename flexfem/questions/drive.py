@@ -86,13 +86,9 @@ class Drive(Result):
         "largest hinge rotation", "mrad", ("chain", "hinge", "criterion"), SOLVED, "all", largest=("chain", "hinge")
     )
     stress = Quantity(
-        "highest neck stress",
-        "mpa",
-        ("model", "chain", "hinge", "criterion"),
-        STRESS,
-        "all",
+        "highest neck stress", "mpa", ("model", "chain", "hinge", "criterion"), STRESS, "all",
         largest=("chain", "hinge"),
-    )
+    )  # fmt: skip
     friction = Quantity(
         "pose that friction leaves open, at most ±", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
         prefixed=True,

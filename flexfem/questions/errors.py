@@ -97,8 +97,6 @@ class CurveModels(BaseModel):
     assumed: list[str]
     not_stated: list[str]
     lever: float
-    link_width: float
-    platform_radius: float
     hub_radius: float
     hinges: list[HingeDrawing]
     resolution: int
@@ -336,8 +334,6 @@ def _described(case: Case, run: CurveRun) -> CurveModels:
         assumed=list(own.assumed),
         not_stated=list(own.not_stated),
         lever=stage.chain.link_lengths[2],
-        link_width=stage.chain.link_width,
-        platform_radius=stage.platform.radius,
         hub_radius=stage.platform.hub_radius,
         hinges=HingeDrawing.of_stage(stage, model.freedoms),
         resolution=case.resolution,

@@ -201,16 +201,16 @@ class Measurement(Dimensioned, Sourced):
     measured: MeasuredSlopes = Field(description=MEASURED)
 
 
-def fixture_of(given: Path | Fixture) -> Fixture:
+def fixture_of(source: Path | Fixture) -> Fixture:
     """A fixture, or that of a file. Raises BadInput, naming file, line and key."""
-    return given if isinstance(given, Fixture) else validate(Fixture, checked_path(given))
+    return source if isinstance(source, Fixture) else validate(Fixture, checked_path(source))
 
 
-def measured_of(given: Path | Fixture | Measurement) -> Fixture | Measurement:
+def measured_of(source: Path | Fixture | Measurement) -> Fixture | Measurement:
     """What gives measured slopes, or that of a file of either kind. Raises BadInput, naming file, line and key."""
-    if isinstance(given, Fixture | Measurement):
-        return given
-    path = checked_path(given)
+    if isinstance(source, Fixture | Measurement):
+        return source
+    path = checked_path(source)
     described = set(read_toml(path).data) & set(KINDS["fixture file"])
     return validate(Fixture, path) if described else validate(Measurement, path)
 

@@ -105,10 +105,6 @@ class SlopeProblem(NamedTuple):
         offset = np.exp(self.stage(x[0])) * self.stage(x[0], 1)
         return np.asarray(per[:, None] * np.column_stack([offset, self.fixture]))
 
-    def at_end(self, k: int, value: float) -> bool:
-        """Whether the number k is as near to an end of its range as one gets."""
-        return bool(np.min(np.abs(self.ends[k] - value)) <= AT_END * np.ptp(self.ends[k]))
-
 
 class Fit(NamedTuple):
     """Numbers (1 + p,) and their chi square."""
@@ -157,7 +153,8 @@ def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> list[float]:
             found.append(unlimited)
         else:
             value = float(brentq(above, best.x[k], end, xtol=1e-8 * float(np.ptp(of.ends[k]))))
-            found.append(unlimited if of.at_end(0, fit(of, {k: value}, best.x).x[0]) else value)
+            from_ends = np.abs(of.ends[0] - fit(of, {k: value}, best.x).x[0])
+            found.append(value if np.min(from_ends) > AT_END * np.ptp(of.ends[0]) else unlimited)
     return found
 
 

@@ -58,27 +58,24 @@ LEFT_OUT = (
 )
 
 
-class Oscillation(NamedTuple):
-    """What the platform repeats: amplitude and mean pose (3,), mm, mm, rad; whether the mean grows with it."""
+class Repeated(NamedTuple):
+    """What the platform repeats: amplitude and mean pose (3,), mm, mm, rad; whether the mean grows with it.
+
+    wanted : life, cycles.   sensitivity : of notches, from 0 to 1.
+    """
 
     amplitude: Array
     mean: Array
     proportional: bool
-
-
-def scaled(motion: Array, mean: Array | None, ratio: float) -> Oscillation:
-    """A motion of an amplitude (3,) about a mean (3,), or with a ratio of its least to its greatest displacement."""
-    if mean is None:
-        return Oscillation(motion, motion * (1.0 + ratio) / (1.0 - ratio), True)
-    return Oscillation(motion, mean, not mean.any())
-
-
-class Repeated(NamedTuple):
-    """What is asked of a motion: the wanted life, cycles, with a notch sensitivity from 0 to 1."""
-
-    motion: Oscillation
     wanted: float
     sensitivity: float = 1.0
+
+
+def repeated(amplitude: Array, mean: Array | None, ratio: float, wanted: float, sensitivity: float = 1.0) -> Repeated:
+    """A motion of an amplitude (3,) about a mean (3,), or with a ratio of its least to its greatest displacement."""
+    if mean is None:
+        return Repeated(amplitude, amplitude * (1.0 + ratio) / (1.0 - ratio), True, wanted, sensitivity)
+    return Repeated(amplitude, mean, not mean.any(), wanted, sensitivity)
 
 
 class Strained(NamedTuple):
@@ -94,17 +91,19 @@ class Strained(NamedTuple):
     mean: Array
     counted: Array
 
-    def equivalent(self, walker: float | Array, factor: float = 1.0, proportional: bool = True) -> Array:
-        """Fully reversed amplitude (..., p) of the same life by Walker's exponent, or one a design (..., 1).
-
-        factor : of the amplitude, and of the mean too where it is proportional.
-        """
+    def times(self, factor: float, proportional: bool) -> Strained:
+        """With the amplitude multiplied, the mean too or not."""
         mean = self.mean * factor if proportional else self.mean
-        return self.counted * equivalent(factor * self.amplitude, mean, walker)
+        return self._replace(amplitude=factor * self.amplitude, mean=mean)
 
-    def peak(self, factor: float = 1.0, proportional: bool = True) -> Array:
-        """Largest magnitude of the stress (..., p), with the amplitude multiplied, the mean too or not."""
-        return np.asarray(np.abs(self.mean) * (factor if proportional else 1.0) + factor * self.amplitude)
+    def equivalent(self, walker: float | Array) -> Array:
+        """Fully reversed amplitude (..., p) of the same life by Walker's exponent, or one a design (..., 1)."""
+        return self.counted * equivalent(self.amplitude, self.mean, walker)
+
+    @property
+    def peak(self) -> Array:
+        """Largest magnitude of the stress (..., p)."""
+        return np.asarray(np.abs(self.mean) + self.amplitude)
 
 
 def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
@@ -112,7 +111,7 @@ def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
     bending, along = surface_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
     part = np.repeat(counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
-    return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.motion.amplitude), sides @ of.motion.mean, part)
+    return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.amplitude), sides @ of.mean, part)
 
 
 def by_model(stage: Stage, result: AnalyticResult, of: Repeated) -> Strained:
@@ -125,7 +124,7 @@ def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
     """The nodes in every notch, by finite elements in the plane."""
     pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
     part = counted(design.neck[0] / design.radius[0], of.sensitivity)
-    loads = np.array([of.motion.amplitude, of.motion.mean]) @ stiffness.T
+    loads = np.array([of.amplitude, of.mean]) @ stiffness.T
     parts = []
     for (chain, hinge), stress in notch_fields(stage, response, loads):
         amplitude, mean = von_mises(stress, pull)
@@ -152,9 +151,9 @@ def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) 
     factor = amplitude_at(asked.wanted, coefficient, exponent) / highest
     return Lives(
         cycles_at(highest, coefficient, exponent),
-        factor[:, None] * np.abs(asked.motion.amplitude),
-        yield_strength / np.max(of.peak(), axis=-1),
-        tuple((asked.motion.amplitude != 0).tolist()),
+        factor[:, None] * np.abs(asked.amplitude),
+        yield_strength / np.max(of.peak, axis=-1),
+        tuple((asked.amplitude != 0).tolist()),
     )
 
 
@@ -173,7 +172,7 @@ def factor_at(of: Strained, law: Basquin, cycles: float, proportional: bool) -> 
         return wanted / highest if highest > 0 else float("inf")
 
     def beyond(factor: float) -> float:
-        return float(np.max(of.equivalent(law.walker, factor, False))) - wanted
+        return float(np.max(of.times(factor, False).equivalent(law.walker))) - wanted
 
     end = 1.0
     while beyond(end) < 0 and end < LARGEST_FACTOR:
@@ -259,7 +258,7 @@ def life(
     wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
     taken, notes = _law(stage, fit, law)
-    asked = Repeated(scaled(moved, middle, -1.0 if ratio is None else float(ratio)), wanted, sensitivity)
+    asked = repeated(moved, middle, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     found, name = dict[str, Answered](), None
@@ -282,13 +281,12 @@ def life(
         found[ELEMENTS] = Answered(values, {"equivalent": bands})
     for model, one in found.items():
         warnings += _warnings(stage, asked, taken, model, one.values)
-    motion = asked.motion
-    end = np.abs(motion.mean) + np.abs(motion.amplitude)
+    end = np.abs(asked.mean) + np.abs(asked.amplitude)
     warnings += [*warning.of_motion(stage, end, "farthest pose"), *of_preloads(stage)]
     settings = {
         "material": stage.material.name,
-        "amplitude": _pose(motion.amplitude),
-        "about": _pose(motion.mean),
+        "amplitude": _pose(asked.amplitude),
+        "about": _pose(asked.mean),
         "wanted cycles": f"{wanted:g}",
         "notch sensitivity": sensitivity,
         "analytic model": name,
@@ -335,11 +333,11 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
 
 def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float]) -> dict[str, Any]:
     """The quantities of one model; the true stress may be off by `error`, from and to."""
-    points, magnitudes = of.equivalent(law.walker), of.peak()
+    points, magnitudes = of.equivalent(law.walker), of.peak
     necks = [np.flatnonzero(of.neck == neck) for neck in range(9)]
     worst = np.array([here[int(np.argmax(points[here]))] for here in necks])
     stress, peak = points[worst], np.array([np.max(magnitudes[here]) for here in necks])
-    highest, proportional = float(np.max(stress)), asked.motion.proportional
+    highest, proportional = float(np.max(stress)), asked.proportional
     factor = factor_at(of, law, asked.wanted, proportional)
     endless = not np.isfinite(factor)
     found = {"amplitude": of.amplitude[worst], "mean": of.mean[worst], "equivalent": stress, "peak": peak}
@@ -351,8 +349,8 @@ def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tu
         "most": most,
         "safety": stage.material.yield_strength / float(np.max(peak)),
         "factor": factor,
-        "peak_at_largest": math.nan if endless else float(np.max(of.peak(factor, proportional))),
-        "largest": np.full(3, math.inf) if endless else factor * asked.motion.amplitude,
+        "peak_at_largest": math.nan if endless else float(np.max(of.times(factor, proportional).peak)),
+        "largest": np.full(3, math.inf) if endless else factor * asked.amplitude,
     }
 
 

@@ -37,7 +37,7 @@ from flexfem.questions.batch import (
     batch_frequencies,
     solved_design,
 )
-from flexfem.questions.life import Repeated, of_preloads, scaled
+from flexfem.questions.life import Repeated, of_preloads, repeated
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, row_of, sizes_of, values_of
@@ -186,7 +186,7 @@ def _repeated(loaded: LoadedStudy) -> Repeated | None:
     of = loaded.study.life
     if of is None:
         return None
-    return Repeated(scaled(np.array(of.amplitude), None, of.ratio), of.cycles, of.notch_sensitivity)
+    return repeated(np.array(of.amplitude), None, of.ratio, of.cycles, of.notch_sensitivity)
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:

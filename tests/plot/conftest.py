@@ -51,8 +51,6 @@ def model(**changes: Any) -> CurveModels:
         "assumed": [],
         "not_stated": [],
         "lever": 21.0,
-        "link_width": 8.0,
-        "platform_radius": 16.0,
         "hub_radius": 7.0,
         "hinges": hinges(),
         "resolution": 5,
