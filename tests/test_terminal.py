@@ -14,7 +14,7 @@ from contextlib import nullcontext
 import pytest
 
 from flexfem import terminal
-from flexfem.fem.mesher import Stopwatch
+from flexfem.fem.mesher import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command, hashes
 from flexfem.terminal import Plain, reason_of, working
@@ -133,8 +133,12 @@ def test_a_reader_that_has_seen_enough_is_no_failed_check(arguments):
 def test_a_stop_adds_a_second_at_most(monkeypatch):
     now = iter([100.0, 100.25, 175.5])
     monkeypatch.setattr("flexfem.fem.mesher.time.monotonic", lambda: next(now))
-    watch = Stopwatch()
-    assert (watch.step(), watch.step()) == (0.25, 1.0)
+    limit = Limit(9.0)
+    limit.start()
+    limit.look()
+    assert limit.left == 8.75
+    limit.look()
+    assert limit.left == 7.75
 
 
 def test_a_stop_waits_for_the_import_that_is_going_on(tmp_path, monkeypatch, handlers):
