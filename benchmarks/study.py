@@ -18,11 +18,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from flexfem.sources import ONE_THREAD
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect, table_path
 from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.run import parts_of, run_parts
-from flexfem.study.workers import ONE_THREAD, Workers
+from flexfem.study.workers import Workers
 
 STAGE = Path(__file__).parent.parent / "geometry" / "mobility6.toml"
 RANGES = {

@@ -56,8 +56,7 @@ FORMATS = {
     "stage": Format(
         Stage,
         "Stage file",
-        "One TOML file a stage. `flexfem new` writes one to start from; `flexfem check` reads one, refuses with file, "
-        "line, key and value what cannot be made, and prints what it means.",
+        "One TOML file a stage. `flexfem new` writes one, `flexfem check` explains one.",
     ),
     "case": Format(
         Case,
@@ -66,27 +65,20 @@ FORMATS = {
         "that force is applied to the finite-element stage, and the difference is the error. `flexfem verify` runs it.",
     ),
     "study": Format(
-        Study,
-        "Study file",
-        "One TOML file a study: many designs of one base stage, and by which model. `flexfem study run` runs it.",
+        Study, "Study file", "One TOML file a study: many designs of one base stage. `flexfem study run` runs it."
     ),
     "requirements": Format(
         Requirements,
         "Requirements file",
-        "One TOML file a design: a base stage, what of it is free, what is required of it and what is to be best. "
-        "`flexfem design` finds the stage.",
+        "One TOML file a design: what of a base stage is free, required, and to be best, for `flexfem design`.",
     ),
     "fixture": Format(
-        Fixture,
-        "Fixture file",
-        "One TOML file a set-up of the stiffness experiment, for `flexfem experiment`. Out-of-plane tilt of the stage, "
-        "contacts, friction, hysteresis and drift are not in it.",
+        Fixture, "Fixture file", "One TOML file a set-up of the stiffness experiment, for `flexfem experiment`."
     ),
     "measured": Format(
         Measurement,
         "Measured slopes",
-        "Measured slopes alone, without the set-up, for `flexfem identify` and `flexfem experiment --measured`; the "
-        "table `[measured]` is that of a set-up.",
+        "Measured slopes without the set-up, for `flexfem identify` and `flexfem experiment --measured`.",
     ),
     "material": Format(
         Entry,
@@ -97,8 +89,7 @@ FORMATS = {
     "necks": Format(
         Necks,
         "Measured necks",
-        "The nine necks of a stage as measured, for `flexfem stiffness --necks`; a CSV file with these columns does, "
-        "too.",
+        "The nine necks as measured, for `flexfem stiffness --necks`; a CSV file does, too.",
     ),
 }
 

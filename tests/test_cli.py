@@ -112,7 +112,8 @@ def test_check_tells_where_every_number_comes_from_and_repeats_no_source(flexfem
     assert code == 0 and "mobility: 6" in out
     for key in ("chain.link_lengths_mm", "hinges.base.neck_mm", "material.youngs_modulus_gpa"):
         assert key in out
-    assert out.count("assumed: Table I of the paper") <= 1
+    assert out.count("assumed: Table I of the paper") <= 1 and out.count("model: ") == 1
+    assert "thickness: 10 mm\n" in out and "link width 9 mm" in out and "stroke (um)" in out
     assert machine(flexfem, "check", STAGE)["mobility"] == 6
 
 
@@ -126,42 +127,21 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
 # refusals
 
 
-BROKEN = {
+BROKEN = {  # one of every reader; what else is refused stands in tests/mechanism
     "no such file": ("", None, "no such file"),
     "not TOML": ("name", "name = = ", "not TOML"),
-    "a word for a number": ("thickness_mm = 10.0", 'thickness_mm = "ten"', "expected a number"),
     "negative neck": ("neck_mm = 0.5", "neck_mm = -0.5", "expected > 0"),
-    "zero radius": ("radius_mm = 1.5", "radius_mm = 0", "expected > 0"),
-    "nan": ("thickness_mm = 10.0", "thickness_mm = nan", "finite"),
-    "infinite": ("link_width_mm = 9.0", "link_width_mm = inf", "link_width_mm"),
     "missing table": ("[platform]", "[plattform]", "platform"),
     "unknown key": ("thickness_mm", "thickness_cm", "thickness_cm"),
-    "two link lengths": ("[30.0, 32.0, 24.0]", "[30.0, 32.0]", "link_lengths_mm"),
-    "rubber without volume change": ("poissons_ratio = 0.33", "poissons_ratio = 0.5", "poissons_ratio"),
-    "provenance of nothing": ("[provenance]", '[provenance]\n"chain.colour" = "red"', "chain.colour"),
-    "chain four": ("[provenance]", '[[override]]\nchain = 4\nhinge = "base"\nneck_mm = 1\n[provenance]', "chain"),
+    "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
     "override of nothing": ("[provenance]", '[[override]]\nchain = 2\nhinge = "base"\n[provenance]', "override"),
-    "notch deeper than the link": ("radius_mm = 4.0", "radius_mm = 6.0", "notch deeper than the link"),
     "override deeper than the link": (
         "[provenance]",
         '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]',
         "override.3.elbow.radius_mm",
     ),
-    "hinges too close": ("[30.0, 32.0, 24.0]", "[5.0, 32.0, 24.0]", "closer than their radii"),
     "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),
-    "hub larger than platform": ("hub_radius_mm = 8.0", "hub_radius_mm = 17.5", "hub larger than the platform"),
-    "platform swallows a hinge": ("\nradius_mm = 17.0", "\nradius_mm = 23.0", "swallows"),
-    "chain folded onto the platform": ("[180.0, -90.0, 90.0]", "[180.0, -90.0, 170.0]", "swallows"),
     "folded link": ("[180.0, -90.0, 90.0]", "[180.0, -179.0, 90.0]", "expected"),
-    "neck as wide as a finger": ("neck_mm = 0.5", "neck_mm = 20", "neck as wide as the link"),
-    "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
-    "a planet": ("thickness_mm = 10.0", "thickness_mm = 1e30", "thickness_mm"),
-    "chains across one another": (
-        "[30.0, 32.0, 24.0]      # l1 base-elbow, l2 elbow-platform hinge, l3 platform hinge-centre\n"
-        "joint_angles_deg = [180.0, -90.0, 90.0]",
-        "[130.0, 32.0, 24.0]\njoint_angles_deg = [0.0, 90.0, 90.0]",
-        "overlap",
-    ),
 }
 
 

@@ -14,7 +14,7 @@ from contextlib import nullcontext
 import pytest
 
 from flexfem import terminal
-from flexfem.fem.mesher import Stopwatch
+from flexfem.fem.mesher import Limit
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command, hashes
 from flexfem.terminal import Plain, reason_of, working
@@ -110,14 +110,11 @@ def test_code_of_the_user_that_ends_the_program_does_not_pass_for_a_result(tmp_p
     assert said in ended.stderr.decode() and ended.stderr.count(b"\n") == 1
 
 
-def test_progress_to_a_full_stream_ends_nothing_and_results_to_one_do():
+def test_progress_to_a_full_stream_ends_nothing_results_to_one_do_and_control_characters_are_text():
     for silent in (True, False):
         with open("/dev/full", "w") as full, nullcontext() if silent else pytest.raises(OSError, match="No space"):
             Plain(full, silent).write("x" * 10000)
             Plain(full, silent).flush()
-
-
-def test_control_characters_are_printed_as_text():
     stream = io.StringIO()
     Plain(stream, True).write("a\x1b[31m\tb\x9b\r\u202e\n")
     assert stream.getvalue() == "a\\x1b[31m\tb\\x9b\\r\\u202e\n"
@@ -136,8 +133,12 @@ def test_a_reader_that_has_seen_enough_is_no_failed_check(arguments):
 def test_a_stop_adds_a_second_at_most(monkeypatch):
     now = iter([100.0, 100.25, 175.5])
     monkeypatch.setattr("flexfem.fem.mesher.time.monotonic", lambda: next(now))
-    watch = Stopwatch()
-    assert (watch.step(), watch.step()) == (0.25, 1.0)
+    limit = Limit(9.0)
+    limit.start()
+    limit.look()
+    assert limit.left == 8.75
+    limit.look()
+    assert limit.left == 7.75
 
 
 def test_a_stop_waits_for_the_import_that_is_going_on(tmp_path, monkeypatch, handlers):

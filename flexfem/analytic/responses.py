@@ -27,14 +27,7 @@ from flexfem.analytic.paper import Freedoms, mobility
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress, stress_raised
-from flexfem.mechanism.bodies import (
-    Payload,
-    body_moments,
-    centrelines,
-    hub_moments,
-    inertia_of,
-    mass_per_area,
-)
+from flexfem.mechanism import bodies as drawn
 from flexfem.mechanism.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
 from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, lower, stage_frames
 from flexfem.mechanism.drives import drive_of
@@ -147,7 +140,7 @@ class Pieces(NamedTuple):
 def link_pieces(stage: Stage, chain: int, pushes: list[Push]) -> list[Pieces]:
     """Pieces of pad and links of a chain (1 to 3), base to platform; the ends of the stations of pushes part them."""
     found = []
-    for link, path in enumerate(centrelines(stage, chain)):
+    for link, path in enumerate(drawn.centrelines(stage, chain)):
         begin = 0.0
         here = [push.station for push in pushes if push.body == link and push.station is not None]
         for segment in path:
@@ -198,7 +191,7 @@ class Dynamics(NamedTuple):
         return np.where(bad[..., 0], np.nan, found)
 
 
-def dynamics(stage: Stage, of: AnalyticResult, payload: Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
+def dynamics(stage: Stage, of: AnalyticResult, payload: drawn.Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
     """The dynamics of one stage by an analytic model, with openings of `stacks` in the compliance, for `engaged`."""
     found = driven_model(stage, of, (*on_bodies(stage if of.links else None), *stacks))
     return Dynamics(found.compliance, _mass_of(stage, payload), FREEDOMS if of.links else of.mobility)
@@ -220,15 +213,15 @@ def many(
     return Dynamics(driven(frames, hinges, freedoms, on_bodies(), elastic).compliance, mass, rank)
 
 
-def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Array:
+def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: drawn.Payload) -> Array:
     """Mass matrix (..., 21, 21) of the moving bodies, about the platform centre.
 
     Parameters
     ----------
     bodies : (..., 3 chains, 4 bodies, 4) of `body_moments`.   hub : (..., 4).   areal : (...), tonne/mm^2.
     """
-    platform = inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal) + payload.matrix
-    links = inertia_of(bodies, np.asarray(areal)[..., None, None])
+    platform = drawn.inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal) + payload.matrix
+    links = drawn.inertia_of(bodies, np.asarray(areal)[..., None, None])
     M = np.zeros((*platform.shape[:-2], FREEDOMS, FREEDOMS))
     M[..., :3, :3] = platform
     for k, (chain, link) in enumerate((chain, link) for chain in range(len(CHAINS)) for link in LINKS):
@@ -237,8 +230,10 @@ def mass_matrix(bodies: Array, hub: Array, areal: Array, payload: Payload) -> Ar
     return M
 
 
-def _mass_of(stage: Stage, payload: Payload) -> Array:
-    return mass_matrix(body_moments(stage), hub_moments(stage), np.asarray(mass_per_area(stage)), payload)
+def _mass_of(stage: Stage, payload: drawn.Payload) -> Array:
+    return mass_matrix(
+        drawn.body_moments(stage), drawn.hub_moments(stage), np.asarray(drawn.mass_per_area(stage)), payload
+    )
 
 
 def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
@@ -251,7 +246,7 @@ def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
         for link in LINKS:
             place = None
             if stage is not None:
-                path = centrelines(stage, chain + 1)[link]
+                path = drawn.centrelines(stage, chain + 1)[link]
                 half = sum(segment.length for segment in path) / 2
                 place = Station(path, stage.chain.link_width, half, half)
             for wrench in np.eye(3) @ chain_rotation(chain):  # rows: the stage's directions in the chain's frame
@@ -259,7 +254,7 @@ def on_bodies(stage: Stage | None = None) -> tuple[Stack, ...]:
     return tuple(found)
 
 
-def under_weight(stage: Stage, of: AnalyticResult, payload: Payload, acceleration: Array) -> tuple[Array, Array]:
+def under_weight(stage: Stage, of: AnalyticResult, payload: drawn.Payload, acceleration: Array) -> tuple[Array, Array]:
     """Pose (3,) and highest neck stress (3 chains, 3 hinges), MPa, of a stage whose bodies weigh on it.
 
     acceleration : (2,), of gravity in the plane, mm/s^2.

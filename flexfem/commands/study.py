@@ -14,12 +14,11 @@ import typer
 
 from flexfem.commands.console import Json, show, show_written
 from flexfem.study import MOST_WORKERS, REPORTS
-from flexfem.terminal import Stopped, raw
+from flexfem.terminal import EVERY, Stopped, working
 
 if TYPE_CHECKING:
     from flexfem.study.run import Parts, Progress
 
-EVERY = 30.0  # s between lines on a run that no terminal shows
 SHOWN = 10  # reasons of a status
 
 app = typer.Typer(
@@ -65,27 +64,15 @@ def run(
 
 @contextmanager
 def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
-    """Show on standard error how far a run is, by a bar or without a terminal by lines; a stop says what is kept."""
-    from rich import progress as rich_progress
-    from rich.console import Console
-
-    console = Console(file=raw(sys.stderr))
+    """Show on standard error how far a run is; a stop says what is kept."""
+    began = time.monotonic()
     latest: list[Progress] = []
-    began = said = time.monotonic()
-    columns = (rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}", markup=False))
-    shown = console.is_terminal
     try:
-        with rich_progress.Progress(*columns, console=console, transient=True, disable=not shown) as bar:
-            task = bar.add_task("", total=None)
+        with working("study", EVERY) as say:
 
             def watch(step: Progress) -> None:
-                nonlocal said
-                now, latest[:] = time.monotonic(), [step]
-                text, done = progress_line(step, now - began), step.counts.total()
-                bar.update(task, total=step.designs, completed=done, description=text)
-                if not shown and now - said > EVERY:
-                    said = now
-                    print(text, file=sys.stderr, flush=True)
+                latest[:] = [step]
+                say(progress_line(step, time.monotonic() - began))
 
             yield watch
     except Stopped as stop:

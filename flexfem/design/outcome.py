@@ -11,21 +11,10 @@ import numpy as np
 
 from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
+from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
 from flexfem.design.proof import Mapped, Proof, ProposedElements, mapped, proof, searched
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
-from flexfem.design.result import (
-    Checked,
-    Designed,
-    FrontDesign,
-    Goal,
-    Requirement,
-    Round,
-    Scattered,
-    SoleRelaxation,
-    Step,
-    Verdict,
-)
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import Say, optimum, silent
 from flexfem.files.provenance import is_assumed
@@ -35,25 +24,16 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
 from flexfem.results import versions
+from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, doubted
-from flexfem.study.columns import (
-    BANDS,
-    CROSSES,
-    DRIFTS,
-    DRIVE_RANGES,
-    ENGAGED,
-    ERRORS,
-    FREQUENCIES,
-    GRADIENTS,
-    LIFE_AMPLITUDES,
-    round_off_of,
-    row_of,
-)
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.loaded import stage_of
 from flexfem.units import unit_of
 
-PLANE_ALONE = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS, *FREQUENCIES, *ERRORS, *CROSSES, *BANDS}
+PLANE_ALONE = {
+    *outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS, *outputs.FREQUENCIES, *outputs.ERRORS,
+    *outputs.CROSSES, *outputs.BANDS,
+}  # fmt: skip
 SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # part of its size within which a requirement is kept just so, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
@@ -63,7 +43,7 @@ APART = 1e-3  # of the spans of a front, within which two designs are one
 SHARED = 2000  # stages with scattered necks that the share is of
 
 
-def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> Designed:
+def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> record.Designed:
     """The best stage that meets requirements, or the one that misses least.
 
     Raises ComputationFailed where finite elements of a proposed design fail, BadInput where no design has an answer.
@@ -72,7 +52,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
     model, last, best, of = found.model, found.rounds[-1], found.optima[-1], loaded.requirements
     say("sensitivities")
     kept, stage, space = _requirements(found), made(loaded, last.values), model.space
-    alternatives, front = list[SoleRelaxation](), list[FrontDesign]()
+    alternatives, front = list[record.SoleRelaxation](), list[record.FrontDesign]()
     if best.merit >= MISSED and any(each.verdict == "missed" for each in kept):
         alternatives = relaxations(replace(model, guard=None), last.values)
     if model.objectives > 1 and best.merit < MISSED:
@@ -82,7 +62,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
     history = found.optima[0].history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
     assumed, not_stated = doubts_of(loaded, stage)
-    return Designed(
+    return record.Designed(
         name=of.name,
         file=str(loaded.path),
         base=of.stage,
@@ -95,7 +75,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         feasible=all(each.verdict != "missed" for each in kept),
         agreed=found.agreed,
         objectives=[
-            Goal(**_quantity(found, k, each), better="larger" if each.sign < 0 else "smaller")
+            record.Goal(**_quantity(found, k, each), better="larger" if each.sign < 0 else "smaller")
             for k, each in enumerate(of.objective)
         ],
         requirements=kept,
@@ -103,12 +83,12 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         at_ends=[name for name, listed, u in places if not listed and not END < u < 1 - END],
         sensitivities=_sensitivities(model, last),
         rounds=[
-            Round(design=space.named(r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
+            record.Round(design=space.named(r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
             for r, o in zip(found.rounds, found.optima, strict=True)
         ],
         front=front,
         scattered=_scattered(found),
-        history=[Step(**dict(zip(Step.model_fields, history[k], strict=True))) for k in shown],
+        history=[record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True))) for k in shown],
         evaluations=dict(sorted(elements.counts.items())),
         versions=versions(),
         warnings=_warnings(found),
@@ -135,14 +115,14 @@ def made(loaded: LoadedRequirements, values: Array) -> Stage:
     return stage.model_copy(update={"name": of.name, "provenance": sources})
 
 
-def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> Checked:
+def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:
     """What the value of a quantity rests on, by all names that it uses."""
     of, solid = loaded.requirements, loaded.solid
     unchecked = PLANE_ALONE | {name for name in names if name.startswith(("life_", "safety_"))} if solid else set[str]()
     unchecked |= {*SCATTERED} if of.tolerance is None or not of.tolerance.checked or solid else set()
     if names & unchecked:
         return "analytic model alone"
-    if not names & {*of.study.outputs, *ERRORS, *SCATTERED}:
+    if not names & {*of.study.outputs, *outputs.ERRORS, *SCATTERED}:
         return "exact"  # mass and envelope of the drawing, dimensions themselves
     return "finite elements in three dimensions" if solid else "finite elements"
 
@@ -159,11 +139,11 @@ def _quantity(found: Mapped, place: int, asked: Objective | Require) -> dict[str
         changed = columns | {name: columns[name] + step for name, step in steps.items() if name in columns}
         return float(abs(found.model.quantities(changed)[0, place] - of.elements[place]))
 
-    noise, spread = moved({name: float(size.max()) for name, size in round_off_of(columns).items()}), None
-    if names & {*ENGAGED}:
+    noise, spread = moved({name: float(size.max()) for name, size in outputs.round_off_of(columns).items()}), None
+    if names & {*outputs.ENGAGED}:
         model = commanding(best_model(stage_of(loaded.study, of.values), []))
         part = push_spread(model) / engaged_stiffness(model.of)
-        steps = {name: of.columns[name] * x for name, x in zip(ENGAGED, part, strict=True)}
+        steps = {name: of.columns[name] * x for name, x in zip(outputs.ENGAGED, part, strict=True)}
         spread = max(moved({name: side * x for name, x in steps.items()}) for side in (-1, 1))
     value, uncorrected = (float(x) if abs(x) > noise else 0.0 for x in (of.elements[place], of.uncorrected[place]))
     return {
@@ -178,8 +158,8 @@ def _quantity(found: Mapped, place: int, asked: Objective | Require) -> dict[str
     }
 
 
-def _requirements(found: Mapped) -> list[Requirement]:
-    model, proposing, kept = found.model, found.proposing, list[Requirement]()
+def _requirements(found: Mapped) -> list[record.Requirement]:
+    model, proposing, kept = found.model, found.proposing, list[record.Requirement]()
     guard = np.zeros(len(model.sizes)) if proposing.guard is None else proposing.guard
     tight = 100 * np.minimum(guard, model.room / model.sizes)
     slack = proposing.margins(proposing.found(found.optima[-1].relaxed[None]).quantities)[0]
@@ -187,8 +167,8 @@ def _requirements(found: Mapped) -> list[Requirement]:
         about = _quantity(found, model.objectives + k, each)
         value, band, size = about["value"], about["band"] or 0.0, float(model.sizes[k])
         margin = float(min(value - model.low[k], model.high[k] - value))
-        verdict: Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
-        requirement = Requirement(
+        verdict: record.Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
+        requirement = record.Requirement(
             **about,
             at_least=each.at_least,
             at_most=each.at_most,
@@ -205,9 +185,9 @@ def _requirements(found: Mapped) -> list[Requirement]:
     return kept
 
 
-def relaxations(model: Model, near: Array) -> list[SoleRelaxation]:
+def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
     """For every requirement the smallest relaxation that is enough when the others are kept, by a search each."""
-    found = list[SoleRelaxation]()
+    found = list[record.SoleRelaxation]()
     for k, each in enumerate(model.loaded.requirements.require):
         alone = replace(model, yielding=k)
         best = optimum(alone, model.loaded.requirements.seed, near)
@@ -216,7 +196,7 @@ def relaxations(model: Model, near: Array) -> list[SoleRelaxation]:
             quantities = alone.found(best.values[None]).quantities
             relax_to, missed = float(quantities[0, model.objectives + k]), float(alone.wanted(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
-        found.append(SoleRelaxation(requirement=each.title, relax_to=relax_to, percent=percent))
+        found.append(record.SoleRelaxation(requirement=each.title, relax_to=relax_to, percent=percent))
     return found
 
 
@@ -273,10 +253,10 @@ def _best_of(model: Model, designs: list[Array]) -> list[Array]:
     return [designs[k] for k, is_beaten in zip(first, beaten, strict=True) if not is_beaten]
 
 
-def _front_design(model: Model, of: Proof) -> FrontDesign:
+def _front_design(model: Model, of: Proof) -> record.FrontDesign:
     k = model.objectives
     margins = np.minimum(of.elements[k:] - model.low, model.high - of.elements[k:])
-    return FrontDesign(
+    return record.FrontDesign(
         design=model.space.named(of.values),
         values=of.elements[:k].tolist(),
         predicted=of.predicted[:k].tolist(),
@@ -310,7 +290,7 @@ def _sensitivities(model: Model, of: Proof) -> dict[str, dict[str, float | None]
     }
 
 
-def _scattered(found: Mapped) -> Scattered | None:
+def _scattered(found: Mapped) -> record.Scattered | None:
     """What scatter of the nine necks does to the design; None where no tolerance is given."""
     loaded, of = found.model.loaded, found.rounds[-1].scattered
     tolerance, notes = loaded.requirements.tolerance, list[str]()
@@ -324,7 +304,7 @@ def _scattered(found: Mapped) -> Scattered | None:
             )
             solved = f"; finite elements of {tolerance.checked}: {of.factors[-1, k]:.4f} times that, off by at most "
             notes.append(text + (f"{solved}{of.misfit[k]:.2g} in one" if np.any(of.misfit) else ""))
-    return Scattered(share=share_kept(found.model, found.rounds[-1], tolerance), stages=SHARED, notes=notes)
+    return record.Scattered(share=share_kept(found.model, found.rounds[-1], tolerance), stages=SHARED, notes=notes)
 
 
 def share_kept(model: Model, of: Proof, tolerance: Tolerance) -> float:
@@ -353,16 +333,16 @@ def _warnings(found: Mapped) -> list[str]:
         if 100 * last.gap <= of.accuracy_percent:
             still = "a requirement is still not kept with its band, or within it where there is no room"
         warnings.append(f"after {len(found.rounds)} rounds {still}")
-    row = row_of("ok", "", [columns[name] for name in loaded.study.outputs])
+    row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
     reason = str(doubted(loaded.study, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []
-    amplitudes = [name for name in LIFE_AMPLITUDES if name in columns and name in of.used]
+    amplitudes = [name for name in outputs.LIFE_AMPLITUDES if name in columns and name in of.used]
     if of.life is not None and amplitudes:
         low, high = required_law(loaded.stage.material).range
         about, name = f"amplitudes for {of.life.cycles:g} cycles", amplitudes[0]
         if not low <= of.life.cycles <= high:
             warnings.append(f"{about} extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
-        own = abs(of.life.amplitude[LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
+        own = abs(of.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
         if columns["safety_factor"] * own < columns[name]:  # mean and amplitude grow together
             warnings.append(f"{about} by elastic stress, beyond yield")
     if of.used & {*SCATTERED} and of.tolerance is not None and not of.tolerance.checked:

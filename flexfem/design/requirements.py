@@ -22,20 +22,10 @@ from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
+from flexfem.study import plan
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, Column, Factor, Number, Step, columns_of
 from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file
-from flexfem.study.plan import (
-    Drifting,
-    DriveQuestion,
-    Expression,
-    Frequencies,
-    Lasting,
-    Output,
-    Study,
-    names_in,
-    require_known,
-)
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -101,7 +91,7 @@ class Free(Factor):
 class Require(Table):
     """Ends between which a quantity, an expression of columns and keys, must lie."""
 
-    quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
+    quantity: plan.Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End = Field(default=None, description="The lower end", examples=[100.0])
     at_most: End = Field(default=None, description="The upper end; one of both or both", examples=[150.0])
     label: Label | None = Field(default=None, examples=["stiffness in X"])
@@ -128,9 +118,9 @@ class Require(Table):
 class Objective(Table):
     """A quantity that is to be as large, or as small, as can be."""
 
-    maximise: Expression | None = Field(default=None, examples=["range_x_um"])
+    maximise: plan.Expression | None = Field(default=None, examples=["range_x_um"])
     """An expression that is to be as large as can be"""
-    minimise: Expression | None = Field(default=None, examples=["envelope_mm"])
+    minimise: plan.Expression | None = Field(default=None, examples=["envelope_mm"])
     """Instead: one that is to be as small as can be"""
     label: Label | None = Field(default=None, examples=["range at yield in X"])
     """How it is called in what is printed"""
@@ -201,13 +191,13 @@ class Requirements(Sourced):
     """What may differ from the base stage; numbers in the unit of the key"""
     require: tuple[Require, ...] = Field(default=(), max_length=50, description="What the stage must keep")
     objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="What is to be best, one or two")
-    output: tuple[Output, ...] = Field(default=(), max_length=50)
+    output: tuple[plan.Output, ...] = Field(default=(), max_length=50)
     """A name for an expression, which requirements and objectives may use"""
-    drive: DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
-    frequencies: Frequencies | None = None
+    drive: plan.DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
+    frequencies: plan.Frequencies | None = None
     """Asks for natural frequencies in the plane; the table may be empty"""
-    life: Lasting | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
-    drift: Drifting | None = None
+    life: plan.Lasting | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
+    drift: plan.Drifting | None = None
     """Asks for the drift with temperature; the table has no keys"""
     tolerance: Tolerance | None = None
     """Asks for the share of stages that keep all requirements when their nine necks scatter, and for the couplings of
@@ -236,12 +226,12 @@ class Requirements(Sourced):
         for index, output in enumerate(self.output):
             if output.name in known or output.name in keys():
                 raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            require_known(output.expression, known, "output", index, "expression")
+            plan.require_known(output.expression, known, "output", index, "expression")
             known.add(output.name)
         for index, require in enumerate(self.require):
-            require_known(require.quantity, known, "require", index, "quantity")
+            plan.require_known(require.quantity, known, "require", index, "quantity")
         for index, objective in enumerate(self.objective):
-            require_known(objective.quantity, known, "objective", index, objective.key)
+            plan.require_known(objective.quantity, known, "objective", index, objective.key)
         return self
 
     @model_validator(mode="after")
@@ -255,13 +245,13 @@ class Requirements(Sourced):
         return self
 
     @cached_property
-    def study(self) -> Study:
+    def study(self) -> plan.Study:
         """The study whose factors are the free dimensions. Raises ValidationError as of a study file."""
         content: dict[str, Any] = {name: getattr(self, name) for name in SHARED}
         options: dict[str, Any] = {"by_alias": True, "exclude_unset": True, "exclude": {"step", "points"}}
         factors = tuple(free.model_dump(**options) for free in self.free)
         sampling = {"method": "sobol", "designs": 1, "seed": 0}
-        return Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
+        return plan.Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -276,7 +266,7 @@ class Requirements(Sourced):
     def names_of(self, expression: str) -> frozenset[str]:
         """Names that an expression uses, through derived outputs too."""
         derived = {output.name: output.expression for output in self.output}
-        own = names_in(expression)
+        own = plan.names_in(expression)
         return frozenset(own).union(*(self.names_of(derived[name]) for name in own if name in derived))
 
     @property
@@ -339,7 +329,7 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
             place = f"objective[{index}].{objective.key} = {shown(objective.quantity)}"
             raise bad_key(path, ("objective", index, objective.key), f"{place}, expected what a free dimension changes")
     for index, require in enumerate(found.require):
-        for name in names_in(require.quantity):
+        for name in plan.names_in(require.quantity):
             if name in keys() and name not in set_by and keys()[name].value_in(stage) is None:
                 message = f"require[{index}].quantity: the stage has no {name} of its own"
                 raise bad_key(path, ("require", index), message)

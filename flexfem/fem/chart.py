@@ -101,8 +101,6 @@ class Extrapolation(NamedTuple):
 def _mesh(hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: Callable[[Array], Array]) -> StageMesh:
     """Mesh a quarter: `left` is half the neck, `bottom` the axis, `right` the block's end, `top` free.
 
-    Parameters
-    ----------
     columns : along the arc, the wall, the block.   along : shares of these of the block to places on it.
 
     Notes
@@ -189,8 +187,6 @@ def _held(mesh: StageMesh) -> NDArray[np.bool_]:
 def _answers(of: Structure, loads: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Displacements (k, n, ...) of a quarter under loads, zero where held, and the work (k,) of these on the hinge.
 
-    Notes
-    -----
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
     strains: high blocks beside a slender neck turn far as rigid bodies, by which round-off in K would be multiplied.
     """

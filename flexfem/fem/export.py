@@ -26,11 +26,9 @@ def write_deck(mesh: StageMesh, plate: Plate, path: Path) -> None:
     -----
     Sets `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the mesh is number k + 1; two
     more at the platform's centre carry the pose: the first has x and y in its degrees of freedom 1 and 2, the second
-    has theta, in rad, in its degree of freedom 1, where a moment in N mm acts as a force.
-
-    The hub follows them by `u = X - theta y`, `v = Y + theta x`, written as linear equations: that is the rigid hub
-    of small rotations in any linear step. `*RIGID BODY` would be the shorter way to say it, but states a large
-    rotation, which each program linearises by its own rules; in CalculiX 2.20 both give the same digits.
+    has theta, in rad, in its degree of freedom 1, where a moment in N mm acts as a force. The hub follows them by
+    linear equations, `u = X - theta y`, `v = Y + theta x`; a `*RIGID BODY` states a large rotation, which each program
+    linearises by its own rules.
     """
     text = "\n".join(_deck(mesh, plate))
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))

@@ -105,10 +105,7 @@ class StageMesh(NamedTuple):
 def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
     """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two).
 
-    Notes
-    -----
-    The local thickness that they follow is a hyperbola of the distance from a neck's centre: the notch's own
-    `t + d^2 / R` near the neck, a straight growth of `SLOPE` far from it.
+    They follow a thickness that is a hyperbola of the distance from a neck's centre: `t + d^2 / R` near the neck.
     """
     width = stage.chain.link_width
     coarse = COARSEST * width
@@ -194,11 +191,8 @@ def least_scaled_jacobian(found: Array) -> float:
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
     """A grid of the unit square, every cell cut into two quadratic triangles, put in its place by a map.
 
-    Parameters
-    ----------
     place : u, v (...) in 0..1 to points (..., 2), mm, without turning the square over. Middle nodes are mapped too.
-
-    The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
+        The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
     """
     number = np.arange((2 * columns + 1) * (2 * rows + 1)).reshape(2 * rows + 1, 2 * columns + 1)
     v, u = np.meshgrid(np.linspace(0, 1, 2 * rows + 1), np.linspace(0, 1, 2 * columns + 1), indexing="ij")
@@ -219,8 +213,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
 class Sector(NamedTuple):
     """Curved quadratic triangles of one chain with its sector of the platform, in the frame of chain 1.
 
-    mesh : bodies 0 to 3 in the order of `stage.bodies.BODIES`; edges on `ground`, `hub`, `cut ahead`, `cut behind`
-        and, for each hinge, `neck base` and so on.
+    mesh : bodies 0 to 3; edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge, `neck base` etc.
     behind, ahead : (k,), nodes on the cuts without those on the hub, outwards; ahead is behind turned by 120 degrees.
     """
 
@@ -247,13 +240,9 @@ def mesh_sectors(
     checks, MeshTimeout when it takes too long.
     """
     check_feasible(stage)
-    even = isinstance(resolution, int)
     across = (resolution,) * 3 if isinstance(resolution, int) else resolution
-    chains = (1,) if stage.chains_alike and even else (1, 2, 3)
-    jobs = [sector_drawing(stage, chain, across[chain - 1]) for chain in chains]
-    if not even:
-        cuts = {f"cut {side}": max(job.divisions[f"cut {side}"] for job in jobs) for side in ("behind", "ahead")}
-        jobs = [job._replace(divisions=job.divisions | cuts) for job in jobs]
+    chains = (1,) if stage.chains_alike and len(set(across)) == 1 else (1, 2, 3)
+    jobs = [sector_drawing(stage, chain, across[chain - 1], max(across)) for chain in chains]
     areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
     estimate = estimate_triangles(stage, sum(areas) * 3 / len(chains), max(across))
     if estimate > MOST_TRIANGLES:
@@ -307,13 +296,13 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
     return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), places
 
 
-def sector_drawing(stage: Stage, chain: int, resolution: int) -> Job:
-    """Drawing and sizes of the sector that holds one chain."""
+def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Job:
+    """Drawing and sizes of the sector that holds one chain; `finest` resolution of all chains: cuts are common."""
     fine = max(resolution, 2)  # a single triangle from side to side of an arc would fold
     faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
     places = _fine_places(stage, chain, faces, fine)
     cones = tuple(cone(*place, coarse, fine) for place in places if place[-1] < coarse)
-    cuts = max(2, math.ceil(rim_of(stage)[0] / coarse))
+    cuts = max(2, math.ceil(rim_of(stage)[0] / (COARSEST * stage.chain.link_width / max(finest, 2))))
     divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
     divisions |= {"cut behind": cuts, "cut ahead": cuts}
     return Job(faces, divisions, cones)

@@ -262,23 +262,20 @@ def main() -> None:
             made.flush()
 
 
-class Stopwatch:
-    """Seconds of the monotonic clock, of every gap between two looks `STEP` at most; look more often than that."""
-
-    def __init__(self) -> None:
-        self._seen = time.monotonic()
-
-    def step(self) -> float:
-        """Seconds since the look before."""
-        before, self._seen = self._seen, time.monotonic()
-        return min(self._seen - before, STEP)
-
-
 class Limit:
-    """Seconds that are `left` for work of several pieces, each of which takes off what it has used."""
+    """Seconds that are `left` for work of several pieces; of a gap between two looks `STEP` at most counts."""
 
     def __init__(self, seconds: float) -> None:
         self.left = seconds
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._seen = time.monotonic()
+
+    def look(self) -> None:
+        """Take off what has gone since the look before."""
+        before, self._seen = self._seen, time.monotonic()
+        self.left -= min(self._seen - before, STEP)
 
 
 class MeshTimeout(ComputationFailed):
@@ -327,11 +324,12 @@ class _Process:
         """As `run_jobs`; no stop of flexfem counts for the limit."""
         self._request += pickle.dumps(requests)
         found: list[list[Made]] = []
-        asking, watch, allowed = Thread(target=self._ask, args=(found,), daemon=True), Stopwatch(), limit.left
+        asking, allowed = Thread(target=self._ask, args=(found,), daemon=True), limit.left
         asking.start()
+        limit.start()
         while asking.is_alive():
             asking.join(min(LOOK, max(limit.left, 0.0)))
-            limit.left -= watch.step()
+            limit.look()
             if asking.is_alive() and limit.left <= 0:
                 raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s")
         if not found:

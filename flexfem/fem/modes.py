@@ -87,13 +87,10 @@ def vibrating_structure(
 ) -> VibratingStructure:
     """Assemble and factorise.
 
-    Parameters
-    ----------
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload.
     pushes, rates : of engaged stacks, (size, n) and (n,), N/mm.
     degree : of the quadrature of the mass, by default exact.
     space : motions whose stiffness is factorised; None for all.
-
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
     space, pushes = space or every_motion(of), np.zeros((of.size, 0)) if pushes is None else pushes
@@ -128,11 +125,8 @@ def stage_modes(
 ) -> Modes:
     """The lowest `count` modes of a stage by its sectors; out of the plane where the layers are antisymmetric.
 
-    Parameters
-    ----------
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload for the pose of the hub.
     degree : of the quadrature of the stiffness in the plane.
-
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
     stage = by_sectors(sectors, plate, layers, degree)

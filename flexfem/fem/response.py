@@ -71,8 +71,6 @@ def settle(
 ) -> StaticSolution:
     """Refine the answer to loads until its balances hold. Raises ComputationFailed when they do not.
 
-    Parameters
-    ----------
     solve : by the stiffness, loads (size, k) -> unknowns (size, k).
     loads : (size, k), on the unknowns; where `alike`, a third of those of the whole.
     given : (k, n, ...), displacements imposed on clamped nodes, zero elsewhere; None holds them.
@@ -145,9 +143,7 @@ class Response:
     sectors, sector_fields : one or three sectors, and the displacements (3 cases, n, 2), mm, of their nodes, with
         layers (3, n, m, 3); both are in the frame of chain 1, the cases in that of the stage.
     reactions : (3, 3), row j the resultant of the clamped edges about the origin by case j, N and N mm.
-    energy : (3, 3), N mm, `u_i' K u_j`; half its diagonal is the strain energy by each case.
-    unknowns : number of equations that the whole stage would have.
-    extrusion : None in the plane.
+    energy : (3, 3), N mm, `u_i' K u_j`.   unknowns : of the whole stage.   extrusion : None in the plane.
     """
 
     compliance: Array
@@ -194,7 +190,6 @@ def unit_response(
     """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature in the plane.
 
     imposed : instead of loads, displacements (3, n, ...) of the clamped nodes of a structure.
-
     Raises ComputationFailed as `settle` and `Structure.lower`.
     """
     stage = by_sectors(sectors, plate, layers, degree)

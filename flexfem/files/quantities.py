@@ -62,8 +62,14 @@ OF_ANY_KEY = Ends(1e-12, 1e12)  # in the unit of the key: beyond all that a key 
 
 
 def above_zero(ends: Ends) -> tuple[Any, ...]:
-    """Annotations of a number that is positive."""
-    return Field(gt=0, le=ends.most), *at_least(ends.least)
+    """Annotations of a number that is positive; one so small that the unit must be wrong is refused."""
+
+    def checked(value: float) -> float:
+        if value < ends.least:
+            raise refusal(f"at least {ends.least:g}: less is a unit mistake")
+        return value
+
+    return Field(gt=0, le=ends.most), AfterValidator(checked), keywords(minimum=ends.least)
 
 
 def from_zero(ends: Ends) -> tuple[Any, ...]:
@@ -74,17 +80,6 @@ def from_zero(ends: Ends) -> tuple[Any, ...]:
 def either_sign(ends: Ends) -> tuple[Any, ...]:
     """Annotations of a number of either sign, or zero."""
     return Field(ge=-ends.most, le=ends.most), *zero_or(ends.least, signed=True)
-
-
-def at_least(smallest: float) -> tuple[AfterValidator, Keywords]:
-    """Annotations of a number: refuse what is so small that the unit must be wrong."""
-
-    def checked(value: float) -> float:
-        if value < smallest:
-            raise refusal(f"at least {smallest:g}: less is a unit mistake")
-        return value
-
-    return AfterValidator(checked), keywords(minimum=smallest)
 
 
 def zero_or(least: float, signed: bool = False, unit: str = "") -> tuple[AfterValidator, Keywords]:

@@ -102,8 +102,7 @@ def _displaced(
 ) -> tuple[Figure, list[Axes], float]:
     """A panel for each stage, all with one exaggeration and one scale of stress; figure, panels and exaggeration."""
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
-    tallest = max(float(np.divide(*np.ptp(field.nodes, axis=0)[::-1])) for field in fields.values())
-    size = (columns * PANEL + 0.3, rows * (PANEL * min(max(tallest, 0.6), 1.5) + 0.6) + 0.8)
+    size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
     said = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
     figure, found = panels(size, title, [lines[0] + said, *lines[1:]], rows, columns, doubts, len(fields))
     for axes, (label, each), hub in zip(found, fields.items(), hubs, strict=True):
@@ -148,14 +147,13 @@ def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
 @in_house_style
 def drift_figure(found: Drift) -> Figure:
     """Draw the three cases, each with its own exaggeration and scale of stress."""
-    of, fields, stated, width = found.about, _warm(found).cases, found.settings, 0.88 * PANEL
-    height = width * float(np.divide(*np.ptp(fields["uniform"].nodes, axis=0)[::-1])) + 1.25
+    of, fields, stated = found.about, _warm(found).cases, found.settings
     lines = [
         f"Expansion {stated['expansion']}, frame {stated['frame']}; both have the same temperature at every place, "
         "gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, which "
         "the frame carries along. Stress at the corners of these grows with finer meshes; titles: at the necks."
     ]
-    figure, axes = panels((3 * width + 0.3, height), f"{of.name}: warm", lines, 1, 3, of)
+    figure, axes = panels((13.5, 5.3), f"{of.name}: warm", lines, 1, 3, of)
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))

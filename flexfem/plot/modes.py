@@ -53,12 +53,11 @@ def figures(found: NaturalModes) -> dict[str, Any]:
 @style.in_house_style
 def modes_figure(found: NaturalModes) -> Figure:
     """Draw all modes, each with its frequency and band and the share of the mass that goes with it."""
-    mesh, count = _fields(found).mesh, len(found.axes["mode"])
+    count = len(found.axes["mode"])
     columns = min(3, count)
     rows = -(-count // columns)
-    height = PANEL * float(np.divide(*np.ptp(mesh.nodes, axis=0)[::-1])) + 0.55
-    size, title = (max(columns * PANEL + 0.3, 7.4), rows * height + 0.8), f"{found.about.name}: natural modes"
-    figure, axes = panels(size, title, [_said_of(found)], rows, columns, found.about, count)
+    size, title = (max(columns * PANEL + 0.3, 7.4), rows * (0.92 * PANEL + 0.55) + 0.8), "natural modes"
+    figure, axes = panels(size, f"{found.about.name}: {title}", [_said_of(found)], rows, columns, found.about, count)
     for number, each in enumerate(axes, start=1):
         plot_mode(each, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
     draw_scale(figure, figure.axes, SHARE, "displacement, over the largest of the mode")

@@ -201,9 +201,7 @@ def _xy(z: complex) -> tuple[float, float]:
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
-    across, up = np.ptp(fields.nodes, axis=0) + 0.2 * np.ptp(fields.nodes, axis=0).max()
-    size = (8.27, 7.2 * min(max(up / across, 0.5), 1.5) + 0.7)
-    figure, (axes,) = panels(size, model.stage, [mesh_size(model), KEY], 1, doubts=model)
+    figure, (axes,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, doubts=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_mesh(axes, model, fields)
     return figure
@@ -281,10 +279,8 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
 @in_house_style
 def model_sketch(model: CurveModels) -> Figure:
     """Draw the pseudo-rigid-body model, Figs. 3 and 4 of the paper: see `plot_model`."""
-    span = np.ptp([hinge.centre for hinge in model.hinges], axis=0)
-    height = 7.6 * min(max(np.divide(*(span + 0.3 * max(span))[::-1]), 0.5), 1.4) + 1.0
     title = f"{model.stage}: model of mobility {model.mobility}"
-    figure, (axes,) = panels((8.27, height), title, [mobility_line(model)], 1, doubts=model)
+    figure, (axes,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, doubts=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_model(axes, model)
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}

@@ -15,10 +15,10 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import Plane, actuators_of, counted, of_drive, of_heat, of_stage
+from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.setup import question
-from flexfem.units import FORCES, MICROMETRE
+from flexfem.units import RATE
 
 POINTS = 121  # of a curve
 HIGHEST = 1e6  # H/h that is asked for; the chart has no largest
@@ -38,10 +38,7 @@ class PlacedHinge(NamedTuple):
 
 
 class PlacedActuator(NamedTuple):
-    """An actuator and what each of its stacks can do: mm, N/mm, N.
-
-    chains : 1 to 3, those where it is the same.   contacts_mm, directions_deg : in the frame of chain 1.
-    """
+    """An actuator on the chains where it is the same, and what each of its stacks can do; places as on chain 1."""
 
     name: str
     chains: list[int]
@@ -49,11 +46,11 @@ class PlacedActuator(NamedTuple):
     stack: str | None
     contacts_mm: list[tuple[float, float]]
     directions_deg: list[float]
-    stroke: float
-    stiffness: float
-    blocking_force: float
-    stiffness_with_contact: float
-    preload: float
+    stroke_um: float
+    stiffness_n_per_um: float
+    blocking_force_n: float
+    stiffness_with_contact_n_per_um: float
+    preload_n: float
     contact: str
 
 
@@ -66,19 +63,9 @@ class DriveReport(NamedTuple):
     assumed: list[str]
     not_stated: list[str]
 
-    @property
-    def lines(self) -> list[str]:
-        """A line for each actuator, for terminals."""
-        return [
-            f"{one.name} (chain {', '.join(map(str, one.chains))}): {counted(len(one.contacts_mm), 'stack', 'stacks')} "
-            f"{one.stack or 'of the file'}, stroke {MICROMETRE.factor * one.stroke:.4g} {MICROMETRE.plain}, blocking "
-            f"force {one.blocking_force:.4g} {FORCES[0]}"
-            for one in self.actuators
-        ]
-
 
 class StageReport(NamedTuple):
-    """A valid, feasible stage as it was read: `dimensions` in inside units, `provenance` by key path of the file.
+    """A valid, feasible stage as it was read: `dimensions` by keys of the file, `provenance` by key path.
 
     drive : None without actuators; nothing else says anything of it.
     """
@@ -114,7 +101,7 @@ def check(stage: Stage) -> StageReport:
     (6, True, 4.0, 17)
     """
     check_feasible(stage)
-    others = {"name", "hinges", "override", "actuator", "provenance", "frame"}  # of which other answers are made
+    others = {"name", "model", "hinges", "override", "actuator", "provenance", "frame"}  # said elsewhere
     left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
     return StageReport(
         **of_stage(stage),
@@ -122,7 +109,7 @@ def check(stage: Stage) -> StageReport:
         model=stage.model,
         chains_alike=stage.chains_alike,
         hash=stage.hash,
-        dimensions=stage.model_dump(mode="json", exclude=left_out, exclude_none=True),
+        dimensions=stage.model_dump(mode="json", by_alias=True, exclude=left_out, exclude_none=True),
         hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
         provenance={key: text for key, text in stage.sources.items() if text and not (of_drive(key) or of_heat(key))},
         warnings=warning.of_stage(stage),
@@ -153,9 +140,11 @@ def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
         stack=one.stack,
         contacts_mm=[(_rounded(each.point.real), _rounded(each.point.imag)) for each in placed],
         directions_deg=[_rounded(np.rad2deg(each.direction)) % 360.0 for each in placed],
-        **one.rating._asdict(),
-        stiffness_with_contact=one.stiffness_with(stage.material),
-        preload=one.preload,
+        stroke_um=_rounded(1e3 * one.rating.stroke),
+        stiffness_n_per_um=_rounded(RATE.factor * one.rating.stiffness),
+        blocking_force_n=one.rating.blocking_force,
+        stiffness_with_contact_n_per_um=RATE.factor * one.stiffness_with(stage.material),
+        preload_n=one.preload,
         contact=one.contact,
     )
 

@@ -24,7 +24,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, answer, mesh_of, on_meshes, question
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
@@ -91,7 +91,7 @@ def gravity(
         pose, stress = under_weight(chosen.stage, analyse(*chosen), load, along)
         found[ANALYTIC], name = Answered({"pose": pose, "stress": stress}, {}), chosen.name
     if mesh is not None and mesh.layers:
-        found[SOLID] = _horizontal(stage, load, mesh.resolution, mesh.layers)
+        found[SOLID] = _horizontal(stage, load, mesh)
         warnings += warning.held_faces(stage)
     elif mesh is not None:
         found[ELEMENTS] = _upright(stage, load, along, mesh.resolution, progress)
@@ -106,25 +106,24 @@ def gravity(
 
 def _upright(stage: Stage, load: Payload, along: Array, resolution: int, progress: Progress | None) -> Answered:
     """Plane finite elements on three meshes."""
-    each = on_meshes(levels(resolution), lambda level: _by_elements(stage, load, along, level, 0), progress)
-    steps, lever = np.array(levels(resolution), dtype=float), stage.chain.link_lengths[2]
+    steps, lever = levels(resolution), stage.chain.link_lengths[2]
+    each = on_meshes(steps, lambda level: _by_elements(stage, load, along, level), progress)
     poses, stresses = (np.array(part) for part in zip(*each, strict=True))
-    bands = {"pose": pose_bands(steps, poses[..., None], lever)[:, 0], "stress": highest_band(steps, stresses)}
+    sizes = np.array(steps, dtype=float)
+    bands = {"pose": pose_bands(sizes, poses[..., None], lever)[:, 0], "stress": highest_band(sizes, stresses)}
     return Answered({"pose": poses[-1], "stress": stresses[-1]}, bands)
 
 
-def _horizontal(stage: Stage, load: Payload, resolution: int, layers: int) -> Answered:
+def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> Answered:
     """Three dimensions: the band is that of the mesh in the plane and that of the layers."""
     lever, down = stage.chain.link_lengths[2], np.array([-GRAVITY, 0.0])
-    size = np.array([1.0, lever, lever])[:, None]
-    sag, stress = _by_elements(stage, load, down, resolution, layers)
-    band = solid_pose_bands(
-        lambda *sizes: size * _by_elements(stage, load, down, *sizes)[0][:, None], resolution, layers
-    )
+    size = np.array([[1.0], [lever], [lever]])
+    sag, stress = _by_elements(stage, load, down, *mesh)
+    band = solid_pose_bands(lambda *sizes: size * _by_elements(stage, load, down, *sizes)[0][:, None], *mesh)
     return Answered({"sag": sag, "stress": stress}, {"sag": (band / size)[:, 0]})
 
 
-def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int) -> tuple[Array, Array]:
+def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int = 0) -> tuple[Array, Array]:
     """Pose and neck stress on one mesh under an acceleration (2,), mm/s^2: x and y, or with layers z alone."""
     mesh, solid = build_mesh(stage, level), layers > 0
     through = layers_of(stage, layers, antisymmetric=True) if solid else None

@@ -349,11 +349,10 @@ def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
     return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
-def _placed(values: Array, places: Sequence[int], count: int) -> Array:
+def _placed(values: Array, places: list[int], count: int) -> Array:
     """The first values at places, nan elsewhere, where there are fewer, and where a model has no such freedom."""
-    found = np.full(count, np.nan)
-    for place, value in zip(places, values, strict=False):
-        found[place] = value if np.isfinite(value) else np.nan
+    found, places = np.full(count, np.nan), places[: len(values)]
+    found[places] = np.where(np.isfinite(values), values, np.nan)[: len(places)]
     return found
 
 
@@ -455,16 +454,11 @@ def _in_three_dimensions(
 def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int) -> Array:
     """Frequencies (k,) in plane stress, on the same mesh, of the shapes that the mid-plane has, by overlap; or nan."""
     flat = vibrating_structure(structure(of.mesh, sheet_of(stage)), stage.material.density * DENSITY, load)
-    solved = modes_of(flat, count)
-    found = np.full(count, np.nan)
-    for k in range(count):
-        middle = np.concatenate([of.field(k)[flat.structure.free, 0, :2].ravel(), of.shapes[0, -3:, k]])
-        moved = flat.mass.loads(middle[:, None])[:, 0]
-        overlap = np.abs(solved.shapes[0].T @ moved) / np.sqrt(middle @ moved)
-        best = int(np.argmax(overlap))
-        if overlap[best] > SAME_SHAPE:
-            found[k] = solved.frequencies[best]
-    return found
+    solved, fields = modes_of(flat, count), [of.field(k)[flat.structure.free, 0, :2].ravel() for k in range(count)]
+    middle = np.vstack([np.transpose(fields), of.shapes[0, -3:]])
+    moved = flat.mass.loads(middle)
+    overlap = np.abs(solved.shapes[0].T @ moved) / np.sqrt(np.sum(middle * moved, axis=0))
+    return np.where(np.max(overlap, axis=0) > SAME_SHAPE, solved.frequencies[np.argmax(overlap, axis=0)], np.nan)
 
 
 def _frequency_bands(resolution: int, frequencies: Sequence[Array]) -> Array:

@@ -144,7 +144,7 @@ class Sampling(Table):
     """`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; `saltelli`, for
     sensitivity; or `table`, your own designs"""
     file: Label | None = Field(default=None, examples=["designs.csv"])
-    """With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (read one row group at a time),
+    """With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (at most 2 GiB),
     beside the study file; one row a design, one column a factor, named by its label or key, in file units. Factors then
     have a key alone. An edited table is another study"""
     designs: int | None = Field(default=None, ge=1, le=MOST, examples=[256])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import os
 import signal
@@ -16,16 +15,14 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from flexfem.files.refusals import one_line
+from flexfem.files.writing import digest
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.sources import own_hash
+from flexfem.sources import ONE_THREAD, PACKAGE, manifest, own_hash
 
-PACKAGE = Path(__file__).parents[1]
-ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 LOADING = 300.0  # s, for the first worker to start on a busy machine
 CONNECT = 10.0  # s, for a scheduler to answer
 POLL = 0.25  # s
@@ -33,7 +30,7 @@ HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if has
 
 
 class Failure(NamedTuple):
-    """A task without a result: "time limit", or "crashed" where it ended its worker."""
+    """A task without a result: "time limit"; "crashed", it ended its worker; or "failed", an error of its own."""
 
     status: str
     reason: str
@@ -228,18 +225,10 @@ def versions_of(meshed: bool) -> Mapping[str, str]:
         except PackageNotFoundError:
             found[name] = "none"
     if (PACKAGE.parent / "pyproject.toml").is_file():
-        found["sources"] = sources_hash()
+        found["sources"] = digest(dict(manifest()))[:16]
     if own_hash():
         found["with"] = own_hash()[:16]
     return MappingProxyType(found)
-
-
-def sources_hash(package: Path = PACKAGE) -> str:
-    """First 16 digits of the SHA-256 of the sources and data files of a package."""
-    total = hashlib.sha256()
-    for path in sorted((*package.rglob("*.py"), *(package / "data").glob("*.[jt]*"))):
-        total.update(f"{path.relative_to(package).as_posix()}\0".encode() + path.read_bytes())
-    return total.hexdigest()[:16]
 
 
 def require_same_versions(expected: Mapping[str, str], meshed: bool) -> None:

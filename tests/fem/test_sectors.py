@@ -36,7 +36,7 @@ def stages(alike, unlike):
 
 
 def test_the_nth_mesh_of_a_process_is_that_of_a_fresh_process(stages):
-    jobs = [sector_drawing(stage, chain, RESOLUTION) for chain, stage in enumerate(stages, start=1)]
+    jobs = [sector_drawing(stage, chain, RESOLUTION, RESOLUTION) for chain, stage in enumerate(stages, start=1)]
     fresh = []
     for job in jobs:
         end_processes()
@@ -64,8 +64,8 @@ def test_slender_and_stubby_hinges_are_as_accurate(neck):
 
 
 def test_thirds_that_do_not_fit_are_refused(unlike, monkeypatch):
-    def finer(stage, chain, resolution):
-        job = sector_drawing(stage, chain, resolution)
+    def finer(stage, chain, *resolutions):
+        job = sector_drawing(stage, chain, *resolutions)
         return job if chain != 2 else job._replace(divisions={**job.divisions, "cut ahead": 9})
 
     monkeypatch.setattr(flexfem.fem.mesh, "sector_drawing", finer)

@@ -12,7 +12,7 @@ from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
 from flexfem.arrays import Array, inverse
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.hinges.strength import concentration, neck_stress
+from flexfem.hinges.strength import concentration
 from flexfem.mechanism.bodies import draw_sector, polygon_points
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_closed_form, check_feasible
@@ -129,15 +129,6 @@ def test_a_singular_stage_is_refused(studies: Any) -> None:
     }
 
 
-def test_any_cut_of_the_designs_answers_the_same(studies: Any) -> None:
-    loaded = study(studies, WILD, "calibrated", 21, 300)
-    whole = answer(loaded, 0, 300)
-    parts = [answer(loaded, *ends) for ends in ((0, 1), (1, 130), (130, 130), (130, 300))]
-    assert np.array_equal(np.concatenate([part.reason for part in parts]), whole.reason)
-    values = np.concatenate([part.values for part in parts])
-    np.testing.assert_allclose(values[:, :3], whole.values[:, :3], rtol=ROUND_OFF)
-
-
 def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(studies: Any) -> None:
     """Compatibility, chain by chain: with rotation and stretch alone the neck wrenches say it all."""
     loaded = study(studies, GENTLE, "calibrated", 12, 5)
@@ -176,19 +167,6 @@ def test_the_notch_concentrates_as_hyperbolic_notches_do() -> None:
         assert np.all(np.diff(values) > 0) and values[-1] < 3.0
     smith_chetwynd = (1 + ratio / 2) ** 0.45
     assert np.max(np.abs(K.bending / smith_chetwynd - 1)[ratio < 0.5]) < 0.015  # their range ends near there
-
-
-def test_stress_is_linear_in_the_wrench_and_falls_with_the_square_of_the_neck(studies: Any) -> None:
-    loaded = study(studies, GENTLE, "calibrated", 21, 1)
-    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
-    wrench = analyse(stage, 21, "calibrated").wrench
-    neck, thickness = stage.array("neck"), np.array(stage.thickness)
-    K = concentration(neck / stage.array("radius"))
-    plain = neck_stress(wrench, neck, thickness, K)
-    np.testing.assert_allclose(neck_stress(wrench, neck, 2 * thickness, K), plain / 2, rtol=1e-12)
-    bent = wrench._replace(normal=0 * wrench.normal)
-    ratio = neck_stress(bent, 2 * neck, thickness, K) / neck_stress(bent, neck, thickness, K)
-    np.testing.assert_allclose(ratio, 0.25, rtol=1e-12)
 
 
 def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:

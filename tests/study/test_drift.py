@@ -11,7 +11,6 @@ import pytest
 
 import flexfem
 from flexfem.files.writing import toml_text
-from flexfem.mechanism.keys import keys
 from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS
@@ -153,12 +152,3 @@ def test_a_stage_without_a_coefficient_is_refused_in_one_line(warm: Any, left_ou
         study(warm, OWN, 4, "[drift]", FACTORS[:2])
     assert "\n" not in str(refused.value)
     assert study(warm, OWN, 4, "", FACTORS[:2]).count == 4
-
-
-def test_expansions_of_another_unit_between_possible_ones_are_refused(warm: Any) -> None:
-    values = np.array([0.0, 0.005, 0.01, 23.6, 300.0, 300.1, -1.0])
-    assert keys()[EXPANDING].impossible(values).tolist() == [False, True, False, False, False, True, True]
-    assert keys()[EXPANDING].impossible(values[:5]).tolist() == [False, True, False, False, False]
-    loaded = study(warm, OWN, 40, "[drift]", (f'key = "{EXPANDING}"\nfrom = 0.0\nto = 0.02',))
-    rows, values = answer(loaded, 0, 40), sample(loaded, 0, 40)[:, 0]
-    assert np.array_equal(rows.status == "refused", values < 0.01) and 5 < np.sum(rows.status == "ok") < 35

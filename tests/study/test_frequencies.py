@@ -51,11 +51,3 @@ def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies
     stage = stage_of(loaded, sample(loaded, 0, 1)[0])
     found = flexfem.modes(stage, count=3, payload=(0.07, 31.0), resolution=4)
     np.testing.assert_allclose(ours, found.at("frequency", model="finite elements")[:3] / (2 * np.pi), rtol=1e-8)
-
-
-def test_the_payload_is_part_of_what_a_study_is(studies: Any) -> None:
-    head = 'model = "analytic"\n'
-    plain = study(studies, head, 4, "", FACTORS[:2])
-    hashes = {study(studies, head, 4, tail, FACTORS[:2]).hash for tail in ("[frequencies]", PAYLOAD)}
-    assert len(hashes | {plain.hash}) == 3
-    assert not set(FREQUENCIES) & set(plain.outputs)

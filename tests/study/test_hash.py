@@ -12,19 +12,12 @@ from pydantic import BaseModel
 from flexfem.mechanism.stage import Hinge
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Override
 from flexfem.study.loaded import LoadedStudy
+from flexfem.study.plan import Frequencies, Lasting
 
 Place = tuple[str | int, ...]
 OF_HEAT = {("material", "expansion"), ("frame", "expansion")}  # with a hash of its own, as the drive
 NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",), ("actuator",), *OF_HEAT}
 OF_THE_DRIVE = {("override", 0, name) for name in OF_ACTUATORS}  # of a hinge's override: nothing
-NOT_OF_A_STUDY = {
-    ("name",),
-    ("stage",),
-    ("figure",),
-    ("provenance",),
-    ("time_limit",),
-    ("check",),
-}  # check by `draws`
 NOT_OF_A_FACTOR = {("key",), ("keys",), ("label",)}  # by the column that they make
 DRIVEN = ("sd = 1.5\n", "sd = 1.5\n[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")
 HYPERCUBE = ('"monte_carlo"', '"latin_hypercube"')  # where the number of designs changes the first ones too
@@ -75,11 +68,13 @@ def unseen(value: Any, hash_of: Any, places: set[Place]) -> set[Place]:
 
 def test_every_key_of_a_study_changes_its_hash_but_those_that_answers_do_not_depend_on(studies: Any) -> None:
     loaded: LoadedStudy = studies.load(DRIVEN, HYPERCUBE)
+    asked = {"life": Lasting(amplitude_x_um=3.0), "frequencies": Frequencies(payload_kg=0.1)}
+    loaded = replace(loaded, study=loaded.study.model_copy(update=asked))
     apart = {"factor", "output", "constraint"}  # what is not empty of the latter two: test_conditions
     places = {place for place in leaves(loaded.study) if place[0] not in apart}
-    assert {("mobility",), ("links",), ("sampling", "designs"), ("sampling", "seed"), ("drive", "stroke_um")} < places
+    assert {("mobility",), ("links",), ("sampling", "designs"), ("life", "ratio"), ("drive", "stroke_um")} < places
     found = unseen(loaded.study, lambda study: replace(loaded, study=study).hash, places)
-    assert found == NOT_OF_A_STUDY
+    assert found == {("name",), ("stage",), ("figure",), ("provenance",), ("time_limit",), ("check",)}
     assert replace(loaded, study=loaded.study.model_copy(update={"check": "drawing"})).hash != loaded.hash
     assert replace(loaded, path=loaded.path / "elsewhere", stem="another").hash == loaded.hash
 

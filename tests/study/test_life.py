@@ -94,14 +94,6 @@ def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(last
     assert "rigid links is +1 to +9 % off" in study(lasting, HEAD, 1, tail).stress_accuracy
 
 
-def test_what_is_asked_of_lives_is_part_of_what_a_study_is(lasting: Any) -> None:
-    tails = ["", LIFE, LIFE.replace("61.0", "61.5"), LIFE.replace("0.3", "0.4"), LIFE.replace("4e5", "5e5")]
-    tails += [LIFE.replace("0.7", "0.8"), LIFE.replace("theta_mrad", "y_um")]
-    hashes = {study(lasting, HEAD, 4, tail, FACTORS[:2]).hash for tail in tails}
-    assert len(hashes) == len(tails)
-    assert not {"life_cycles", "safety_factor"} & set(study(lasting, HEAD, 4, "", FACTORS[:2]).outputs)
-
-
 def test_lives_are_asked_of_models_and_materials_that_have_them(lasting: Any, studies: Any) -> None:
     with pytest.raises(BadInput, match='no life with model = "three_dimensional"'):
         study(lasting, 'model = "three_dimensional"\n', 4, LIFE, FACTORS[:2])

@@ -9,10 +9,8 @@ from typing import Any
 
 import pytest
 
-from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage_file import Override
 from flexfem.refused import BadInput
-from flexfem.study.columns import outputs_of
 from flexfem.study.loaded import load_study
 
 SHIPPED = sorted((Path(__file__).parents[2] / "cases").glob("study-*.toml"))
@@ -227,16 +225,6 @@ def test_a_normal_distribution_is_about_the_stages_own_value(studies: Any) -> No
     assert means["E"] == pytest.approx(68.3, rel=1e-15)  # GPa to MPa and back
 
 
-def test_every_key_has_its_own_value_and_unit(studies: Any) -> None:
-    stage = studies.load().stage
-    found = {path: key.value_in(stage) for path, key in keys().items()}
-    assert found["chain.link_lengths_mm[1]"] == 33.5
-    assert found["chain.joint_angles_deg[1]"] == pytest.approx(-85.0, rel=1e-15)
-    assert found["hinges.base.axis_deg"] is None
-    assert found["override.3.platform.radius_mm"] == 1.4
-    assert len(found) == 30 + 27  # seven of a material and its frame may be left out
-
-
 AXES = ("x", "y", "theta")
 
 
@@ -255,15 +243,6 @@ def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
     assert driven[16:] == ("travel_x_um", "travel_y_um", "travel_theta_mrad")
     assert verified[:16] == plain and bare == verified[:-3]
     assert verified[16:] == tuple(f"{what}_{axis}_percent" for what in ("error", "cross", "band") for axis in AXES)
-    every = outputs_of("drive", "frequencies", "life", "drift", moved=(True, False, True))
-    assert every[16:] == (
-        *("drive_range_x_um", "drive_range_y_um", "drive_range_theta_mrad"),
-        *("engaged_kxx_n_per_mm", "engaged_kyy_n_per_mm", "engaged_ktt_n_mm_per_rad"),
-        *("frequency_1_hz", "frequency_2_hz", "frequency_3_hz"),
-        *("life_cycles", "life_amplitude_x_um", "life_amplitude_theta_mrad", "safety_factor"),
-        *("drift_x_um_per_k", "drift_y_um_per_k", "drift_theta_urad_per_k"),
-        *("drift_gradient_um_per_k_per_mm", "drift_gradient_theta_urad_per_k_per_mm"),
-    )
 
 
 def test_an_override_that_repeats_the_value_of_its_like_is_another_study(studies: Any) -> None:

@@ -70,9 +70,3 @@ def test_a_stage_that_is_made_plane_is_refused(study: Any, tmp_path: Path) -> No
     path = study((str(ROOT / "geometry" / "mobility6.toml"), str(held)))
     with pytest.raises(BadInput, match='model = "three_dimensional" on a stage with model = "plane_strain"'):
         load_study(path)
-
-
-def test_the_number_of_layers_is_part_of_the_hash_in_three_dimensions(study: Any) -> None:
-    few, many = (load_study(study(('"three_dimensional"', f'"three_dimensional"\nlayers = {n}'))) for n in (2, 3))
-    assert few.hash != many.hash
-    assert few.hash == load_study(study()).hash

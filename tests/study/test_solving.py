@@ -156,11 +156,6 @@ def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) 
         solved_values(thick, loaded)
 
 
-def test_a_corrected_stage_has_no_plane_finite_elements(stage: Stage, studies: Any) -> None:
-    with pytest.raises(BadInput, match="plane"):
-        solved_values(stage.model_copy(update={"model": "corrected"}), studies.of(*ONE, head='model = "fe"'))
-
-
 @pytest.mark.parametrize(
     ("head", "model"), [('model = "analytic"\nmobility = 21', "analytic"), ('model = "fe"', "finite elements")]
 )

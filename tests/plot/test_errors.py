@@ -1,12 +1,14 @@
-"""Figs. 5 to 7: what is drawn is what is stored, and round-off is called so."""
+"""Figs. 5 to 7, budgets and convergence: what is drawn is what is stored, and round-off is called so."""
 
 from __future__ import annotations
+
+import re
 
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from flexfem.plot.errors import HONEST, error_figure
+from flexfem.plot.errors import HONEST, budget_figure, convergence_figure, error_figure
 from flexfem.units import DIRECTIONS
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}
@@ -111,3 +113,97 @@ def test_labels_of_any_kind_and_what_is_assumed_are_said(made, drawn):
     assert "a $dollar_{ label" in shown[1]
     assert len(shown) == 3
     assert not any("assumed" in text for text in made.texts(drawn["x"][1]))
+
+
+# budget
+
+SHARES = {  # along the command, percentage points; the total and its band
+    "X": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),
+    "Y": ([-0.411, 8.523, 0.731, 0.092, 0.253], 9.188, 0.127),
+    "θ": ([0.137, 9.685, -0.722, 0.051, 0.326], 9.477, 0.245),
+}
+MINUS = "\N{MINUS SIGN}"
+
+
+@pytest.fixture(scope="module")
+def waterfall(made):
+    return budget_figure(made.budget())
+
+
+def test_every_bar_is_a_share_along_its_own_command_and_begins_where_the_last_ends(waterfall):
+    for axes, (name, (shares, total, band)) in zip(waterfall.axes, SHARES.items(), strict=True):
+        assert axes.get_title(loc="left").endswith(f") command in {name}")
+        bars = [(bar.get_x(), bar.get_width()) for bar in axes.patches]
+        ends = np.cumsum(shares)
+        np.testing.assert_allclose(bars[:5], np.column_stack([ends - shares, shares]), atol=1e-12)
+        np.testing.assert_allclose(bars[5], (0.0, total), atol=1e-12)
+        assert [round(bar.get_y() + bar.get_height() / 2, 9) for bar in axes.patches] == [0, 1, 2, 3, 4, 5]
+        assert axes.yaxis_inverted()
+        (whisker,) = [piece for found in axes.collections for piece in found.get_segments()]
+        np.testing.assert_allclose(whisker, [(total - band, 5.0), (total + band, 5.0)], atol=1e-12)
+        joints = [line.get_xdata()[0] for line in axes.get_lines() if np.ptp(line.get_ydata()) > 1.5]
+        np.testing.assert_allclose(joints, ends, atol=1e-12)
+        low, high = axes.get_xlim()
+        assert low <= min(0.0, *(ends - shares), *ends) and high > 1.2 * max(*ends, total)
+
+
+def test_what_is_outside_the_plane_is_said_with_its_sign(waterfall, made):
+    text = " ".join(made.texts(waterfall))
+    assert "by the chart: X −10.53, Y +6.22, θ −8.46 percentage points" in text
+    assert "three dimensions: X −10.67 ± 0.12, Y +5.22 ± 0.23, θ −7.46 ± 0.34 percentage points" in text
+    assert "mobility 6, paros-weisbord" in text and "a stage $x_1$: error budget" in text and "assumed" not in text
+    without = " ".join(made.texts(budget_figure(made.budget(outside=False, assumed=("thickness_mm",)))))
+    assert "out of plane, not known" in without and "assumed dimensions" in without
+
+
+# convergence
+
+DISTANCE = {  # relative, of the meshes 1/2, 1/3, 1/5, 1/8
+    "X": 0.3 * np.array([2.0, 3.0, 5.0, 8.0]) ** -4,
+    "Y": 0.2 * np.array([2.0, 3.0, 5.0, 8.0]) ** -3,
+    "θ": np.array([0.01, 0.02, 0.003, 0.007]),
+}
+SPREAD = {"X": 1.9e-4 / 0.0271, "Y": 8.3e-4 / 0.0263, "θ": 4.1e-7 / 2.57e-5}
+
+
+@pytest.fixture(scope="module")
+def study(made):
+    return convergence_figure(made.mesh_study(assumed=["thickness_mm"]))
+
+
+def by_label(axes):
+    return {line.get_label().replace("\n", " "): line for line in axes.get_lines()}
+
+
+def slope(line):
+    return np.polyfit(np.log(line.get_xdata()), np.log(line.get_ydata()), 1)[0]
+
+
+def test_each_curve_is_the_distance_from_its_own_limit(study):
+    (axes,) = study.axes
+    lines = by_label(axes)
+    for name, distance in DISTANCE.items():
+        (line,) = [line for label, line in lines.items() if label.startswith(f"{name}:")]
+        np.testing.assert_allclose(line.get_xdata(), [1 / 2, 1 / 3, 1 / 5, 1 / 8])
+        np.testing.assert_allclose(line.get_ydata(), distance, rtol=1e-9)
+    assert axes.get_xscale() == axes.get_yscale() == "log"
+    assert [text.get_text() for text in axes.get_xticklabels()] == ["1/2", "1/3", "1/5", "1/8"]
+    np.testing.assert_allclose(axes.get_xticks(), [1 / 2, 1 / 3, 1 / 5, 1 / 8])
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("triangle size at the necks / t", "relative mesh error")
+
+
+def test_an_order_is_the_slope_of_the_line_it_names(study):
+    lines = by_label(study.axes[0])
+    said = {label: found[1] for label in lines if (found := re.search(r"\border ([\d.]+)", label))}
+    assert len(said) == 3  # X, Y and the guide; theta has none
+    for label, order in said.items():
+        assert slope(lines[label]) == pytest.approx(float(order), abs=0.05), label
+    (guide,) = [line for label, line in by_label(study.axes[0]).items() if label.startswith("order")]
+    assert np.all(guide.get_ydata()[0] > np.array([distance[0] for distance in DISTANCE.values()]))
+
+
+def test_the_bar_of_the_finest_mesh_ends_at_its_band(study):
+    bars = [piece for found in study.axes[0].collections for piece in found.get_segments()]
+    for bar, (name, distance) in zip(bars, DISTANCE.items(), strict=True):
+        np.testing.assert_allclose(bar[:, 0], 1 / 8)
+        np.testing.assert_allclose(sorted(bar[:, 1]), [min(distance[-1], SPREAD[name]), SPREAD[name]], rtol=1e-9)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.plot.hinge import hinge_chart_figure, merged
-from flexfem.questions.check import FormulaCurve, HingeReview
+from flexfem.plot.hinge import hinge_chart_figure, merged, thickness_figure
+from flexfem.questions.check import FormulaCurve, HingeReview, ThicknessReview
 
 X = np.geomspace(0.02, 1.2, 40)
 FULL = 1.5  # points: curves within their range are broader than this, pale ones thinner
@@ -56,3 +56,36 @@ def test_higher_blocks_are_shaded_from_the_finite_elements_at_one(made) -> None:
         np.testing.assert_allclose(made.extent(shade), np.column_stack([X, np.ones(40), 1 + slope * X]))
         level = [line.get_ydata() for line in axes.get_lines() if len(set(line.get_ydata())) == 1]
         assert [1.0, 1.0] in [list(values) for values in level]
+
+
+# over the thickness
+
+WIDTH = np.geomspace(0.5, 50.0, 30)
+NU = 0.29
+STRAIN = 1 - NU**2
+
+
+def thick(**changes) -> ThicknessReview:
+    position = WIDTH**2 / (WIDTH**2 + np.array([[400.0], [90.0], [9.0]]))
+    given = {
+        "width": WIDTH,
+        "ratio": np.array([0.02, 0.1, 0.8]),
+        "poissons_ratio": NU,
+        "rotation": 1 - NU**2 * position,
+        "axial": 1 - 0.4 * NU**2 * position,
+        "source": "made-up numbers",
+    }
+    return ThicknessReview(**(given | changes))
+
+
+def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
+    shown = thick()
+    for axes, freedom in zip(thickness_figure(shown).axes, ("rotation", "axial"), strict=True):
+        lines = axes.get_lines()
+        assert [lines[k].get_ydata()[0] for k in (0, 1)] == [1.0, pytest.approx(STRAIN)]
+        for line, values in zip(lines[2:5], getattr(shown, freedom), strict=True):
+            np.testing.assert_array_equal(line.get_ydata(), values)
+            np.testing.assert_array_equal(line.get_xdata(), WIDTH)
+        low, high = axes.get_ylim()
+        assert low < STRAIN and high > 1
+        assert {text.get_text() for text in axes.texts} == {"plane stress", f"plane strain, 1 − ν² = {STRAIN:.3f}"}
