@@ -1,4 +1,4 @@
-"""The page docs/verification-manual.md, made at every build by tests/validation: some 15 s."""
+"""The page docs/verification-manual.md and its figure, made at every build by tests/validation: some 15 s."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def write() -> None:
     from tests.validation.manual import write as write_manual
     from tests.validation.problem import PROBLEMS
 
-    write_manual(PAGE, list(PROBLEMS))
+    write_manual(PAGE, list(PROBLEMS), "reference/verification-elastica.png")
 
 
 def setup(app: Any) -> dict[str, bool]:

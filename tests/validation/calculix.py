@@ -1,11 +1,20 @@
 """The stage solved by CalculiX, an industrial solver of its own lineage, on our curved triangles.
 
 CalculiX has no plane elements. It expands a CPS6 triangle to a 15-node wedge of the sheet's thickness b and ties the
-displacement in the plane to be the same through the thickness, which suppresses the change of thickness where the
-strain varies over lengths below b. The wedge is plane stress only when the sheet is very thin (at 1/50 of the necks the
-thickness takes 1.3e-5, and the mesh 12e-5, 1.5e-5, 0.5e-5 at two, four and six triangles across the necks; loads scaled
-by the thinness give the displacements of the real sheet), or, at any thickness, for an orthotropic sheet of the same
-E1, E2, nu12 and G12 with nu13 = nu23 = 0 (`uncoupled`), which agrees to the digits printed.
+displacement u, v in the plane to be the same through the thickness; only w = z W(x, y) is left to answer to stress.
+Where the strain varies in the plane so does the change of thickness W, and true plane stress then bends straight
+lines through the sheet, `u = -z^2/2 dW/dx`; with u uniform the wedge shears instead, `gamma_xz = z dW/dx`, which
+costs an energy that grows with b^2. It therefore suppresses W where the strain varies over lengths below b, and that
+is plane strain: in necks much narrower than the sheet is thick the compliance falls by almost nu^2. The wedge is plane
+stress only
+
+- when the sheet is very thin: at 1/50 of the necks (0.01 mm for 0.5) the thickness takes 1.3e-5. As W is continuous
+  from triangle to triangle while the strains are not, another part falls with the mesh: 12e-5, 1.5e-5, 0.5e-5 at two,
+  four and six triangles across the necks. Compliance in plane stress scales exactly with 1/b, so loads scaled by the
+  thinness give the displacements of the real sheet;
+- or, at any thickness, when stress in the plane does not reach W: an orthotropic sheet of the same E1, E2, nu12 and
+  G12 with nu13 = nu23 = 0 (`uncoupled`). This agrees to the digits printed. It leaves Poisson's ratio in the plane to
+  CalculiX and takes the thickness out, so the thin isotropic sheet, which needs no such argument, is compared too.
 
 Displacements are printed with seven digits. The wedge has three integration points in the plane, those of our
 quadrature of degree 2 (`INTEGRATION`).

@@ -7,6 +7,7 @@ of the internal forces, what it leaves of them shrinks with the square of the st
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -53,12 +54,15 @@ def tip(load: float) -> tuple[float, float]:
 
 
 @cache
-def bent() -> tuple[Array, int]:
-    """Displacement of the tip (loads, 2) over the length, across and along; unknowns."""
+def bent() -> tuple[Array, Array, int]:
+    """Displacement of the tip (loads, 2) over the length, across and along; middle lines (loads, m, 2); unknowns."""
     mesh = cantilever(200, 1, LENGTH, HEIGHT)
     force = LOADS[:, None] * STIFFNESS / LENGTH**2 * np.array([0.0, 1.0, 0.0])
     found = equilibrium(mesh, PLATE, force)
-    return found.pose[:, [1, 0]] * [1, -1] / LENGTH, 2 * len(mesh.nodes)
+    middle = np.flatnonzero(np.abs(mesh.nodes[:, 1]) < 1e-9 * HEIGHT)
+    middle = middle[np.argsort(mesh.nodes[middle, 0])]
+    lines = (mesh.nodes[middle] + found.fields[:, middle]) / LENGTH + [1.0, 0.0]
+    return found.pose[:, [1, 0]] * [1, -1] / LENGTH, lines, 2 * len(mesh.nodes)
 
 
 @problem(
@@ -69,7 +73,7 @@ def bent() -> tuple[Array, int]:
 )
 def elastica() -> list[Finding]:
     """Both displacements of the tip at the tabulated loads, against the elliptic integrals."""
-    (moved, unknowns), rows = bent(), []
+    (moved, _, unknowns), rows = bent(), []
     for load, printed in PRINTED.items():
         found = moved[list(LOADS).index(load)]
         for what, *values in zip(
@@ -78,6 +82,31 @@ def elastica() -> list[Finding]:
             quantity, note = f"tip {what}, P L^2/EI = {load:g}", f"printed as {values[2]:.5f}"
             rows.append(Finding(quantity, *values[:2], ALLOWED * load, unknowns=unknowns, note=note))
     return rows
+
+
+def draw_elastica(path: Path) -> None:
+    """Draw the load over both displacements of the tip, and shapes of the beam."""
+    from matplotlib.figure import Figure
+
+    moved, lines, unknowns = bent()
+    figure = Figure((8.3, 3.8), layout="constrained")
+    figure.suptitle(f"Elastica: elliptic integrals (curves) and finite elements (marks, {unknowns} unknowns)")
+    curves, shapes = figure.subplots(1, 2)
+    loads = np.linspace(0.01, LOADS[-1], 200)
+    exact = np.array([tip(load) for load in loads])
+    for k, name in enumerate(("across the beam, v/L", "along the beam, u/L")):
+        curves.plot(exact[:, k], loads, color=f"C{k}")
+        curves.plot(moved[:, k], LOADS, "os"[k], color=f"C{k}", markerfacecolor="white", label=name)
+    curves.set(xlabel="displacement of the tip / L", ylabel="P L² / (E I)")
+    curves.legend()
+    for load in (1.0, 3.0, 5.0, 10.0):
+        line = lines[list(LOADS).index(load)]
+        shapes.plot(*line.T, color="black")
+        shapes.annotate(f"{load:g}", line[-1], (5, 3), textcoords="offset points")
+    shapes.plot(1 - exact[:, 1], exact[:, 0], "--", color="C1", label="exact path of the tip")
+    shapes.set(xlabel="x / L", ylabel="y / L", aspect="equal")
+    shapes.legend()
+    figure.savefig(path, dpi=120)
 
 
 BAR = Plate(youngs_modulus=6.83e4, poissons_ratio=0.29, thickness=1.7)

@@ -31,8 +31,8 @@ def run(names: Sequence[str]) -> dict[str, list[Finding]]:
     return found
 
 
-def manual(found: Mapping[str, Sequence[Finding]]) -> str:
-    """The verification manual in Markdown, of findings by the name of their problem."""
+def manual(found: Mapping[str, Sequence[Finding]], figures: Mapping[str, str]) -> str:
+    """The verification manual in Markdown, of findings by the name of their problem; `figures` by the same name."""
     findings = [finding for each in found.values() for finding in each]
     failed, count = sum(not finding.passed for finding in findings), len(findings)
     verdict = f"{failed} of {count} fail" if failed else f"All {count} agree"
@@ -41,18 +41,20 @@ def manual(found: Mapping[str, Sequence[Finding]]) -> str:
         f"What `make validation` finds. Every target is published or exact, none is a value of our own. {verdict} "
         "within what is allowed: a limit stated beside the target, in its unit, from the error that the mesh is "
         "expected to have and from the digits that the source prints.",
-        *(block for name, own in found.items() for block in _section(name, own)),
+        *(block for name, own in found.items() for block in _section(name, own, figures.get(name))),
     ]
     return "\n\n".join(blocks) + "\n"
 
 
-def _section(name: str, own: Sequence[Finding]) -> Iterator[str]:
+def _section(name: str, own: Sequence[Finding], figure: str | None) -> Iterator[str]:
     problem = PROBLEMS[name]
     yield f"## {problem.title}"
     yield f"Verifies {problem.verifies}. {(problem.run.__doc__ or '').strip()}"
     yield markdown_table(HEAD, map(_row, own), "lrrrrrr")
     notes = [f"- {found.quantity}: {found.note}." for found in own if found.note]
     yield "\n".join([f"- Source: {problem.source}.", *notes])
+    if figure is not None:
+        yield f"![{problem.title}]({figure})"
 
 
 def _row(found: Finding) -> list[str]:
@@ -61,11 +63,13 @@ def _row(found: Finding) -> list[str]:
     return [*cells, f"{found.allowed:.2g}", f"{found.unknowns or ''}", "" if found.passed else "**fails**"]
 
 
-def write(page: Path, names: Sequence[str]) -> bool:
-    """Run problems and write the manual; whether all passed."""
+def write(page: Path, names: Sequence[str], figure: str = "verification-elastica.png") -> bool:
+    """Run problems and write the manual, and beside it the figure of the elastica; whether all passed."""
+    (page.parent / figure).parent.mkdir(parents=True, exist_ok=True)
     found = run(names)
-    page.parent.mkdir(parents=True, exist_ok=True)
-    page.write_text(manual(found))
+    if "elastica" in found:
+        large.draw_elastica(page.parent / figure)
+    page.write_text(manual(found, {"elastica": figure}))
     return all(each.passed for own in found.values() for each in own)
 
 

@@ -1,12 +1,19 @@
 """The stage solved by NGSolve: its finite elements, assembly and Cholesky factorisation on our curved elements.
 
-The mesh is made in memory from the corners and then deformed by a quadratic displacement that moves every middle onto
-ours: exactly the isoparametric triangles, or wedges as NGSolve's quadratic prisms. On curved triangles the stiffness is
-an integral of fractions: with NGSolve's default order of integration the pose is 4e-7 off.
+NGSolve's reader of .msh files takes 6-node triangles for three-dimensional, and curving a mesh from a drawing would
+place the middle nodes elsewhere. So the mesh is made in memory from the corners, with straight sides, and then
+deformed by a quadratic displacement that moves every middle onto ours: exactly the isoparametric triangles. In three
+dimensions quadratic prisms, which have 18 unknowns a component, are deformed as our wedges are.
+
+On curved triangles the stiffness is an integral of fractions, which no rule integrates exactly; NGSolve's default order
+is that of straight ones: 4e-7 off in pose with eight triangles across a neck, 1e-4 with one. The mass is an integral of
+polynomials, and both integrate it exactly.
 
 The hub's displacement is prescribed as the three unit motions of a rigid body. The strain energies of the answers are
-the platform's stiffness, `S_ij = int sigma(u_i) : eps(u_j) dV`. For frequencies `u = x + Psi q`, x with ground and hub
-clamped, q the pose and Psi these answers, orthogonal to x in energy: nothing of our own elimination of the hub is used.
+the platform's stiffness, `S_ij = int sigma(u_i) : eps(u_j) dV`, and as each answer minimises its energy, an error e in
+it becomes e^2 in S. For frequencies the unknowns are displacements x with ground and hub clamped, and the pose q of the
+hub: `u = x + Psi q`, Psi being these answers. They are orthogonal to x in energy, so the stiffness is block diagonal,
+of NGSolve's factor and the platform's stiffness, and nothing of our own elimination of the hub is used.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ FIELDS = {
     "manufactured": (consistency.FIELD, BAR),
     "kirsch": (plane.KIRSCH, RNG.uniform(1, 3, (20, 1)) * AROUND),
     "golovin": (plane.GOLOVIN, RNG.uniform(plane.INNER, plane.OUTER, (20, 1)) * AROUND),
+    "timoshenko": (plane.TIMOSHENKO, BAR),
 }
 
 

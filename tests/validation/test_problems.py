@@ -79,7 +79,7 @@ def test_order_and_limit_of_a_power_law() -> None:
 def test_not_a_number_never_passes_and_the_manual_says_what_fails() -> None:
     found = [Finding("a", 1.0, ours, 0.5) for ours in (float("nan"), 1.5, 0.4)]
     assert [each.passed for each in found] == [False, True, False]
-    page = manual.manual({"patch-test": found})
+    page = manual.manual({"patch-test": found}, {})
     assert "2 of 3 fail" in page and page.count("**fails**") == 2 and "## Patch test" in page
 
 
