@@ -67,7 +67,7 @@ def main() -> None:
     across, up = (factor(column) for column in loaded.columns)
     lines = [f"Base stage: {loaded.stage.name}.", LINES]
     shown = StudyMap(
-        Caption("Error along X of a stage 10 mm thick", lines, *loaded.doubts),
+        Caption("Error along X of a stage 10 mm thick", lines, *loaded.assumptions),
         *(across, up, output("error_x_percent")),
         Cells(values, thick.ravel(), {"refused or off the charts": without}, True),
         marks=(-5.0, 5.0, 10.0),

@@ -511,7 +511,7 @@ class Result:
 
 
 def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:
-    """The fields of a named tuple by name in words, and its lists of named tuples as tables; doubts are left out.
+    """The fields of a named tuple by name in words, and its lists of named tuples as tables; assumptions are left out.
 
     Fields are said with the units that their names end in; keys whose texts are equal are one.
     """

@@ -179,7 +179,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "damaged": [f"{parts.path(chunk)}: a damaged part" for chunk in found.damaged],
         "stale": len(found.stale),
         "stress_accuracy": loaded.stress_accuracy,
-        **loaded.doubts._asdict(),
+        **loaded.assumptions._asdict(),
     }
 
 

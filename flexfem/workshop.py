@@ -113,7 +113,7 @@ def view(file: Path, *, output: Path | None = None) -> View:
         check_folder(place.parent)
         written = write_beside(place, drawing.drawing_figure(stage, missing))
     said = [f"{', '.join(missing)}: missing, and what needs it is not drawn"] if missing else []
-    return View(str(source), stage.name, missing, [str(each) for each in written], window, said, *found.doubts)
+    return View(str(source), stage.name, missing, [str(each) for each in written], window, said, *found.assumptions)
 
 
 def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: float | None = None) -> Any:

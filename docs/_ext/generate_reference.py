@@ -115,8 +115,8 @@ def _materials() -> str:
     rows, sources = [], []
     for name, each in numbers.items():
         of = REGISTERED[name]
-        doubts = {key: " (assumed)" * is_assumed(of.sources.get(key, of.source)) for key in shown}
-        rows.append((f"`{name}`", *(f"{each[key]}{doubts[key]}" if key in each else "" for key in shown)))
+        assumptions = {key: " (assumed)" * is_assumed(of.sources.get(key, of.source)) for key in shown}
+        rows.append((f"`{name}`", *(f"{each[key]}{assumptions[key]}" if key in each else "" for key in shown)))
         sources.append(f"- `{name}`: {'; '.join([of.source, *(f'`{k}`: {text}' for k, text in of.sources.items())])}")
     about = (
         "At room temperature. Where a fatigue constant or an expansion is not given, none was found with a source. "

@@ -69,7 +69,7 @@ def _print(found: Any) -> None:
     """Print a result, a named tuple or a text, then warnings and how many numbers are in doubt."""
     from rich.console import Console
 
-    from flexfem.mechanism.stage_file import doubts_said
+    from flexfem.mechanism.stage_file import assumptions_said
     from flexfem.results import record_parts
 
     terminal = sys.stdout is not None and sys.stdout.isatty()  # else wide: no table is folded in a file
@@ -86,10 +86,10 @@ def _print(found: Any) -> None:
         _print_tables(out, tables)
     else:  # files written, or what says itself
         out.print(str(found))
-    doubts = getattr(found, "about", found)
+    assumptions = getattr(found, "about", found)
     for text in getattr(found, "warnings", []):
         out.print(f"warning: {text}")
-    for text in doubts_said(getattr(doubts, "assumed", []), getattr(doubts, "not_stated", [])):
+    for text in assumptions_said(getattr(assumptions, "assumed", []), getattr(assumptions, "not_stated", [])):
         out.print(f"{text}: --json lists them")
 
 

@@ -116,7 +116,7 @@ def status(
 
 def print_status(facts: dict[str, Any]) -> None:
     """Print what `study run` and `study status` found."""
-    from flexfem.mechanism.stage_file import doubts_said
+    from flexfem.mechanism.stage_file import assumptions_said
 
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
     elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
@@ -135,7 +135,7 @@ def print_status(facts: dict[str, Any]) -> None:
     for text in facts["warnings"]:
         print(f"warning: {text}")
     print(f"stress: {facts['stress_accuracy']}")
-    for text in doubts_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
+    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
         print(f"{text}: --json lists them")
     if "next" in facts:
         print(f"next: {facts['next']}")

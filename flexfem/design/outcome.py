@@ -61,7 +61,7 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
     places = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
     history = found.optima[0].history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
-    assumed, not_stated = doubts_of(loaded, stage)
+    assumed, not_stated = assumptions_of(loaded, stage)
     return record.Designed(
         name=of.name,
         file=str(loaded.path),
@@ -350,13 +350,13 @@ def _warnings(found: Mapped) -> list[str]:
     return warnings
 
 
-def doubts_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list[str]]:
+def assumptions_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list[str]]:
     """Key paths, of the stage and of the requirements, that are assumed, and those whose source is not stated."""
     of, study = loaded.requirements, replace(loaded.study, stage=stage)
     own = [key for key, source in of.provenance.items() if is_assumed(source)], of.not_stated
     warm = study.study.drift is not None
     asked = [[key for key in keys if key.startswith("stage: ") and (warm or not of_heat(key.removeprefix("stage: ")))]
-             for keys in study.doubts]  # fmt: skip
+             for keys in study.assumptions]  # fmt: skip
     assumed, not_stated = (
         [*of_stage, *(f"requirements: {key}" for key in keys)] for of_stage, keys in zip(asked, own, strict=True)
     )

@@ -196,8 +196,8 @@ class Requirements(Sourced):
     drive: plan.DriveQuestion | None = Field(default=None, description="Asks how far a drive goes")
     frequencies: plan.Frequencies | None = None
     """Asks for natural frequencies in the plane; the table may be empty"""
-    life: plan.Lasting | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
-    drift: plan.Drifting | None = None
+    life: plan.LifeTable | None = Field(default=None, description="Asks for fatigue lives at an amplitude of the pose")
+    drift: plan.DriftTable | None = None
     """Asks for the drift with temperature; the table has no keys"""
     tolerance: Tolerance | None = None
     """Asks for the share of stages that keep all requirements when their nine necks scatter, and for the couplings of

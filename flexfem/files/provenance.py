@@ -63,18 +63,18 @@ class Sourced(Table):
         return next((self.provenance[way] for way in ways_up if way in self.provenance), None)
 
 
-class Doubts(NamedTuple):
+class Assumptions(NamedTuple):
     """Key paths of the numbers behind an answer that are assumed, and of those whose source is not stated, sorted."""
 
     assumed: list[str]
     not_stated: list[str]
 
 
-def doubts(files: Iterable[tuple[str, Sourced]]) -> Doubts:
-    """Doubts of several files, each with what its key paths are to begin with; "" for stages, by agreement."""
+def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:
+    """Assumptions of several files, each with what its key paths are to begin with; "" for stages, by agreement."""
     found = list(files)
     assumed = {f"{prefix}{key}" for prefix, file in found for key in file.assumed}
-    return Doubts(sorted(assumed), sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}))
+    return Assumptions(sorted(assumed), sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}))
 
 
 def is_assumed(source: str) -> bool:

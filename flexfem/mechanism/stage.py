@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
-from flexfem.files.provenance import Doubts, key_paths, values_by_key
+from flexfem.files.provenance import Assumptions, key_paths, values_by_key
 from flexfem.files.refusals import Problem, key_path, needed
 from flexfem.files.toml import Lines, Path, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
@@ -196,14 +196,14 @@ link, expected < chain.link_width_mm = 9
         return tuple(key for key in super().assumed if not of_drive(key) and not of_heat(key))
 
     @property
-    def heat_doubts(self) -> Doubts:
+    def heat_assumptions(self) -> Assumptions:
         """What is assumed and what is not stated, expansion included; a frame of none is assumed as the stage's."""
-        assumed, not_stated = ([key for key in keys if not of_drive(key)] for keys in self.drive_doubts)
+        assumed, not_stated = ([key for key in keys if not of_drive(key)] for keys in self.drive_assumptions)
         frame = ["frame.expansion_um_per_m_k"] if self.frame.expansion is None else []
-        return Doubts(assumed + frame, not_stated)
+        return Assumptions(assumed + frame, not_stated)
 
     @property
-    def drive_doubts(self) -> Doubts:
+    def drive_assumptions(self) -> Assumptions:
         """What is assumed and what is not stated, the drive included; a ball of no stated metal is of assumed steel."""
         ball = [
             f"{key_path(('actuator', k), self)}.ball ({what})"
@@ -211,7 +211,7 @@ link, expected < chain.link_width_mm = 9
             for what in dict.fromkeys(what for one in chains for what in one.assumed_of_ball)
         ]
         sources = self.sources
-        return Doubts([*super().assumed, *ball], [key for key in super().numbers if sources[key] is None])
+        return Assumptions([*super().assumed, *ball], [key for key in super().numbers if sources[key] is None])
 
 
 def load_stage(path: Path) -> Stage:
@@ -248,10 +248,10 @@ class PartialStage(NamedTuple):
         return not any(key.startswith(DRAWN) for key in self.missing)
 
     @property
-    def doubts(self) -> Doubts:
+    def assumptions(self) -> Assumptions:
         """What of the numbers that are given is assumed, and what has no stated source."""
         both = self.stage.assumed, self.stage.not_stated
-        return Doubts(*([key for key in keys if key not in self.missing] for keys in both))
+        return Assumptions(*([key for key in keys if key not in self.missing] for keys in both))
 
     def given(self, *keys: str) -> bool:
         """Whether the file gives all of some keys."""

@@ -163,7 +163,7 @@ def of_heat(key: str) -> bool:
 FILES = {"measured": "the measurements", "necks": "the measured necks"}  # where the word before a key is not the file's
 
 
-def doubts_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
+def assumptions_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
     """How many numbers are assumed and how many have no stated source, in words, each if there are any."""
     verbs = ((assumed, ("is assumed", "are assumed")), (not_stated, ("has no stated source", "have no stated source")))
     return [f"{counted(len(keys), *(of + verb for verb in both))} ({scopes_of(keys)})" for keys, both in verbs if keys]
@@ -380,8 +380,8 @@ def _key(stage: StageContent, place: Place, table: KeyPath, key: str) -> str:
 
 def of_stage(stage: StageContent) -> dict[str, Any]:
     """What every answer says of its stage: which it is, and which of its numbers are in doubt."""
-    doubts = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
-    return {"file": str(stage.origin), "name": stage.name, **doubts}
+    assumptions = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
+    return {"file": str(stage.origin), "name": stage.name, **assumptions}
 
 
 @contextmanager

@@ -24,7 +24,7 @@ from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
-from flexfem.mechanism.stage_file import counted, doubts_said, located
+from flexfem.mechanism.stage_file import assumptions_said, counted, located
 from flexfem.models import solve
 from flexfem.page.section import PageSection, facts, html_of, notes, shown_figure, table, tables_of
 from flexfem.page.study import study_parts
@@ -33,7 +33,7 @@ from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import stress_figure
 from flexfem.plot.stage import drawing_figure
-from flexfem.plot.text import SYMBOLS, doubt_rows, percent, significant
+from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_design_figures, write_figures
 from flexfem.questions.budget import budget
 from flexfem.questions.check import StageReport, check
@@ -73,7 +73,7 @@ OF_DESIGNS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = { 
 }
 WHERE = "Where the numbers come from"
 AT = (0.05, 0.05, 1e-3)  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
-KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # of doubts, as pages say them
+KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # of assumptions, as pages say them
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
 
@@ -94,7 +94,7 @@ class Drawn(NamedTuple):
 
 
 class Subject(NamedTuple):
-    """What a page is about: its title, the kind of its files in words, doubtful keys, and its parts in order."""
+    """What a page is about: its title, the kind of its files in words, assumed keys, and its parts in order."""
 
     title: str
     kind: str
@@ -142,8 +142,8 @@ def report(
     check_file(target, *paths)
     subject = _subject(paths, wanted, amplitude, kept)
     require_unread(target)  # stages, studies and materials are read by now
-    said = doubts_said(subject.assumed, [], "of the numbers behind this page ")
-    said += doubts_said([], subject.not_stated, "" if said else "of its numbers ")
+    said = assumptions_said(subject.assumed, [], "of the numbers behind this page ")
+    said += assumptions_said([], subject.not_stated, "" if said else "of its numbers ")
     shown = []
     for name, make in subject.parts:
         if progress is not None:
@@ -153,7 +153,7 @@ def report(
         shown,
         title=subject.title,
         subtitle=f"{subject.kind}: {', '.join(map(str, paths))}",
-        doubts=f"{'; '.join(said)}. They are listed under “{WHERE}”." if said else "",
+        assumptions=f"{'; '.join(said)}. They are listed under “{WHERE}”." if said else "",
         command=command_line(paths, target, wanted, amplitude, kept),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions(),
@@ -268,9 +268,9 @@ def _stored(files: Sequence[Path]) -> Subject:
         parts += [(f"{design.name}: {name}", partial(_of_design, design, name, number)) for name in named]
     parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
     every: list[Any] = [*results, *designs]
-    parts.append(("sources", partial(_sources, doubt_rows([(each.name, each) for each in every]), "in")))
+    parts.append(("sources", partial(_sources, assumption_rows([(each.name, each) for each in every]), "in")))
     title = every[0].name if len(every) == 1 else "Verification" if results else "Designs"
-    return Subject(title, "Stored results", *_doubts(every), parts)
+    return Subject(title, "Stored results", *_assumptions(every), parts)
 
 
 def _stage(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
@@ -281,7 +281,7 @@ def _stage(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
         if "drift" in sections:
             require_expansion(stage)
     found = check(stage)
-    assumed, not_stated = _doubts([found, *([found.drive] if found.drive else [])])
+    assumed, not_stated = _assumptions([found, *([found.drive] if found.drive else [])])
     wanted = [name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)]
     parts: list[Part] = [("stage", partial(_drawing, stage, found))]
     for name in wanted:
@@ -291,7 +291,7 @@ def _stage(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
     return Subject(stage.name, "Stage", assumed, not_stated, parts)
 
 
-def _doubts(records: Sequence[Any]) -> tuple[list[str], list[str]]:
+def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
     """Keys that are assumed in any of the records, and those without a source."""
     assumed, not_stated = (list(dict.fromkeys(k for each in records for k in getattr(each, kind))) for kind in KINDS)
     return assumed, not_stated
@@ -349,7 +349,7 @@ def _curves(result: Verification, number: int) -> PageSection:
 
 
 def _sources(rows: Sequence[Sequence[str]], last: str) -> PageSection:
-    """Where numbers come from: rows of a key, its kind of doubt, and its source or the records that have it."""
+    """Where numbers come from: rows of a key, "assumed" or "source not stated", and its source or the records with it."""
     counts = [sum(row[1] == kind for row in rows) for kind in ("assumed", "source not stated")]
     opening = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
         counted(counts[0], "of these numbers is", "of these numbers are"), counted(counts[1], "has", "have")

@@ -48,7 +48,7 @@ def markup(template: str, **values: Any) -> Markup:
 def html_of(sections: Sequence[PageSection], **page: Any) -> str:
     """The page as the text of a file.
 
-    `page` : its title and subtitle, doubts that it must say first, the command that makes it again, when it was made,
+    `page` : title and subtitle, assumptions that it must say first, the command that makes it again, when it was made,
     and versions.
     """
     script, style = ((TEMPLATES / name).read_text() for name in ("page.js", "page.css"))

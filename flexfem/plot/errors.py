@@ -43,7 +43,7 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
         f"Finite-element displacement{where} {what}, {given}. ±, shaded: {band}.",
         f"Percentages at the largest command, relative to it; rotations count times l₃ = {levers} {LENGTH}.",
     ]
-    figure, found = panels((WIDTH, 8.6), result.name, lines, 3, doubts=result)
+    figure, found = panels((WIDTH, 8.6), result.name, lines, 3, assumptions=result)
     for letter, axes, freedom in zip("abc", found, DIRECTIONS, strict=True):
         along = freedom == result.direction
         titled(axes, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
@@ -118,7 +118,7 @@ def budget_figure(budget: Budget) -> Figure:
         "The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
-    figure, found = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, doubts=budget.about)
+    figure, found = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, assumptions=budget.about)
     for letter, axes, direction in zip("abc", found, DIRECTIONS, strict=True):
         plot_budget(axes, budget, direction)
         titled(axes, letter, f"command in {NAMES[direction]}")
@@ -172,7 +172,7 @@ def convergence_figure(study: MeshConvergence) -> Figure:
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
     title = f"{study.about.name}: mesh convergence"
-    figure, (axes,) = panels((WIDTH, 4.8), title, lines, 1, doubts=study.about)
+    figure, (axes,) = panels((WIDTH, 4.8), title, lines, 1, assumptions=study.about)
     plot_convergence(axes, study)
     return figure
 

@@ -99,7 +99,7 @@ def identification_figure(found: Identification) -> Figure:
         if np.isfinite(found.sd[k])
     )
     lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
-    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, doubts=found.about)
+    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, assumptions=found.about)
     plot_region(ax, found)
     style.legend_below(figure, [ax], 2)
     return figure
@@ -147,7 +147,9 @@ def life_figure(found: Life) -> Figure:
         f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
         f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
     ]
-    figure, (axes,) = panels((9.0, 5.2), f"{found.about.name}: fatigue life of the necks", lines, 1, doubts=found.about)
+    figure, (axes,) = panels(
+        (9.0, 5.2), f"{found.about.name}: fatigue life of the necks", lines, 1, assumptions=found.about
+    )
     plot_life(axes, found)
     return figure
 

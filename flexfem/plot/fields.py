@@ -98,13 +98,18 @@ def stress_figure(fields: Mapping[str, Fields], hub_radius: float) -> Figure:
 
 
 def _displaced(
-    title: str, lines: list[str], fields: Mapping[str, Fields], hubs: Sequence[float], columns: int, doubts: Any = None
+    title: str,
+    lines: list[str],
+    fields: Mapping[str, Fields],
+    hubs: Sequence[float],
+    columns: int,
+    assumptions: Any = None,
 ) -> tuple[Figure, list[Axes], float]:
     """A panel for each stage, all with one exaggeration and one scale of stress; figure, panels and exaggeration."""
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
     size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
     said = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
-    figure, found = panels(size, title, [lines[0] + said, *lines[1:]], rows, columns, doubts, len(fields))
+    figure, found = panels(size, title, [lines[0] + said, *lines[1:]], rows, columns, assumptions, len(fields))
     for axes, (label, each), hub in zip(found, fields.items(), hubs, strict=True):
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
         plot_displacement(axes, each, factor=factor, norm=norm, hub_radius=hub)

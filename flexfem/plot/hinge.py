@@ -156,7 +156,7 @@ def hinge_sketch(model: CurveModels) -> Figure:
     heights = (3.4, 0.42 + 0.26 * len(hinge_rows(model)))
     lines = ["Circular hinge of (2) and (3), not to scale; its thickness b is out of the plane. Red: loads."]
     size, title = (WIDTH, sum(heights) + 0.4), f"{model.stage}: circular hinge"
-    figure, (axes, table) = panels(size, title, lines, 2, doubts=model, height_ratios=heights)
+    figure, (axes, table) = panels(size, title, lines, 2, assumptions=model, height_ratios=heights)
     plot_hinge(axes)
     plot_hinge_table(table, model)
     return figure

@@ -201,7 +201,7 @@ def _xy(z: complex) -> tuple[float, float]:
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
-    figure, (axes,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, doubts=model)
+    figure, (axes,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, assumptions=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_mesh(axes, model, fields)
     return figure
@@ -280,7 +280,7 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
 def model_sketch(model: CurveModels) -> Figure:
     """Draw the pseudo-rigid-body model, Figs. 3 and 4 of the paper: see `plot_model`."""
     title = f"{model.stage}: model of mobility {model.mobility}"
-    figure, (axes,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, doubts=model)
+    figure, (axes,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, assumptions=model)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_model(axes, model)
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}
@@ -467,7 +467,7 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         alike = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
         lines.append(f"{alike if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
     title = stage.name if found.given("name") else str(stage.origin)
-    figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, doubts=found.doubts)
+    figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, assumptions=found.assumptions)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_dimensions(axes, stage, missing)
     return figure

@@ -87,7 +87,7 @@ def _thousands(count: int) -> str:
 @in_house_style
 def map_figure(shown: StudyMap) -> Figure:
     """Draw a map on a page of its own."""
-    figure, (axes,) = panels((WIDTH, 6.0), shown.caption.title, shown.caption.lines, 1, doubts=shown.caption)
+    figure, (axes,) = panels((WIDTH, 6.0), shown.caption.title, shown.caption.lines, 1, assumptions=shown.caption)
     plot_map(axes, shown)
     return figure
 
@@ -271,7 +271,7 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
 def distribution_figure(shown: Distribution) -> Figure:
     """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
     count, caption = len(shown.scatters), shown.caption
-    figure, found = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, doubts=caption)
+    figure, found = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, assumptions=caption)
     for axes, scatter in zip(found, shown.scatters, strict=True):
         plot_histogram(axes, scatter)
     figure.align_ylabels()

@@ -17,7 +17,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from flexfem.plot.text import doubt_note, significant
+from flexfem.plot.text import assumption_note, significant
 from flexfem.units import Direction
 
 STYLE: Any = {
@@ -88,12 +88,12 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
     return textwrap.fill(text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False)
 
 
-def below_header(size: tuple[float, float], title: str, lines: Sequence[str], doubts: Any = None) -> Figure:
+def below_header(size: tuple[float, float], title: str, lines: Sequence[str], assumptions: Any = None) -> Figure:
     """A figure with a header, and so much room below it, in inches, which matplotlib lays out.
 
-    The header is a title, lines, and a note on keys that are `assumed` or `not_stated`, attributes of `doubts`.
+    The header is a title, lines, and a note on keys that are `assumed` or `not_stated`, attributes of `assumptions`.
     """
-    (width, height), note = size, doubt_note(doubts.assumed, doubts.not_stated) if doubts else ""
+    (width, height), note = size, assumption_note(assumptions.assumed, assumptions.not_stated) if assumptions else ""
     texts, ends, hidden = list[tuple[str, float, str, str]](), [0.0], _HIDDEN.get()
     if hidden is not None:
         hidden[:], note = lines, ""
@@ -123,12 +123,12 @@ def panels(
     lines: Sequence[str],
     rows: int,
     columns: int = 1,
-    doubts: Any = None,
+    assumptions: Any = None,
     count: int | None = None,
     **grid: Any,
 ) -> tuple[Figure, list[Axes]]:
     """A figure as `below_header`, with so many panels below it, row by row, by default all of the grid."""
-    figure = below_header(size, title, lines, doubts)
+    figure = below_header(size, title, lines, assumptions)
     axes = list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).flat)
     for spare in axes[count:] if count is not None else ():
         spare.remove()

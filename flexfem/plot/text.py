@@ -60,7 +60,7 @@ def round_factor(limit: float) -> float:
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= limit * (1 + ROUND_DOWN))
 
 
-def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
+def assumption_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
     """What figures and pages must say about keys that are assumed or have no source: nothing when there are none.
 
     Keys of a case file begin with `case: `; alone they leave the dimensions of the stage undoubted.
@@ -75,19 +75,21 @@ def doubt_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
 def markdown_report(results: Sequence[Verification]) -> str:
     """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them."""
     kinds = ("assumed", "not_stated")
-    note = doubt_note(*([key for each in results for key in getattr(each, kind)] for kind in kinds))
+    note = assumption_note(*([key for each in results for key in getattr(each, kind)] for kind in kinds))
     parts = ["# Verification: analytic stage against finite elements"]
     parts += ["The error is the finite-element displacement minus the commanded one."]
     parts += [f"**{note}**: these numbers are listed at the end."] if note else []
     parts += [f"## {each.case}\n\n{each.to_markdown()}" for each in results]
     warnings = [f"- {each.case}: {text}" for each in results for text in each.warnings]
     parts += ["## Warnings", "\n".join(warnings)] if warnings else []
-    doubts = [f"- `{key}`: {kind} ({names})" for key, kind, names in doubt_rows([(r.case, r) for r in results])]
+    assumptions = [
+        f"- `{key}`: {kind} ({names})" for key, kind, names in assumption_rows([(r.case, r) for r in results])
+    ]
     parts += ["## Assumed numbers, and numbers without a source"]
-    return "\n\n".join([*parts, "\n".join(doubts or ["None: every number has a source."])]) + "\n"
+    return "\n\n".join([*parts, "\n".join(assumptions or ["None: every number has a source."])]) + "\n"
 
 
-def doubt_rows(named: Sequence[tuple[str, Any]]) -> list[list[str]]:
+def assumption_rows(named: Sequence[tuple[str, Any]]) -> list[list[str]]:
     """Keys of numbers in doubt with their kind and the names of the records that list them."""
     found: dict[tuple[str, str], list[str]] = {}
     for name, record in named:

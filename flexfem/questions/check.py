@@ -55,7 +55,7 @@ class PlacedActuator(NamedTuple):
 
 
 class DriveReport(NamedTuple):
-    """The drive of a stage: its hash is that of stage and drive; doubts and sources of all numbers of both."""
+    """The drive of a stage: its hash is that of stage and drive; assumptions and sources of all numbers of both."""
 
     actuators: list[PlacedActuator]
     hash: str
@@ -128,7 +128,7 @@ def _drive(stage: Stage) -> DriveReport:
         else:
             alike.chains.extend(one.chains)
     sources = {key: text for key, text in stage.sources.items() if text and of_drive(key)}
-    return DriveReport(found, stage.drive_hash, sources, **stage.drive_doubts._asdict())
+    return DriveReport(found, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
 
 
 def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:

@@ -20,7 +20,7 @@ from flexfem.fem.fields import neck_maxima, neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, structure
-from flexfem.files.provenance import Doubts, doubts
+from flexfem.files.provenance import Assumptions, assumptions
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.designs import stage_frames
@@ -242,7 +242,7 @@ class CurveRun(NamedTuple):
 
 def run_case(loaded: LoadedCase) -> Verification:
     """Run every curve of a case. Raises BadInput when a stage does not suit the formula, ComputationFailed."""
-    case, stages, found = loaded.case, loaded.stages, _doubts(loaded)
+    case, stages, found = loaded.case, loaded.stages, _assumptions(loaded)
     models = {one: analyse(stages[one.label], one.mobility, one.formula, one.links) for one in case.curve}
     runs = [CurveRun(one, stages[one.label], model, _answer(loaded, one, model)) for one, model in models.items()]
     joints = tuple(dict.fromkeys(name for each in runs for name in each.elements.joints))
@@ -310,18 +310,18 @@ def _said(label: str, of: CurveModels) -> str:
     )
 
 
-def _doubts(loaded: LoadedCase) -> Doubts:
+def _assumptions(loaded: LoadedCase) -> Assumptions:
     """What is assumed or not stated of a case and its stages, of their drives where these are used."""
     strokes = loaded.case.drive == "strokes"
-    every = [stage.drive_doubts if strokes else doubts([("", stage)]) for stage in loaded.stages.values()]
-    every.append(doubts([("case: ", loaded.case)]))
-    return Doubts(*(sorted(set(chain.from_iterable(each))) for each in zip(*every, strict=True)))
+    every = [stage.drive_assumptions if strokes else assumptions([("", stage)]) for stage in loaded.stages.values()]
+    every.append(assumptions([("case: ", loaded.case)]))
+    return Assumptions(*(sorted(set(chain.from_iterable(each))) for each in zip(*every, strict=True)))
 
 
 def _described(case: Case, run: CurveRun) -> CurveModels:
     """What is stored of a curve beside its numbers."""
     (curve, stage, model, elements), strokes = run, case.drive == "strokes"
-    own = stage.drive_doubts if strokes else stage
+    own = stage.drive_assumptions if strokes else stage
     return CurveModels(
         stage=stage.name,
         file=curve.stage,

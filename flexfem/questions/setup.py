@@ -18,7 +18,7 @@ from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, StageMesh, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
-from flexfem.files.provenance import Sourced, doubts
+from flexfem.files.provenance import Sourced, assumptions
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
@@ -153,8 +153,8 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
 
 def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
     """What a result is of: a stage, its coefficients of `heat`, its `drive`, and other files by their names."""
-    said = doubts([("", stage), *((f"{name}: ", file) for name, file in files.items())])
-    said = stage.heat_doubts if heat else stage.drive_doubts if drive else said
+    said = assumptions([("", stage), *((f"{name}: ", file) for name, file in files.items())])
+    said = stage.heat_assumptions if heat else stage.drive_assumptions if drive else said
     own = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
     lever = stage.chain.link_lengths[2]
     return About(stage.name, str(stage.origin), own, tuple(said.assumed), tuple(said.not_stated), lever)

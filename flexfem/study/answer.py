@@ -244,22 +244,22 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
 
 def doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
     """The rows of designs (n, columns), with a reason where an answer is from a formula, or a life, out of range."""
-    study, everywhere, doubts = loaded.study, np.ones(len(values), dtype=bool), list[Broken]()
+    study, everywhere, flags = loaded.study, np.ones(len(values), dtype=bool), list[Broken]()
     if study.model not in ("fe", "three_dimensional"):
         with np.errstate(all="ignore"):
             inside = in_range(designs_of(loaded, values), study.formula).all(axis=(1, 2))
-        doubts.append(Broken(f"hinge formula {study.formula} outside its range of t/R", np.asarray(~inside)))
+        flags.append(Broken(f"hinge formula {study.formula} outside its range of t/R", np.asarray(~inside)))
     if study.life is not None:
         cycles, safety = (rows.values[:, loaded.outputs.index(name)] for name in ("life_cycles", "safety_factor"))
         low, high = required_law(loaded.stage.material).range
         beyond, outside = np.asarray(safety < 1), np.asarray((cycles < low) | (cycles > high))
-        doubts.append(Broken("life by elastic stress, beyond yield", beyond))
-        doubts.append(Broken("life extrapolated, outside the cycles of Basquin's law", outside & ~beyond))
-        doubts += [Broken(text, everywhere) for text in of_preloads(loaded.stage)]
+        flags.append(Broken("life by elastic stress, beyond yield", beyond))
+        flags.append(Broken("life extrapolated, outside the cycles of Basquin's law", outside & ~beyond))
+        flags += [Broken(text, everywhere) for text in of_preloads(loaded.stage)]
     if study.drift is not None:
-        doubts += [Broken(f"drift: {text}", everywhere) for text in warning.of_stacks(loaded.stage)]
+        flags += [Broken(f"drift: {text}", everywhere) for text in warning.of_stacks(loaded.stage)]
     reason = rows.reason.astype(object)
-    for text, where in doubts:
+    for text, where in flags:
         here = where & (rows.status == "ok")
         reason[here] = [f"{said}; {text}" if said else text for said in reason[here]]
     return rows._replace(reason=reason)

@@ -215,7 +215,7 @@ class Source(NamedTuple):
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
         if study.used_by(name for name, _ in figure.columns.values()) & of_stress:
             said.append(sentence(loaded.stress_accuracy))
-        return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.doubts)
+        return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.assumptions)
 
     def base(self, x: str, y: str) -> tuple[float, float] | None:
         """Where the base stage is among the designs, None where that is not known."""

@@ -18,7 +18,7 @@ from scipy.special import ndtr, ndtri
 
 from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.provenance import Doubts, is_assumed
+from flexfem.files.provenance import Assumptions, is_assumed
 from flexfem.files.refusals import key_path, one_line, place_of, shown, suggestion
 from flexfem.files.toml import bad_key, read_bytes, validate
 from flexfem.files.writing import digest
@@ -58,17 +58,19 @@ class LoadedStudy:
         return self.study.outputs
 
     @property
-    def doubts(self) -> Doubts:
+    def assumptions(self) -> Assumptions:
         """Key paths of the numbers of stage and study that are assumed or not stated; of the drive and of expansions
         where they are asked."""
         study, stage = self.study, self.stage
-        asked = [stage.drive_doubts] if study.driven else []
-        asked += [stage.heat_doubts] if study.drift is not None else []
-        asked = asked or [Doubts([*stage.assumed], [*stage.not_stated])]
+        asked = [stage.drive_assumptions] if study.driven else []
+        asked += [stage.heat_assumptions] if study.drift is not None else []
+        asked = asked or [Assumptions([*stage.assumed], [*stage.not_stated])]
         of_stage = [dict.fromkeys(chain(*each)) for each in zip(*asked, strict=True)]
         of_study = [key for key, source in study.provenance.items() if is_assumed(source)], study.not_stated
         both = zip(of_stage, of_study, strict=True)
-        return Doubts(*([*(f"stage: {key}" for key in one), *(f"study: {key}" for key in own)] for one, own in both))
+        return Assumptions(
+            *([*(f"stage: {key}" for key in one), *(f"study: {key}" for key in own)] for one, own in both)
+        )
 
     @property
     def stress_accuracy(self) -> str:

@@ -354,11 +354,11 @@ class Frequencies(Table):
     """Its moment of inertia about that"""
 
 
-class Drifting(Table):
+class DriftTable(Table):
     """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
 
 
-class Lasting(Table):
+class LifeTable(Table):
     """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
 
     amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
@@ -375,7 +375,7 @@ class Lasting(Table):
     """What of the stress concentration counts: 0 nothing, 1 all of it"""
 
     @model_validator(mode="after")
-    def _moves(self) -> Lasting:
+    def _moves(self) -> LifeTable:
         if not any(self.moved):
             raise refusal("amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero")
         return self
@@ -455,10 +455,10 @@ class Study(Sourced):
     """Asks for natural frequencies in the plane, with a payload or without; the table may be empty.
     `material.density_kg_m3` is then a key that factors can set. Every design is drawn, some 5 ms each. Not with
     `three_dimensional`"""
-    life: Lasting | None = None
+    life: LifeTable | None = None
     """Asks for fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
     set. Not with `three_dimensional`"""
-    drift: Drifting | None = None
+    drift: DriftTable | None = None
     """Asks for the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
     which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
     drawn, up to 0.15 s a design more. Not with `three_dimensional`"""

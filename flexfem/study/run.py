@@ -78,7 +78,7 @@ class Parts:
         fields += [pa.field(name, pa.float64()) for name in loaded.outputs]
         about = {"stem": loaded.stem, "name": loaded.study.name, "hash": loaded.hash, "versions": self.versions}
         about |= {"stress_accuracy": loaded.stress_accuracy}
-        about |= loaded.doubts._asdict()
+        about |= loaded.assumptions._asdict()
         return pa.schema(fields, metadata={ABOUT: json.dumps(about, sort_keys=True).encode()})
 
     def chunks(self, shard: slice = WHOLE) -> list[range]:

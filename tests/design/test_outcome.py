@@ -157,7 +157,7 @@ def test_a_record_warns_of_a_life_beyond_the_cycles_of_its_law(load):
 def test_what_is_assumed_of_stage_drive_frame_and_requirements_is_listed(load, piece, own):
     source = '[provenance]\n"require[0]" = "assumed: a wish"\n"free[0]" = "measured"\n'
     loaded = load(NECK, piece, *WANTED, RANGE, source)
-    assumed = outcome.doubts_of(loaded, outcome.made(loaded, np.array([0.6])))[0]
+    assumed = outcome.assumptions_of(loaded, outcome.made(loaded, np.array([0.6])))[0]
     assert "requirements: require[0]" in assumed and "requirements: free[0]" not in assumed
     stage = [key.removeprefix("stage: ") for key in assumed if key.startswith("stage: ")]
     assert len(stage) == len({*stage}) and "hinges.elbow.neck_mm" not in stage and "chain.link_lengths_mm" in stage

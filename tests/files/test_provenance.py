@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from flexfem.mechanism.stage import load_stage
-from flexfem.plot.text import doubt_note, markdown_report
+from flexfem.plot.text import assumption_note, markdown_report
 from flexfem.questions.case import LoadedCase
 from flexfem.questions.errors import run_case
 from flexfem.study.loaded import load_study
@@ -65,9 +65,11 @@ def test_a_verification_without_provenance_is_not_reported_as_sourced(project):
 def test_a_study_without_provenance_says_so(project):
     path = without(project, "cases/study-reach.toml", "factor[3]", "drive.stroke_um")
     loaded = load_study(path)
-    assert {"study: drive.stroke_um", "study: factor[3].from", "study: factor[3].to"} == set(loaded.doubts.not_stated)
+    assert {"study: drive.stroke_um", "study: factor[3].from", "study: factor[3].to"} == set(
+        loaded.assumptions.not_stated
+    )
     for shipped in sorted((ROOT / "cases").glob("study-*.toml")):
-        assert load_study(shipped).doubts.not_stated == [], shipped
+        assert load_study(shipped).assumptions.not_stated == [], shipped
 
 
 @pytest.mark.parametrize(
@@ -81,4 +83,4 @@ def test_a_study_without_provenance_says_so(project):
     ],
 )
 def test_figures_say_what_is_in_doubt(assumed, not_stated, note):
-    assert doubt_note(assumed, not_stated) == note
+    assert assumption_note(assumed, not_stated) == note

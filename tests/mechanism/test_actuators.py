@@ -73,7 +73,7 @@ def test_a_loose_ball_has_two_contacts_in_series_and_what_is_assumed_of_it_is_sa
     unsaid = stage.replace(actuator=[drawn.model_copy(update={"ball_loose": None})])
     assert (driven.drive_hash == unsaid.drive_hash) == (not loose)
     said = {None: ["steel", "fixed to the stack"], False: ["steel"], True: ["steel", "steel end of the stack"]}[loose]
-    of_balls = [key for key in driven.drive_doubts.assumed if "ball (" in key]
+    of_balls = [key for key in driven.drive_assumptions.assumed if "ball (" in key]
     assert of_balls == [f"actuator.base.ball ({each})" for each in said]
     words = {None: "one contact, assumed", False: "fixed to the stack, one contact", True: "loose ball, two contacts"}
     assert drawn.contact.endswith(words[loose])
@@ -229,5 +229,5 @@ def test_an_override_changes_the_actuator_of_its_chain_and_no_other(project, sta
     assert in_python.drive_hash == own.drive_hash
     own.save(tmp_path / "copy.toml")
     assert load_feasible(tmp_path / "copy.toml") == own
-    assert "override.2.actuator.base.preload_n" in own.drive_doubts.not_stated
+    assert "override.2.actuator.base.preload_n" in own.drive_assumptions.not_stated
     assert not any("actuator" in key for key in own.not_stated)

@@ -1,4 +1,4 @@
-"""Pages: numbers are those of the records, doubts come first, all that is not markup is text, bad input is refused."""
+"""Pages: numbers are those of the records, assumptions come first, all text is escaped, bad input is refused."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_numbers_of_the_page_are_those_of_the_records(written):
 
 def test_assumed_numbers_are_counted_first_and_listed(written):
     page, stage = written.read_text(), flexfem.load(written.with_name("hostile.toml"))
-    keys = {*stage.assumed, *stage.drive_doubts.assumed}
+    keys = {*stage.assumed, *stage.drive_assumptions.assumed}
     assert f"{len(keys)} of the numbers behind this page are assumed (17 of geo" in page.split("<nav")[0]
     listed = cells(page.split("Where the numbers come from</h2>")[1])
     assert {key for key in keys if listed[listed.index(key) + 1] == "assumed"} == keys and len(keys) > 20
@@ -217,7 +217,7 @@ def test_what_is_not_markup_is_text_wherever_it_stands(name):
     def page(said: str) -> Elements:
         data = table(TextTable([said, "b"], [[said, said]], 1, said))
         html = shown_figure("f", lambda: figure_of(said), said, data) + facts([(said, said)]) + notes([said])
-        about = {"subtitle": said, "doubts": said, "command": said, "made": "2026", "versions": {"a": said}}
+        about = {"subtitle": said, "assumptions": said, "command": said, "made": "2026", "versions": {"a": said}}
         return Elements(html_of([PageSection("s", said, html)], title=said, **about))
 
     assert page(name).names == page("plain").names and not any(key.startswith("on") for key in page(name).attributes)

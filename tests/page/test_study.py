@@ -50,7 +50,7 @@ def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
 
 def page_of(source: Source) -> str:
     made = [make() for _, make in study_parts(source, findings(source), STATUS | REASONS)]
-    said = {"subtitle": "", "doubts": "", "command": "flexfem report", "made": "2026-01-02", "versions": {}}
+    said = {"subtitle": "", "assumptions": "", "command": "flexfem report", "made": "2026-01-02", "versions": {}}
     return html_of(made, title=source.loaded.study.name, **said)
 
 

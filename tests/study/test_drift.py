@@ -123,8 +123,8 @@ def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any
     same, other = (study(warm, OWN, 4, tail, FACTORS[:2]) for tail in ("", "[drift]"))
     assert plain.hash == same.hash and len({plain.hash, asked.hash, other.hash}) == 3
     assert not {*NAMES, *STEEPEST} & set(plain.outputs)
-    assert {f"stage: {EXPANDING}", "stage: frame.expansion_um_per_m_k"} <= {*asked.doubts.not_stated}
-    assert not any("expansion" in key for key in (*plain.doubts.not_stated, *plain.doubts.assumed))
+    assert {f"stage: {EXPANDING}", "stage: frame.expansion_um_per_m_k"} <= {*asked.assumptions.not_stated}
+    assert not any("expansion" in key for key in (*plain.assumptions.not_stated, *plain.assumptions.assumed))
 
 
 @pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])

@@ -12,7 +12,7 @@ from pydantic import BaseModel
 from flexfem.mechanism.stage import Hinge
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Override
 from flexfem.study.loaded import LoadedStudy
-from flexfem.study.plan import Frequencies, Lasting
+from flexfem.study.plan import Frequencies, LifeTable
 
 Place = tuple[str | int, ...]
 OF_HEAT = {("material", "expansion"), ("frame", "expansion")}  # with a hash of its own, as the drive
@@ -68,7 +68,7 @@ def unseen(value: Any, hash_of: Any, places: set[Place]) -> set[Place]:
 
 def test_every_key_of_a_study_changes_its_hash_but_those_that_answers_do_not_depend_on(studies: Any) -> None:
     loaded: LoadedStudy = studies.load(DRIVEN, HYPERCUBE)
-    asked = {"life": Lasting(amplitude_x_um=3.0), "frequencies": Frequencies(payload_kg=0.1)}
+    asked = {"life": LifeTable(amplitude_x_um=3.0), "frequencies": Frequencies(payload_kg=0.1)}
     loaded = replace(loaded, study=loaded.study.model_copy(update=asked))
     apart = {"factor", "output", "constraint"}  # what is not empty of the latter two: test_conditions
     places = {place for place in leaves(loaded.study) if place[0] not in apart}

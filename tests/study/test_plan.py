@@ -213,8 +213,8 @@ def test_an_infeasible_stage_is_named_with_the_line_of_the_study(studies: Any) -
 def test_shipped_studies_can_be_read_and_say_what_is_assumed(path: Path) -> None:
     loaded = load_study(path)
     assert loaded.count > 100 and loaded.study.figure
-    assert any(key.startswith("study: ") for key in loaded.doubts.assumed)
-    assert any(key.startswith("stage: ") for key in loaded.doubts.assumed)
+    assert any(key.startswith("study: ") for key in loaded.assumptions.assumed)
+    assert any(key.startswith("stage: ") for key in loaded.assumptions.assumed)
 
 
 def test_a_normal_distribution_is_about_the_stages_own_value(studies: Any) -> None:
