@@ -349,7 +349,7 @@ def _curves(result: Verification, number: int) -> PageSection:
 
 
 def _sources(rows: Sequence[Sequence[str]], last: str) -> PageSection:
-    """Where numbers come from: rows of a key, "assumed" or "source not stated", and its source or the records with it."""
+    """Where numbers come from: rows of a key, "assumed" or "source not stated", and its source or its records."""
     counts = [sum(row[1] == kind for row in rows) for kind in ("assumed", "source not stated")]
     opening = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
         counted(counts[0], "of these numbers is", "of these numbers are"), counted(counts[1], "has", "have")
