@@ -83,10 +83,7 @@ FATIGUE = ["fatigue_strength_coefficient_mpa = 1200", "fatigue_strength_exponent
         ([*FATIGUE, "fatigue_range_cycles = [1e6, 1e3]"], "expected fewer cycles first"),
         ([*FATIGUE, "fatigue_range_cycles = [0.0, 1e3]"], "fatigue_range_cycles[0] = 0.0, expected > 0"),
         (["fatigue_strength_coefficient_mpa = 1.2", FATIGUE[1]], "coefficient_mpa = 1.2, expected 0.5 to 50 of"),
-        (
-            ["fatigue_strength_coefficient_mpa = 3e4", FATIGUE[1]],
-            "expected 0.5 to 50 of yield_strength_mpa: other",
-        ),
+        (["fatigue_strength_coefficient_mpa = 3e4", FATIGUE[1]], "expected 0.5 to 50 of yield_strength_mpa: other"),
         (["density_kg_m3 = -2810"], "density_kg_m3 = -2810, expected > 0"),
     ],
 )
