@@ -7,7 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from flexfem.arrays import Array
 from flexfem.files.writing import toml_text
+from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy, load_study
 
 from ..conftest import GENERIC
@@ -65,6 +67,16 @@ class Studies:
         body = "".join(f"\n[[factor]]\n{factor}\n" for factor in factors)
         opening = f'name = "generic study"\nstage = "stage.toml"\n{head}\n'
         return self.load(text=f"{opening}[sampling]\n{sampling}\n{body}\n{tail}")
+
+
+def random(studies: Studies, head: str, count: int, tail: str, factors: tuple[str, ...]) -> LoadedStudy:
+    """A study of a few random designs."""
+    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+
+
+def columns(loaded: LoadedStudy, rows: Rows) -> dict[str, Array]:
+    """Answers by the names of their columns."""
+    return dict(zip(loaded.outputs, rows.values.T, strict=True))
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,13 +13,14 @@ from flexfem.fem.structure import plate_of
 from flexfem.questions.bands import solve_solid
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.loaded import load_study
 
-ROOT = Path(__file__).parents[2]
+from .answered import STAGE, study
+
 STUDY = f"""
 name = "thickness"
-stage = "{ROOT / "geometry" / "mobility6.toml"}"
+stage = "{STAGE}"
 model = "three_dimensional"
+layers = 1
 [sampling]
 method = "grid"
 [[factor]]
@@ -31,22 +31,8 @@ values = [4.0]
 """
 
 
-@pytest.fixture
-def study(tmp_path: Path) -> Any:
-    def written(*changes: tuple[str, str]) -> Path:
-        text = STUDY
-        for old, new in changes:
-            assert old in text
-            text = text.replace(old, new)
-        path = tmp_path / "study.toml"
-        path.write_text(text)
-        return path
-
-    return written
-
-
-def test_a_row_is_what_the_stage_answers(study: Any) -> None:
-    loaded = load_study(study(('"three_dimensional"', '"three_dimensional"\nlayers = 1')))
+def test_a_row_is_what_the_stage_answers(tmp_path: Path) -> None:
+    loaded = study(tmp_path, STUDY)
     rows = answer(loaded, 0, 1)
     assert rows.status.tolist() == ["ok"]
     found = dict(zip(loaded.outputs, rows.values[0], strict=True))
@@ -63,10 +49,8 @@ def test_a_row_is_what_the_stage_answers(study: Any) -> None:
     np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
 
 
-def test_a_stage_that_is_made_plane_is_refused(study: Any, tmp_path: Path) -> None:
+def test_a_stage_that_is_made_plane_is_refused(tmp_path: Path) -> None:
     held = tmp_path / "held.toml"
-    text = (ROOT / "geometry" / "mobility6.toml").read_text()
-    held.write_text('model = "plane_strain"\n' + text)
-    path = study((str(ROOT / "geometry" / "mobility6.toml"), str(held)))
+    held.write_text('model = "plane_strain"\n' + STAGE.read_text())
     with pytest.raises(BadInput, match='model = "three_dimensional" on a stage with model = "plane_strain"'):
-        load_study(path)
+        study(tmp_path, STUDY, (str(STAGE), str(held)))
