@@ -25,20 +25,28 @@ ANALYTIC = 'model = "analytic"\nformula = "calibrated"\nmobility = 21'
 PARETO = 'kind = "pareto"\nx = "kxx_n_per_mm"\ny = "range_x_um"'
 
 
+def more(body: str) -> tuple[str, str]:
+    return LAST, f"{LAST}{body}\n"
+
+
 def figure(body: str) -> tuple[str, str]:
-    return (LAST, f"{LAST}[[figure]]\n{body}\n")
+    return more(f"[[figure]]\n{body}")
+
+
+def of_grid(body: str) -> list[tuple[str, str]]:
+    return [*GRID, ("values = [60.0, 70]", f"values = [60.0, 70]\n[[figure]]\n{body}")]
 
 
 def output(expression: str, name: str = "ratio") -> tuple[str, str]:
-    return (LAST, f'{LAST}[[output]]\nname = "{name}"\nexpression = "{expression}"\n')
+    return more(f'[[output]]\nname = "{name}"\nexpression = "{expression}"')
 
 
 def constraint(ends: str, value: str = "kxx_n_per_mm") -> tuple[str, str]:
-    return (LAST, f'{LAST}[[constraint]]\nvalue = "{value}"\n{ends}\n')
+    return more(f'[[constraint]]\nvalue = "{value}"\n{ends}')
 
 
 def correlation(one: str, other: str, coefficient: float = 0.5) -> tuple[str, str]:
-    return (LAST, f'{LAST}[[correlation]]\nfactors = ["{one}", "{other}"]\ncoefficient = {coefficient}\n')
+    return more(f'[[correlation]]\nfactors = ["{one}", "{other}"]\ncoefficient = {coefficient}')
 
 
 HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
@@ -57,9 +65,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "no seed": ([("seed = 7", "")], ["sampling", "seed", "monte_carlo"]),
     "no designs": ([("designs = 500\n", "")], ["sampling", "designs"]),
     "latin hypercube too large": (
-        [("monte_carlo", "latin_hypercube"), ("= 500", "= 200001")],
-        ["line 9", "designs = 200001", "at most 200000"],
-    ),
+        [("monte_carlo", "latin_hypercube"), ("= 500", "= 200001")], ["line 9", "designs = 200001", "at most 200000"]),
     "base with monte carlo": ([("seed = 7", "seed = 7\nbase = 64")], ["line 11", "base"]),
     "base no power of two": ([SALTELLI, ("base = 64", "base = 65")], ["base = 65", "power of two"]),
     "base too large": ([SALTELLI, ("base = 64", f"base = {2**29}")], [f"base = {2**29}", "at most 1000000000"]),
@@ -102,11 +108,11 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "sd of a uniform": ([(NORMAL, f'{NORMAL}\nlower = 1.0\nupper = 2.0'), ('"normal"', '"uniform"')], ["sd"]),
     "bounds crossed": ([(NORMAL, f"{NORMAL}\nlower = 70\nupper = 60")], ["upper = 60", "> 70"]),
     "no mean to be had": ([("material.youngs_modulus_gpa", "hinges.base.axis_deg")], ["factor[1]", "mean"]),
-    "lever arm missing": ([(LAST, f"{LAST}[drive]\nstroke_um = 17.4\n")], ["lever_arm_mm is missing"]),
-    "drive that asks nothing": ([(LAST, f"{LAST}[drive]\nactuators = false\n")], ["drive = {", "or stroke"]),
-    "drive of a stage without one": ([(LAST, f"{LAST}[drive]\nactuators = true\n")], ["with [[actuator]]"]),
+    "lever arm missing": ([more("[drive]\nstroke_um = 17.4")], ["lever_arm_mm is missing"]),
+    "drive that asks nothing": ([more("[drive]\nactuators = false")], ["drive = {", "or stroke"]),
+    "drive of a stage without one": ([more("[drive]\nactuators = true")], ["with [[actuator]]"]),
     "drive of three dimensions": (
-        [(LAST, f"{LAST}[drive]\nactuators = true\n"), (ANALYTIC, 'model = "three_dimensional"')],
+        [more("[drive]\nactuators = true"), (ANALYTIC, 'model = "three_dimensional"')],
         ["drive.actuators", "in the plane"]),
     "factor of a drive not asked about": (
         [("material.youngs_modulus_gpa", "actuator.base.preload_n")], ["factor[1]", "actuators = true"]),
@@ -115,15 +121,11 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "figure of an unknown column": ([figure(PARETO.replace("kxx", "kzz"))], ["figure[0].x", "did you mean k"]),
     "figure of a factor as output": ([figure('kind = "distribution"\nvalues = ["E"]')], ["figure[0].values[0]"]),
     "map of an output over outputs": (
-        [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'map'\nx = 'E'\n"
-            "y = 'kyy_n_per_mm'\nvalue = 'kxx_n_per_mm'")], ["figure[0].y"]),
+        of_grid("kind = 'map'\nx = 'E'\ny = 'kyy_n_per_mm'\nvalue = 'kxx_n_per_mm'"), ["figure[0].y"]),
     "map without a value": ([figure('kind = "map"\nx = "E"\ny = "hinges.base.neck_mm"')], ["figure[0]", "value"]),
     "sensitivity of a grid": (
-        [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'sensitivity'\n"
-            "values = ['kxx_n_per_mm']")], ["figure[0].kind", "random sample", "grid"]),
-    "distribution of a grid": (
-        [*GRID, ("values = [60.0, 70]", "values = [60.0, 70]\n[[figure]]\nkind = 'distribution'\n"
-            "values = ['kxx_n_per_mm']")], ["figure[0].kind", "grid"]),
+        of_grid("kind = 'sensitivity'\nvalues = ['kxx_n_per_mm']"), ["figure[0].kind", "random sample", "grid"]),
+    "distribution of a grid": (of_grid("kind = 'distribution'\nvalues = ['kxx_n_per_mm']"), ["figure[0].kind", "grid"]),
     "pareto of one column": ([figure(PARETO.replace("range_x_um", "kxx_n_per_mm"))], ["figure[0].y"]),
     "pareto with values": ([figure(f'{PARETO}\nvalues = ["kxx_n_per_mm"]')], ["figure[0].values", "pareto"]),
     "output that runs code": ([output("__import__('os').remove('x')")], ["output[0].expression", "brackets"]),
@@ -150,7 +152,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "correlation with saltelli": (
         [correlation("E", "hinges.base.neck_mm"), SALTELLI], ["correlation", "saltelli", "independent"]),
     "correlations that no factors have": (
-        [(LAST, f"{LAST}[[factor]]\nkey = 'thickness_mm'\nfrom = 8\nto = 9\n"),
+        [more("[[factor]]\nkey = 'thickness_mm'\nfrom = 8\nto = 9"),
          ("[[factor]]\nkey = 'th", 
           "".join(f"[[correlation]]\nfactors = {pair}\ncoefficient = {c}\n" for pair, c in (
             (["E", "thickness_mm"], 0.9), (["E", "hinges.base.neck_mm"], 0.9),
@@ -164,22 +166,20 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "table that is not there": (
         [(MONTE_CARLO, 'method = "table"\nfile = "no.csv"'), *TABLE], ["line 9", "no.csv", "no such file"]),
     "file without a table": ([("seed = 7", 'seed = 7\nfile = "a.csv"')], ["line 11", "file", "monte_carlo"]),
-    "provenance of nothing": ([(LAST, f'{LAST}[provenance]\n"factor[2]" = "assumed"\n')], ["provenance", "factor[1]"]),
+    "provenance of nothing": ([more('[provenance]\n"factor[2]" = "assumed"')], ["provenance", "factor[1]"]),
     "formula in three dimensions": (
         [(ANALYTIC, 'model = "three_dimensional"\nformula = "koster"')], ["no formula with model"]),
     "layers in the plane": ([(ANALYTIC, 'model = "fe"\nlayers = 3')], ["no layers with model"]),
     "frequencies in three dimensions": (
-        [(ANALYTIC, 'model = "three_dimensional"'), (LAST, f"{LAST}[frequencies]\n")], ["no frequencies with model"]),
+        [(ANALYTIC, 'model = "three_dimensional"'), more("[frequencies]")], ["no frequencies with model"]),
     "drift in three dimensions": (
-        [(ANALYTIC, 'model = "three_dimensional"'), (LAST, f"{LAST}[drift]\n")], ["no drift with model"]),
-    "density without frequencies": (
-        [("hinges.base.neck_mm", "material.density_kg_m3")], ["expected a number that answers depend on"]),
+        [(ANALYTIC, 'model = "three_dimensional"'), more("[drift]")], ["no drift with model"]),
     "expansion without drift": (
         [("hinges.base.neck_mm", "material.expansion_um_per_m_k")], ["expected a number that answers depend on"]),
-    "a key that drift has not": ([(LAST, f"{LAST}[drift]\nkelvin = 3.0\n")], ["drift.kelvin", "unknown key"]),
-    "life at no amplitude": ([(LAST, f"{LAST}[life]\ncycles = 1e6\n")], ["amplitude_x_um, amplitude_y_um or"]),
-    "life at a ratio of one": ([(LAST, f"{LAST}[life]\namplitude_x_um = 3.0\nratio = 1.0\n")], ["ratio = 1.0"]),
-    "payload below zero": ([(LAST, f"{LAST}[frequencies]\npayload_kg = -1.0\n")], ["payload_kg = -1.0"]),
+    "a key that drift has not": ([more("[drift]\nkelvin = 3.0")], ["drift.kelvin", "unknown key"]),
+    "life at no amplitude": ([more("[life]\ncycles = 1e6")], ["amplitude_x_um, amplitude_y_um or"]),
+    "life at a ratio of one": ([more("[life]\namplitude_x_um = 3.0\nratio = 1.0")], ["ratio = 1.0"]),
+    "payload below zero": ([more("[frequencies]\npayload_kg = -1.0")], ["payload_kg = -1.0"]),
 }  # fmt: skip
 
 
@@ -231,7 +231,7 @@ AXES = ("x", "y", "theta")
 def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
     """In the order in which models answer: a name in another place is a column of other numbers."""
     plain = studies.load().outputs
-    driven = studies.load((LAST, f"{LAST}[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")).outputs
+    driven = studies.load(more("[drive]\nstroke_um = 17.4\nlever_arm_mm = 10")).outputs
     verified = studies.load(('"analytic"', '"verify"')).outputs
     bare = studies.load(('"analytic"', '"verify"'), ("= 21", "= 21\nbands = false")).outputs
     assert plain == (
