@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -82,9 +81,3 @@ def columns(loaded: LoadedStudy, rows: Rows) -> dict[str, Array]:
 @pytest.fixture
 def studies(tmp_path: Path) -> Studies:
     return Studies(tmp_path)
-
-
-@pytest.fixture(scope="session")
-def shipped() -> Callable[[str], LoadedStudy]:
-    """A shipped study by the middle of its name."""
-    return lambda name: load_study(Path(__file__).parents[2] / "cases" / f"study-{name}.toml")

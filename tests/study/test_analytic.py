@@ -11,7 +11,6 @@ import pytest
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.hinges.strength import concentration
 from flexfem.mechanism.bodies import draw_sector, polygon_points
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_closed_form, check_feasible
@@ -121,17 +120,6 @@ def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(stud
             base = [joints[k] for k, slot in enumerate(mechanism.joints.slot) if slot in (0, 9, 18)]
             expected = 17.4e-3 / 10.0 / np.max(np.abs(base)) * 1e3
             assert found[loaded.outputs.index("travel_x_um") + axis] == pytest.approx(expected, rel=1e-7)
-
-
-def test_the_notch_concentrates_as_hyperbolic_notches_do() -> None:
-    """None at a long thin neck, growing with t/R, below that of a hole's edge; near a published fit in bending."""
-    ratio = np.geomspace(1e-4, 2.0, 60)
-    K = concentration(ratio)
-    for values in K:
-        assert values[0] == pytest.approx(1.0, abs=1e-4)
-        assert np.all(np.diff(values) > 0) and values[-1] < 3.0
-    smith_chetwynd = (1 + ratio / 2) ** 0.45
-    assert np.max(np.abs(K.bending / smith_chetwynd - 1)[ratio < 0.5]) < 0.015  # their range ends near there
 
 
 def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:

@@ -42,10 +42,10 @@ def test_the_ends_of_a_map_are_where_its_value_is_least_and_most(studies) -> Non
     values = np.array([3.0, -99.0, 4.0, 2.5, 6.0, 7.0, 8.0, 9.0, 5.0, 5.5, 5.6, 5.7])  # the second has no answer
     (found,) = found_in(loaded, table_of(loaded, kxx_n_per_mm=values))
     neck, thickness = sample(loaded, 0, 12).T
-    ends = (("least", 2.5, 3), ("most", 9.0, 7))
-    assert facts_of(found)["rows"] == [
-        {"end": end, "kxx_n_per_mm": v, "thickness_mm": thickness[k], "hinges.base.neck_mm": neck[k]} for end, v, k in ends
-    ]  # fmt: skip
+    ends = {"least": (2.5, 3), "most": (9.0, 7)}
+    columns = ("end", "kxx_n_per_mm", "thickness_mm", "hinges.base.neck_mm")
+    rows = [dict(zip(columns, (end, v, thickness[k], neck[k]), strict=True)) for end, (v, k) in ends.items()]
+    assert facts_of(found) == {"rows": rows}
 
 
 def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(studies) -> None:

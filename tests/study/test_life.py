@@ -81,11 +81,7 @@ def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(last
     assert found["safety_factor"] == pytest.approx(values[2] / stress, rel=1e-6)
 
 
-def test_lives_are_asked_of_models_and_materials_that_have_them(lasting: Any, studies: Any) -> None:
-    with pytest.raises(BadInput, match='no life with model = "three_dimensional"'):
-        study(lasting, 'model = "three_dimensional"\n', 4, LIFE, FACTORS[:2])
-    with pytest.raises(BadInput, match="coefficient_mpa, expected a number that answers depend on"):
-        study(lasting, HEAD, 4, "", FACTORS)
+def test_lives_are_asked_of_materials_that_have_constants(studies: Any) -> None:
     (studies.folder / "stage.toml").write_text(toml_text(GENERIC))
     with pytest.raises(BadInput, match=r"line \d+: life, on the base stage: .*coefficient_mpa is missing") as refused:
         study(studies, HEAD, 4, LIFE, FACTORS[:2])
@@ -110,5 +106,4 @@ def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any)
         assert all(status == "ok" and reason.startswith(said) for status, reason in zip(*rows[:2], strict=True))
     loaded = study(lasting, HEAD, 3, "[life]\namplitude_x_um = 560.0", FACTORS[:1])
     rows = answer(loaded, 0, 3)
-    found = columns(loaded, rows)
-    assert list(rows.reason) == [""] * 3, (found["life_cycles"], found["safety_factor"])
+    assert list(rows.reason) == [""] * 3

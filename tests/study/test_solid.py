@@ -11,7 +11,6 @@ from flexfem.fem.fields import base_rotations, neck_stresses
 from flexfem.fem.response import unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.questions.bands import solve_solid
-from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 
 from .answered import STAGE, study
@@ -47,10 +46,3 @@ def test_a_row_is_what_the_stage_answers(tmp_path: Path) -> None:
     turning = np.abs(np.linalg.inv(plane.compliance) @ base_rotations(stage, plane)).max(axis=1)
     solid = np.abs(K @ base_rotations(stage, response)).max(axis=1)
     np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
-
-
-def test_a_stage_that_is_made_plane_is_refused(tmp_path: Path) -> None:
-    held = tmp_path / "held.toml"
-    held.write_text('model = "plane_strain"\n' + STAGE.read_text())
-    with pytest.raises(BadInput, match='model = "three_dimensional" on a stage with model = "plane_strain"'):
-        study(tmp_path, STUDY, (str(STAGE), str(held)))
