@@ -61,7 +61,6 @@ chain = 3
 actuator = "base"
 side = "right"
 tilt_deg = 12.0
-
 [[override]]
 chain = 1
 hinge = "elbow"

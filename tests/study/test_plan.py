@@ -211,9 +211,6 @@ def test_a_normal_distribution_is_about_the_stages_own_value(studies: Any) -> No
     assert means["E"] == pytest.approx(68.3, rel=1e-15)  # GPa to MPa and back
 
 
-AXES = ("x", "y", "theta")
-
-
 def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
     """In the order in which models answer: a name in another place is a column of other numbers."""
     plain = studies.load().outputs
@@ -228,7 +225,8 @@ def test_outputs_follow_from_model_and_drive(studies: Any) -> None:
     )
     assert driven[16:] == ("travel_x_um", "travel_y_um", "travel_theta_mrad")
     assert verified[:16] == plain and bare == verified[:-3]
-    assert verified[16:] == tuple(f"{what}_{axis}_percent" for what in ("error", "cross", "band") for axis in AXES)
+    kinds, axes = ("error", "cross", "band"), ("x", "y", "theta")
+    assert verified[16:] == tuple(f"{kind}_{axis}_percent" for kind in kinds for axis in axes)
 
 
 def test_an_override_that_repeats_the_value_of_its_like_is_another_study(studies: Any) -> None:

@@ -11,11 +11,13 @@ import pytest
 import flexfem.fem.mesh
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.fem.fields import load_case
+from flexfem.fem.fields import base_rotations, load_case, neck_stresses
 from flexfem.fem.mesh import mesh_sectors
 from flexfem.fem.mesher import MeshTimeout, mesh_faces
+from flexfem.fem.response import unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
+from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band, solve_solid
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
@@ -147,3 +149,18 @@ def test_a_study_asks_any_number_of_a_question_by_its_path(studies: Any, head: s
     assert refused.status[0] == "refused" and "ask: no number stiffness.nothing" in refused.reason[0]
     with pytest.raises(BadInput, match=r"question\.quantity\.labels"):
         studies.of(*ONE, head=f'{head}\nask = ["kxx"]')
+
+
+def test_three_dimensions_are_those_of_the_stage(studies: Any) -> None:
+    loaded = studies.of(*ONE, head='model = "three_dimensional"\nlayers = 1')
+    found, stage = columns(loaded, loaded.stage), loaded.stage
+    response = solve_solid(stage, 4, 1)
+    K = np.linalg.inv(response.compliance)
+    highest = neck_stresses(stage, response, K).highest.max(axis=(1, 2))
+    assert found["kxx_n_per_mm"] == pytest.approx(K[0, 0], rel=1e-6)
+    assert found["stress_x_mpa_per_um"] == pytest.approx(1e-3 * highest[0], rel=1e-6)
+    assert found["range_y_um"] == pytest.approx(1e3 * 411.0 / highest[1], rel=1e-6)
+    plane = unit_response(response.sectors, plate_of(stage))
+    turning = np.abs(np.linalg.inv(plane.compliance) @ base_rotations(stage, plane)).max(axis=1)
+    solid = np.abs(K @ base_rotations(stage, response)).max(axis=1)
+    np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
