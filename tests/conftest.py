@@ -45,11 +45,7 @@ GENERIC: dict[str, Any] = {
         "density_kg_m3": 2739.0,
         "yield_strength_mpa": 411.0,
     },
-    "chain": {
-        "link_lengths_mm": [31.0, 33.5, 25.0],
-        "joint_angles_deg": [175.0, -85.0, 92.0],
-        "link_width_mm": 8.9,
-    },
+    "chain": {"link_lengths_mm": [31.0, 33.5, 25.0], "joint_angles_deg": [175.0, -85.0, 92.0], "link_width_mm": 8.9},
     "hinges": {
         "base": {"radius_mm": 3.9, "neck_mm": 0.53, "prismatic": True},
         "elbow": {"radius_mm": 1.6, "neck_mm": 0.47},

@@ -135,14 +135,11 @@ BROKEN = {  # one of every reader; what else is refused stands in tests/mechanis
     "unknown key": ("thickness_mm", "thickness_cm", "thickness_cm"),
     "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
     "override of nothing": ("[provenance]", '[[override]]\nchain = 2\nhinge = "base"\n[provenance]', "override"),
-    "override deeper than the link": (
-        "[provenance]",
-        '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]',
-        "override.3.elbow.radius_mm",
-    ),
+    "override deeper than the link": ("[provenance]",
+        '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]', "override.3.elbow.radius_mm"),
     "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),
     "folded link": ("[180.0, -90.0, 90.0]", "[180.0, -179.0, 90.0]", "expected"),
-}
+}  # fmt: skip
 
 
 def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(flexfem, project):

@@ -64,6 +64,7 @@ class Topology(NamedTuple):
     paths : joints of each.   signs : (P, m), -1 where a path meets a joint's far body first, zero off it.
     G : (3 P, 3 K), of the paths.   borne : (K, bodies), loads on bodies that those kept bear, directly or by paths.
     beyond : (m, bodies), loads that joints carry beside the wrench of their path.
+    star : every path leads from the ground to the output, the only body kept.
     """
 
     kept: tuple[int, ...]
@@ -72,6 +73,7 @@ class Topology(NamedTuple):
     G: Array
     borne: Array
     beyond: Array
+    star: bool
 
 
 class OutputStiffness(NamedTuple):
@@ -133,7 +135,8 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     if missing := {*range(bodies)} - reached:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
     G = np.asarray(np.kron(np.array(incidence), np.eye(3)), dtype=np.float64)
-    return Topology(kept, tuple(paths), np.array(signs), G, borne, beyond)
+    star = len(kept) == 1 and all(side == 1 for side in incidence)
+    return Topology(kept, tuple(paths), np.array(signs), G, borne, beyond, star)
 
 
 def freedom_motions(at: AnyArray, along: AnyArray) -> Array:
@@ -174,16 +177,21 @@ def stiffness(of: Mechanism) -> OutputStiffness:
     nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
     """
     by = topology(*of[:3])
-    pulls = _path_stiffness(of, by) @ by.G
-    K = by.G.T @ pulls
+    if by.star and of.coupling is None:  # 3 by 3 alone, for many designs
+        pulls = inverse(in_series(of))
+        K = np.sum(pulls, axis=-3)
+    else:
+        column = _path_stiffness(of, by) @ by.G
+        pulls, K = _of_paths(column, by), by.G.T @ column
     if len(by.kept) > 1:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         held = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
-        pulls, K = pulls @ held, K[..., :3, :] @ held
+        pulls, K = pulls @ held[..., None, :, :], K[..., :3, :] @ held
     if (ideal := _ideal(of, by, K)).any():
         _, across, twists = _saddle(_coupled(in_series(of), of, by), by.G)
         direct = inverse(twists[..., :3, :3])
-        pulls, K = np.where(ideal, across[..., :3] @ direct, pulls), np.where(ideal, direct, K)
+        pulls = np.where(ideal[..., None], _of_paths(across[..., :3] @ direct, by), pulls)
+        K = np.where(ideal, direct, K)
     return OutputStiffness(K, _in_joints(pulls, by))
 
 
@@ -214,7 +222,7 @@ def solve(
         V = np.where(ideal, twists @ kept + np.swapaxes(across, -1, -2) @ t, V)
         w = np.where(ideal, across @ kept + inner @ t, w)
     motions = np.swapaxes(kept, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
-    return MotionUnderLoads(V[..., :3, :], _in_joints(w, by) + beyond, motions)
+    return MotionUnderLoads(V[..., :3, :], _in_joints(_of_paths(w, by), by) + beyond, motions)
 
 
 def with_springs(motions: Array, rates: Array) -> Array:
@@ -242,10 +250,15 @@ def _along_paths(openings: Array, by: Topology) -> Array:
     return _column(flat.reshape(*flat.shape[:-1], 3, -1))
 
 
-def _in_joints(w: Array, by: Topology) -> Array:
-    """Wrenches (..., m, 3, k) in the joints by one column (..., 3 P, k) of those of their paths."""
+def _of_paths(w: Array, by: Topology) -> Array:
+    """Wrenches (..., P, 3, k) of the paths by one column (..., 3 P, k) of them."""
+    return w.reshape(*w.shape[:-2], len(by.paths), 3, w.shape[-1])
+
+
+def _in_joints(paths: Array, by: Topology) -> Array:
+    """Wrenches (..., m, 3, k) in the joints by those (..., P, 3, k) of their paths."""
     owner, signs = np.argmax(np.abs(by.signs), axis=0), np.sum(by.signs, axis=0)
-    found = w.reshape(*w.shape[:-2], len(by.paths), 3, w.shape[-1])[..., owner, :, :]
+    found = np.moveaxis(np.take(np.moveaxis(paths, (-2, -1), (0, 1)), owner, axis=-1), (0, 1), (-2, -1))
     return np.asarray(found if np.all(signs == 1) else signs[:, None, None] * found)
 
 

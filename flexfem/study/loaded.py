@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
@@ -288,8 +289,6 @@ def correlated(loaded: LoadedStudy, quantiles: Array) -> Array:
     among = sorted({names.index(name) for each in pairs for name in each.factors})
     if not among or not len(quantiles):
         return quantiles
-    from scipy.special import ndtr, ndtri
-
     L = np.linalg.cholesky(normal_correlation([names[place] for place in among], pairs))
     found = quantiles.copy()
     found[:, among] = ndtr(ndtri(quantiles[:, among]) @ L.T)
@@ -306,20 +305,21 @@ def grid_points(factor: Factor) -> Array:
 
 def at_quantile(factor: Factor, u: Array) -> Array:
     """Values (n,) of a factor at quantiles `u` (n,) of its distribution, 0 < u < 1."""
-    from scipy import stats
-
     if factor.values is not None:
         return np.array(factor.values)[(u * len(factor.values)).astype(np.int64)]
     low, high = (factor.start, factor.end) if factor.kind == "range" else (factor.lower, factor.upper)
     if factor.kind == "normal":
         mean, sd = factor.mean or 0.0, factor.sd or 1.0
         if low is high is None:
-            return np.asarray(stats.norm.ppf(u, mean, sd))
+            return np.asarray(mean + sd * ndtri(u))
+        from scipy.stats import truncnorm
+
         ends = -np.inf if low is None else (low - mean) / sd, np.inf if high is None else (high - mean) / sd
-        return np.asarray(stats.truncnorm.ppf(u, *ends, loc=mean, scale=sd))
+        return np.asarray(truncnorm.ppf(u, *ends, loc=mean, scale=sd))
     assert low is not None and high is not None
-    found = stats.loguniform(low, high) if factor.scale == "log" else stats.uniform(low, high - low)
-    return np.asarray(found.ppf(u))
+    if factor.scale == "log":
+        return np.asarray(low * (high / low) ** u)
+    return np.asarray(low + u * (high - low))
 
 
 def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:

@@ -149,19 +149,8 @@ def fields() -> Fields:
     )
 
 
-SIZES = {
-    "m": 1e3,
-    "mm": 1.0,
-    "µm": 1e-3,
-    "nm": 1e-6,
-    "pm": 1e-9,
-    "rad": 1.0,
-    "mrad": 1e-3,
-    "µrad": 1e-6,
-    "nrad": 1e-9,
-    "prad": 1e-12,
-    "%": 1.0,
-}
+SIZES = {"m": 1e3, "mm": 1.0, "µm": 1e-3, "nm": 1e-6, "pm": 1e-9, "%": 1.0}
+SIZES |= {"rad": 1.0, "mrad": 1e-3, "µrad": 1e-6, "nrad": 1e-9, "prad": 1e-12}
 
 
 def size_in(label: str) -> float:
@@ -179,15 +168,10 @@ def extent(filled: Any) -> Array:
 
 def texts(figure: Any) -> list[str]:
     """All that is written in a figure but at its axes, with plain spaces on one line each."""
-    legends = [axes.get_legend() for axes in figure.axes] + figure.legends
-    found = [
-        text for where in (figure, *figure.axes, *(each for each in legends if each)) for text in where_texts(where)
-    ]
+    legends = [each for each in (*(axes.get_legend() for axes in figure.axes), *figure.legends) if each]
+    found = [text for where in (figure, *figure.axes) for text in where.texts]
+    found += [text for legend in legends for text in legend.get_texts()]
     return [text.get_text().replace("\n", " ").replace("\N{NO-BREAK SPACE}", " ") for text in found]
-
-
-def where_texts(where: Any) -> list[Any]:
-    return where.get_texts() if hasattr(where, "get_texts") else where.texts
 
 
 @pytest.fixture(scope="session")
