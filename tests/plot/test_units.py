@@ -64,20 +64,14 @@ def test_every_direction_has_its_unit() -> None:
         assert rows == [[name, name, cross], [name, name, cross], [cross, cross, turning]]
 
 
-@pytest.mark.parametrize(
-    ("freedom", "largest", "name", "shown"),
-    [
-        ("x", 1e-6, "nm", 1.0),
-        ("y", 5.0, "mm", 5.0),
-        ("x", 0.05, "µm", 50.0),
-        ("x", 999.4e-6, "nm", 999.4),
-        ("y", 2300.0, "m", 2.3),
-        ("theta", 1e-3, "mrad", 1.0),
-        ("theta", 142e-6, "µrad", 142.0),
-        ("x", 0.0, "µm", 0.0),
-        ("x", 1e-30, "am", 1e-15),
-    ],
-)
+PREFIXES = [
+    ("x", 1e-6, "nm", 1.0), ("y", 5.0, "mm", 5.0), ("x", 0.05, "µm", 50.0), ("x", 999.4e-6, "nm", 999.4),
+    ("y", 2300.0, "m", 2.3), ("theta", 1e-3, "mrad", 1.0), ("theta", 142e-6, "µrad", 142.0), ("x", 0.0, "µm", 0.0),
+    ("x", 1e-30, "am", 1e-15),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("freedom", "largest", "name", "shown"), PREFIXES)
 def test_unit_is_the_prefix_that_reads_well(freedom, largest, name, shown):
     unit = unit_for(freedom, largest)
     assert unit.name == name

@@ -13,13 +13,11 @@ from flexfem.plot.write import plans, write_figures
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
 DRAW = """
-import sys
-from pathlib import Path
+import sys, pathlib
 from flexfem.plot.write import write_figures
 from flexfem.questions.errors import Verification
-path = Path(sys.argv[1])
-result = Verification.read(path)
-write_figures([(result, result.read_fields(path))], Path(sys.argv[2]))
+result = Verification.read(pathlib.Path(sys.argv[1]))
+write_figures([(result, result.read_fields(pathlib.Path(sys.argv[1])))], pathlib.Path(sys.argv[2]))
 """
 
 
