@@ -36,19 +36,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a shell began the tests
 
 
 GENERIC: dict[str, Any] = {
-    "name": "generic stage",
-    "thickness_mm": 9.7,
+    "name": "generic stage", "thickness_mm": 9.7,
     "material": {
-        "name": "generic metal",
-        "youngs_modulus_gpa": 68.3,
-        "poissons_ratio": 0.29,
-        "density_kg_m3": 2739.0,
+        "name": "generic metal", "youngs_modulus_gpa": 68.3, "poissons_ratio": 0.29, "density_kg_m3": 2739.0,
         "yield_strength_mpa": 411.0,
     },
     "chain": {
-        "link_lengths_mm": [31.0, 33.5, 25.0],
-        "joint_angles_deg": [175.0, -85.0, 92.0],
-        "link_width_mm": 8.9,
+        "link_lengths_mm": [31.0, 33.5, 25.0], "joint_angles_deg": [175.0, -85.0, 92.0], "link_width_mm": 8.9,
     },
     "hinges": {
         "base": {"radius_mm": 3.9, "neck_mm": 0.53, "prismatic": True},
@@ -56,7 +50,7 @@ GENERIC: dict[str, Any] = {
         "platform": {"radius_mm": 1.4, "neck_mm": 0.61},
     },
     "platform": {"radius_mm": 16.3, "hub_radius_mm": 7.7},
-}
+}  # fmt: skip
 
 UNLIKE: list[dict[str, Any]] = [
     {"chain": 1, "hinge": "base", "radius_mm": 2.3, "axis_deg": 183.0},

@@ -38,12 +38,7 @@ LAYERS = (  # each takes from those before it, and from no other folder of its o
     ("__main__",),
 )
 LAYER = {name: layer for layer, names in enumerate(LAYERS) for name in names}
-HEAVY = {
-    "skfem": ("fem",),
-    "matplotlib": ("plot",),
-    "meshio": ("fem",),
-    "ezdxf": ("cad",),
-}  # who may import what
+HEAVY = {"skfem": ("fem",), "matplotlib": ("plot",), "meshio": ("fem",), "ezdxf": ("cad",)}  # who may import what
 
 
 MODELS = ("flexfem.analytic.", "flexfem.fem.")
@@ -83,8 +78,7 @@ def test_arrows_go_one_way():
         own, parts = folder_of(module), name.split(".")
         if parts[0] == "flexfem" and own != "__init__" and parts[1:] not in ([], ["__version__"]):
             below = LAYER[parts[1]] < LAYER[own] or (LAYER[own] == 0 and parts[1] != own)
-            moving = {own, parts[1]} == {"verify", "questions"}  # until verify is gone
-            assert below or moving or parts[1] == own, f"{module} imports {name}"
+            assert below or parts[1] == own, f"{module} imports {name}"
 
 
 def test_modules_are_imported_by_a_name_that_can_be_read_here():
@@ -189,5 +183,4 @@ def test_no_class_has_the_name_of_another_and_no_private_name_is_taken():
                 where.setdefault(node.name, []).append(str(module.relative_to(ROOT)))
         taken = [name.rpartition(".")[2] for name in imports(module) if name.startswith("flexfem.")]
         assert not [name for name in taken if re.match("_(?!_)", name)], module
-    moving = {"Gate", "MeshReport", "Quantity", "Result", "Summary", "TextTable"}  # until verify/ is gone
-    assert {name: files for name, files in where.items() if len(files) > 1 and name not in moving} == {}
+    assert {name: files for name, files in where.items() if len(files) > 1} == {}

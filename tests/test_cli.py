@@ -127,19 +127,9 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
 # refusals
 
 
-BROKEN = {  # one of every reader; what else is refused stands in tests/mechanism
+BROKEN = {  # what is changed and said; what else is refused stands in tests/mechanism
     "no such file": ("", None, "no such file"),
-    "not TOML": ("name", "name = = ", "not TOML"),
-    "negative neck": ("neck_mm = 0.5", "neck_mm = -0.5", "expected > 0"),
-    "missing table": ("[platform]", "[plattform]", "platform"),
-    "unknown key": ("thickness_mm", "thickness_cm", "thickness_cm"),
     "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
-    "override of nothing": ("[provenance]", '[[override]]\nchain = 2\nhinge = "base"\n[provenance]', "override"),
-    "override deeper than the link": (
-        "[provenance]",
-        '[[override]]\nchain = 3\nhinge = "elbow"\nradius_mm = 5\n[provenance]',
-        "override.3.elbow.radius_mm",
-    ),
     "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),
     "folded link": ("[180.0, -90.0, 90.0]", "[180.0, -179.0, 90.0]", "expected"),
 }
@@ -149,11 +139,10 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
     path = project.path("geometry/mobility6.toml")
     text = path.read_text()
     for name, (old, new, said) in BROKEN.items():
-        path.write_text(text)
+        path.write_text(text.replace(old, new or ""))
+        assert path.read_text() != text or not old
         if new is None:
             path.unlink()
-        else:
-            project.edit("geometry/mobility6.toml", (old, new))
         code, out, err = flexfem("check", path)
         assert (code, out) == (2, ""), name
         assert err.count("\n") == 1 and err.startswith("flexfem: ") and path.name in err and said in err, (name, err)
@@ -163,16 +152,13 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["stiffness", STAGE, "--force", "nan", "0", "0"], "force: expected finite"),
         (["stiffness", STAGE, "--force", "one", "0", "0"], "'--force'"),
-        (["stiffness", STAGE, "--mobility", "4"], "mobility"),
         (["stiffness", STAGE, "--mobility", "six"], "'--mobility'"),
         (["stiffness", STAGE, "--formla", "koster"], "--formula"),
         (["stiffness", STAGE, "no.toml"], "no.toml"),
         (["stiffness"], "'STAGE'"),
         (["stifness", STAGE], "Did you mean 'stiffness'?"),
         (["summary", STAGE, "--models", "none"], "'none'"),
-        (["summary", STAGE, "--formula", "guess"], "hinge formula 'guess' is not known"),
         (["life", STAGE], "'--amplitude'"),
         (["converge", STAGE, "--resolutions", "2", "4"], "resolutions 2, 4, expected three or more"),
         (["mesh", STAGE, "-o", "stage.stl"], "stage.stl"),
@@ -199,24 +185,13 @@ def test_a_wrong_command_line_is_refused_in_one_line_and_nothing_is_written(flex
         (["new", "fresh.toml", "--study"], "fresh-study.toml: exists"),
         (["new", "link.toml"], "link.toml: exists"),
         (["new", "none/mine.toml"], "no folder none, expected one that is there"),
-        (["new", "there.toml/mine.toml"], "no folder there.toml"),
         (["new", "two\nlines.toml"], r"two\nlines.toml: expected a plain file name"),
-        (["new", "two\nlines/mine.toml"], r"two\nlines/mine.toml: no folder two\nlines, expected"),
         (["new", ".hidden.toml"], ".hidden.toml: expected a plain file name"),
-        (["new", ".toml"], ".toml: expected a file name"),
         (["new", f"{234 * 'x'}.toml", "--case"], "x-case.toml: a name of more than 240 bytes"),
         (["new", f"{300 * 'x'}.toml"], "cannot be written: File name too long"),
         (["new"], "missing argument 'FILE'"),
         (["export", "there.toml"], "missing option '--output'"),
-        (["export", "there.toml", "-o", "part.dwg"], "part.dwg: extension '.dwg', expected"),
-        (["export", "there.toml", "-o", "there.toml"], "there.toml: extension '.toml', expected"),
-        (["export", "there.toml", "-o", "none/part.dxf"], "no folder none"),
-        (["export", "there.toml", "-o", "folder.svg"], "folder.svg: is a folder"),
         (["export", "there.toml", "-o", "part.dxf", "--kerf", "nan"], "kerf nan, expected a number from 0.01"),
-        (
-            ["export", "there.toml", "-o", "part.dxf", "--holes", "-3"],
-            "mounting holes -3.0, expected a number from 0.01",
-        ),
         (["export", "none.toml", "-o", "part.dxf"], "none.toml: no such file"),
         (["view", "none.toml"], "none.toml: no such file"),
         (["view", "fresh-study.toml"], "fresh-study.toml: nothing to draw"),

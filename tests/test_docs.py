@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import subprocess
 from functools import cache
 from pathlib import Path
 
@@ -87,6 +88,24 @@ def links(page):
 
 def test_every_link_of_a_page_leads_to_a_file():
     assert [f"{page.name}: {link}" for page in PAGES for link in links(page) if not (page.parent / link).exists()] == []
+
+
+def test_every_file_that_a_docstring_comment_or_page_names_exists():
+    """But those that commands make, and names with a part to fill in."""
+    pattern = re.compile(r"(?<![\w/{*.<~-])((?:[\w-]+/)+[\w-]+\.(?:py|md|toml|json|npz))\b")
+    sources = [*(ROOT / "flexfem").rglob("*.py"), *ROOT.glob("benchmarks/*.py"), *ROOT.glob("*/*.toml")]
+    pages = [*sources, *ROOT.glob("*.md"), *ROOT.glob("*/*.md")]
+    named = {(page, name) for page in pages for name in pattern.findall(page.read_text())}
+    named = {(page, name) for page, name in named if not re.search(r"^reports/|QUESTION|NAME", name)}
+    places = {page: (ROOT, ROOT / "flexfem", page.parent) for page in pages}
+    assert [each for each in named if not any((place / each[1]).exists() for place in places[each[0]])] == []
+
+
+@pytest.mark.skipif(not (ROOT / ".git").exists(), reason="not a checkout")
+def test_nothing_that_is_ignored_is_kept_by_git():
+    """A link `.venv` that is kept takes the place of the folder of that name wherever the commit is checked out."""
+    listed = ["git", "ls-files", "--cached", "--ignored", "--exclude-standard"]
+    assert subprocess.run(listed, cwd=ROOT, capture_output=True, text=True, check=True).stdout == ""
 
 
 def test_a_figure_of_other_numbers_or_another_input_is_stale():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput
 
-REFERENCE = load_stage(Path(__file__).parents[1] / "geometry" / "mobility6.toml")
+PATH = Path(__file__).parents[1] / "geometry" / "mobility6.toml"
+REFERENCE = load_stage(PATH)
 ROUND_OFF = 1e-12
 
 
@@ -62,8 +64,8 @@ def test_a_corrected_stage_multiplies_its_hinges_by_the_thickness_chart_and_leav
 
 
 def test_plane_stress_is_the_default_and_leaves_the_hash_while_the_others_change_it():
-    said = Stage.model_validate({**_file(), "model": "plane_stress"})
-    assert said.hash == Stage.model_validate(_file()).hash
+    unsaid = tomllib.loads(PATH.read_text())
+    assert Stage.model_validate({**unsaid, "model": "plane_stress"}).hash == Stage.model_validate(unsaid).hash
     assert len({of(model).hash for model in ("plane_stress", "plane_strain", "corrected")}) == 3
 
 
@@ -76,9 +78,3 @@ def test_a_corrected_stage_off_the_thickness_chart_names_the_hinge():
     thin = of("corrected").model_copy(update={"thickness": 0.2})
     with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = 0\.5: .*thickness chart.*b/t = 0\.4"):
         hinge_compliance(thin)
-
-
-def _file() -> dict[str, object]:
-    import tomllib
-
-    return tomllib.loads((Path(__file__).parents[1] / "geometry" / "mobility6.toml").read_text())

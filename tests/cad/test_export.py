@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import NamedTuple
 from unittest.mock import patch
@@ -113,16 +113,10 @@ def svg_pieces(path: str) -> list[Piece]:
 
 
 def require_necks(pieces: list[Piece], beside: float = 0.0) -> list[complex]:
-    """Every hinge of the drawing as HINGES has it, its notches `beside` smaller in radius, and the centres in place.
-
-    Returns these, chain by chain.
-    """
+    """Centres of all hinges, each as HINGES has it, its notches `beside` smaller in radius, and in place."""
     centres_of_necks = list[complex]()
-    arcs = {  # each centre once, and as it was read
-        (round(p.centre.real, 7), round(p.centre.imag, 7)): (p.centre, abs(p.start - p.centre))
-        for p in pieces
-        if p.turn
-    }
+    turning = [(p.centre, abs(p.start - p.centre)) for p in pieces if p.turn]
+    arcs = {(round(c.real, 7), round(c.imag, 7)): (c, radius) for c, radius in turning}  # once, and as it was read
     for chain, expected in HINGES.items():
         places = []
         for radius, neck in expected:
@@ -131,11 +125,9 @@ def require_necks(pieces: list[Piece], beside: float = 0.0) -> list[complex]:
             places.append(pairs)
         lengths = (31.07, 33.506, 25.0)
         found = [
-            (base, elbow, platform)
-            for base in places[0]
-            for elbow in places[1]
-            for platform in places[2]
-            if np.allclose([abs(base - elbow), abs(elbow - platform), abs(platform)], lengths, rtol=0, atol=NEAR)
+            (base, elbow, end)
+            for base, elbow, end in product(*places)
+            if np.allclose([abs(base - elbow), abs(elbow - end), abs(end)], lengths, rtol=0, atol=NEAR)
         ]
         assert found, chain
         centres_of_necks += found[0]
@@ -173,12 +165,8 @@ def test_a_dxf_is_in_millimetres_on_its_layers_and_without_errors(drawing):
     for each in drawing.modelspace():
         kinds.setdefault(each.dxf.layer, set()).add(each.dxftype())
     assert kinds == {
-        "METAL": {"LINE", "ARC"},
-        "HUB_HOLE": {"CIRCLE"},
-        "MOUNTING_HOLES": {"CIRCLE"},
-        "CLAMPED_PADS": {"LINE"},
-        "CENTRE_MARKS": {"LINE"},
-        "DIMENSIONS": {"DIMENSION", "LINE", "TEXT"},
+        **{"METAL": {"LINE", "ARC"}, "HUB_HOLE": {"CIRCLE"}, "MOUNTING_HOLES": {"CIRCLE"}, "CLAMPED_PADS": {"LINE"}},
+        **{"CENTRE_MARKS": {"LINE"}, "DIMENSIONS": {"DIMENSION", "LINE", "TEXT"}},
         "WIRE_PATH": {"LINE", "ARC", "CIRCLE"},
     }
     assert set(kinds) < {layer.dxf.name for layer in drawing.layers}
@@ -232,21 +220,14 @@ def test_an_svg_is_in_millimetres_with_true_arcs(stage, folder, metal):
     assert root.find(f"{SVG}title").text == HOSTILE
 
 
-EXPORTED = """
-import sys
-import flexfem
-from flexfem import cad
-stage = flexfem.load("stage.toml")
-for name in sys.argv[1:]:
-    flexfem.export(stage, name)
-"""
+EXPORTED = "import sys, flexfem\nfor name in sys.argv[1:]: flexfem.export(flexfem.load('stage.toml'), name)"
 
 
 def test_the_same_stage_gives_the_same_bytes_in_another_process_at_another_time(stage, tmp_path):
     stage.save(tmp_path / "stage.toml")
     files = ["a.dxf", "a.svg", "a.step"]
-    where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "7"}}
-    subprocess.run([sys.executable, "-c", EXPORTED, *files], check=True, **where)
+    variables = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": "7"}
+    subprocess.run([sys.executable, "-c", EXPORTED, *files], check=True, cwd=tmp_path, env=variables)
     for name in files:
         flexfem.export(stage, tmp_path / f"b{name[1:]}")
         assert (tmp_path / name).read_bytes() == (tmp_path / f"b{name[1:]}").read_bytes(), name

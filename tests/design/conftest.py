@@ -10,7 +10,8 @@ import pytest
 from flexfem.design.requirements import LoadedRequirements, load_requirements
 
 ROOT = Path(__file__).parents[2]
-HEAD = f'name = "a test"\nstage = "{ROOT / "geometry/mobility6.toml"}"\nseed = 7\n'
+REFERENCE = ROOT / "geometry/mobility6.toml"
+HEAD = f'name = "a test"\nstage = "{REFERENCE}"\nseed = 7\n'
 NECK = '[[free]]\nlabel = "neck"\nkeys = ["hinges.elbow.neck_mm", "hinges.platform.neck_mm"]\nfrom = 0.3\nto = 0.7\n'
 RADIUS = (
     '[[free]]\nlabel = "radius"\nkeys = ["hinges.elbow.radius_mm", "hinges.platform.radius_mm"]\nfrom = 1.5\nto = 4.0\n'
@@ -28,6 +29,16 @@ def require(quantity: str, least: float | None = None, most: float | None = None
 def best(way: str, quantity: str) -> str:
     """An objective as the file has it."""
     return f'[[objective]]\n{way} = "{quantity}"\n'
+
+
+def tolerance(sd: float = 5.0, stages: int = 72, checked: int = 0) -> str:
+    """The table as the file has it."""
+    return f"[tolerance]\nneck_um = {sd}\nstages = {stages}\nchecked = {checked}\n"
+
+
+RANGE, STIFFEST = best("maximise", "range_x_um"), best("maximise", "kxx_n_per_mm")
+STEPPED = NECK + "step = 0.005\n", RADIUS + "step = 0.25\n"
+WANTED = require("kxx_n_per_mm", 60.0), require("envelope_mm", None, 200)
 
 
 @pytest.fixture

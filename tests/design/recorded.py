@@ -5,22 +5,13 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from flexfem.design.result import (
-    Designed,
-    FrontDesign,
-    Goal,
-    Requirement,
-    Round,
-    Scattered,
-    SoleRelaxation,
-    Step,
-)
+from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Round, Scattered, SoleRelaxation, Step
 from flexfem.mechanism.stage import Stage
 
-from .conftest import ROOT
+from .conftest import REFERENCE
 
 REACH, MASS, STIFFNESS, ENVELOPE, COUPLING = "range_x_um", "mass_kg", "kxx_n_per_mm", "envelope_mm", "coupling_95"
-STAGE = (ROOT / "geometry/mobility6.toml").read_text()
+STAGE = REFERENCE.read_text()
 OTHER = STAGE.replace("[30.0, 32.0, 24.0]", "[36.0, 32.0, 24.0]")
 
 

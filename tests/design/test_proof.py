@@ -16,12 +16,8 @@ from flexfem.design.search import BestDesign
 from flexfem.refused import ComputationFailed
 from flexfem.study.workers import Failure
 
-from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
+from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, STEPPED, STIFFEST, best, require, tolerance
 
-STIFFEST = best("maximise", "kxx_n_per_mm")
-STEPPED = NECK + "step = 0.005\n"
-WANTED = require("kxx_n_per_mm", 60.0, 80.0), best("maximise", "range_x_um")
-TOLERANCE = "[tolerance]\nneck_um = 5.0\nstages = 72\nchecked = 8\n"
 OWN = np.array([0.55, 2.0])
 
 
@@ -49,10 +45,9 @@ def test_a_design_is_solved_on_three_meshes_up_to_the_resolution_coarse_to_fine(
 
 
 def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(load, solved, tmp_path):
-    base = (ROOT / "geometry/mobility6.toml").read_text()
-    (tmp_path / "base.toml").write_text(base.replace("thickness_mm", 'model = "corrected"\nthickness_mm', 1))
-    counts = Counter()
-    loaded = load(NECK, RADIUS, STIFFEST, head=HEAD.replace(str(ROOT / "geometry/mobility6.toml"), "base.toml"))
+    base, counts = tmp_path / "base.toml", Counter()
+    base.write_text('model = "corrected"\n' + REFERENCE.read_text())
+    loaded = load(NECK, RADIUS, STIFFEST, head=HEAD.replace(str(REFERENCE), base.name))
     found = ProposedElements(loaded, counts).of(OWN)
     meshes = [(study.model, study.resolution, study.layers) for study, _ in solved]
     assert meshes == [("three_dimensional", 4, 2), ("three_dimensional", 6, 3)] and found.resolutions == (4, 6)
@@ -79,7 +74,7 @@ def test_what_is_known_is_neither_solved_nor_counted_again(load, solved, paralle
 
 
 def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_xt_yt(load, monkeypatch):
-    loaded = load(NECK, RADIUS, TOLERANCE, best("minimise", "coupling_95"))
+    loaded = load(NECK, RADIUS, tolerance(checked=8), best("minimise", "coupling_95"))
     off = np.random.default_rng(2).normal(scale=0.01, size=(2, 3, 3))
     names = {"coupling_xy": (1, "elbow"), "coupling_xt": (2, "platform"), "coupling_yt": (3, "base")}
 
@@ -144,7 +139,8 @@ def loop(load, monkeypatch):
         each = iter([*proofs, *[proofs[-1]] * 10])
         monkeypatch.setattr(module, "searched", searched)
         monkeypatch.setattr(module, "proof", lambda model, elements, values, say: proof_of(values, *next(each)))
-        found = mapped(Model(load(free, *WANTED, head=HEAD + "accuracy_percent = 0.4\n")), SimpleNamespace(store=None))
+        loaded = load(free, require("kxx_n_per_mm", 60.0, 80.0), RANGE, head=HEAD + "accuracy_percent = 0.4\n")
+        found = mapped(Model(loaded), SimpleNamespace(store=None))
         return found, models, starts
 
     return run
@@ -153,7 +149,7 @@ def loop(load, monkeypatch):
 def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_without_steps_by_the_accuracy(loop):
     """The end of 80 N/mm is the size of both: a band of 0.32 is 0.4 % of it. Near the answer all is not searched."""
     proofs = [(0.1, 59.0, 0.32), (0.008, 61.0, 0.16), (0.001, 61.0, 0.16)]
-    for free, guard in ((STEPPED, 0.004), (NECK, 0.008)):
+    for free, guard in ((STEPPED[0], 0.004), (NECK, 0.008)):
         found, models, starts = loop(free, proofs)
         guards = [None if model.guard is None else model.guard.tolist() for model in models]
         assert guards == [None, pytest.approx([guard]), pytest.approx([guard])] and found.agreed
@@ -175,7 +171,7 @@ def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_witho
 def test_a_design_is_proven_when_both_models_agree_and_each_band_is_within_the_ends(
     loop, gap, stiffness, merit, rounds
 ):
-    found, *_ = loop(STEPPED, [(gap, stiffness, 0.16)], merit)
+    found, *_ = loop(STEPPED[0], [(gap, stiffness, 0.16)], merit)
     assert len(found.rounds) == rounds and found.agreed is (rounds == 1)
 
 
@@ -188,7 +184,7 @@ COLUMNS = {"kxx_n_per_mm", "range_x_um", "engaged_kxx_n_per_mm", "drift_x_um_per
 )
 def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid, checked, alone):
     pieces = "[drive]\nactuators = true\n", "[drift]\n", "[frequencies]\n", best("minimise", "coupling_95")
-    of = load(NECK, f"[tolerance]\nneck_um = 5.0\nchecked = {checked}\n", *pieces).requirements
+    of = load(NECK, tolerance(checked=checked), *pieces).requirements
     loaded = SimpleNamespace(requirements=of, solid=solid)
     by = {name: checked_by(loaded, frozenset({name, "thickness_mm"})) for name in COLUMNS}
     assert {name for name in COLUMNS if by[name] == "analytic model alone"} == alone

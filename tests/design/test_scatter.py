@@ -14,16 +14,11 @@ from flexfem.design.model import Model
 from flexfem.design.proof import Meshed, ProposedElements, proof, scattered_stages
 from flexfem.design.scatter import OTHERS, REFUSED, stated
 
-from .conftest import HEAD, NECK, RADIUS, ROOT, best, require
+from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, best, require, tolerance
 
 OWN = np.array([[0.5, 1.5]])
 NAMES = ("base", "elbow", "platform")
 LEAST = best("minimise", "coupling_95")
-
-
-def tolerance(sd: float, stages: int, checked: int = 0) -> str:
-    """The table as the file has it."""
-    return f"[tolerance]\nneck_um = {sd}\nstages = {stages}\nchecked = {checked}\n"
 
 
 def couplings(stage, off, mobility=21, formula="calibrated"):
@@ -41,7 +36,7 @@ def test_coupling_under_tolerance_is_that_of_stages_made_one_by_one(load, sd, ab
     goals = map(best, ["minimise"] * 2, ["coupling_95", "coupling_xt_95"])
     head = HEAD + 'mobility = {}\nformula = "{}"\n'.format(*about)
     model = Model(load(NECK, RADIUS, tolerance(sd, 80), *goals, head=head))
-    stage = flexfem.load(ROOT / "geometry/mobility6.toml")
+    stage = flexfem.load(REFERENCE)
     size = np.abs([couplings(stage, off, *about) for off in model.scatter.searched])
     found = model.found(OWN).quantities[0]
     assert found[0] == pytest.approx(np.quantile(size.max(axis=1), 0.95), rel=2e-6)
@@ -52,7 +47,7 @@ def test_coupling_under_tolerance_is_that_of_stages_made_one_by_one(load, sd, ab
 def test_couplings_of_a_small_scatter_are_gaussian_with_the_slopes_of_nine_necks(load):
     """A linear function of Gaussian numbers: 95 % of its sizes are below 1.959964 standard deviations."""
     loaded = load(NECK, RADIUS, tolerance(0.05, 72), LEAST)
-    stage, step = flexfem.load(ROOT / "geometry/mobility6.toml"), 1e-4
+    stage, step = flexfem.load(REFERENCE), 1e-4
     ways = step * np.eye(9).reshape(9, 3, 3)
     slopes = np.array([(couplings(stage, way) - couplings(stage, -way)) / (2 * step) for way in ways])
     expected = 1.959964 * 0.05e-3 * np.sqrt(np.sum(slopes**2, axis=0))
@@ -118,7 +113,7 @@ def test_the_record_states_other_stages_times_the_factor_of_finite_elements_with
 
 def test_the_share_of_stages_that_keep_a_requirement_is_that_of_a_normal_distribution(load):
     """A thin scatter makes the stiffness normal; its slopes are by differences of nine stages."""
-    stage, step, sd = flexfem.load(ROOT / "geometry/mobility6.toml"), 1e-4, 0.5e-3
+    stage, step, sd = flexfem.load(REFERENCE), 1e-4, 0.5e-3
     own, slopes = flexfem.analyse(stage, 21, "calibrated").stiffness[0, 0], []
     for place in [(c, name) for c in (1, 2, 3) for name in NAMES]:
         ends = [stage.replace(override={place: {"neck": 0.5 + side * step}}) for side in (1, -1)]
@@ -126,7 +121,7 @@ def test_the_share_of_stages_that_keep_a_requirement_is_that_of_a_normal_distrib
         slopes.append((up - down) / (2 * step))
     deviation = sd * np.linalg.norm(slopes)
     pieces = NECK, RADIUS, tolerance(1e3 * sd, 72), require("kxx_n_per_mm", own - 0.5 * deviation)
-    loaded = load(*pieces, best("maximise", "range_x_um"))
+    loaded = load(*pieces, RANGE)
     model = Model(loaded)
     of = proof(model, Uneven(loaded, Counter()), OWN[0])
     share = outcome.share_kept(model, of, loaded.requirements.tolerance)

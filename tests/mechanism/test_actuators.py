@@ -53,10 +53,7 @@ def test_a_steel_ball_on_aluminium_by_hertz():
     assert hertz(2.0, 50.0, steel, aluminium) == pytest.approx(1.5 * 50.0 / approach, rel=1e-4)  # F ~ approach^3/2
 
 
-def test_stack_and_contact_are_in_series(stage):
-    ball = Actuator(**ANY, ball_radius=2.0, preload=50.0)
-    assert ball.stiffness_with(stage.material) == pytest.approx(1 / (1 / 53.736e3 + 1 / 12.835e3), rel=1e-4)
-    assert "steel" in ball.assumed_of_ball and not Actuator(**ANY, contact_stiffness=1e4).assumed_of_ball
+def test_stack_and_contact_are_in_series_and_without_one_it_is_the_stack(stage):
     assert Actuator(**ANY, contact_stiffness=1e4).stiffness_with(stage.material) == pytest.approx(8.4309e3, rel=1e-4)
     assert Actuator(**ANY).stiffness_with(stage.material) == pytest.approx(53.736e3, rel=1e-4)
 
@@ -75,8 +72,6 @@ def test_a_loose_ball_has_two_contacts_in_series_and_what_is_assumed_of_it_is_sa
     said = {None: ["steel", "fixed to the stack"], False: ["steel"], True: ["steel", "steel end of the stack"]}[loose]
     of_balls = [key for key in driven.drive_assumptions.assumed if "ball (" in key]
     assert of_balls == [f"actuator.base.ball ({each})" for each in said]
-    words = {None: "one contact, assumed", False: "fixed to the stack, one contact", True: "loose ball, two contacts"}
-    assert drawn.contact.endswith(words[loose])
 
 
 STACK = 'stack = "AE0505D16"                       # 17.4'
@@ -111,8 +106,25 @@ BAD = [  # edits of the first actuator, what is said, what is named
 ]
 
 
+OWN = '[[override]]\nchain = 2\nactuator = "base"\n'
+BAD_OVERRIDES = [  # what is added, what is said
+    (OWN.replace('"base"', '"bass"') + "preload_n = 40.0\n", "an actuator of this stage, did you mean base?"),
+    (OWN, "expected at least one of arm_mm, side"),
+    (OWN + "preload_n = 936.0\n", "override.2.actuator.base.preload_n = 936.0, expected at most the blocking force"),
+    (OWN + "preload_n = 0.0\n", "a ball without preload has no stiffness"),
+    (OWN + "stroke_um = 9.0\n", "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue"),
+    (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the metal"),
+    (OWN + "neck_mm = 0.4\n", "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only arm_mm"),
+    (OWN + 'hinge = "base"\npreload_n = 40.0\n', "the hinge or the actuator that it is about, one of the two"),
+    ("[[override]]\nchain = 2\nneck_mm = 0.4\n", "the hinge or the actuator that it is about, one of the two"),
+    (OWN + "preload_n = 40.0\n" + OWN + "arm_mm = 11.0\n", "each actuator overridden once"),
+    ('[[override]]\nchain = 2\nhinge = "base"\npreload_n = 40.0\n', "with a hinge only radius_mm"),
+]
+BAD += [([("[provenance]", added + "\n[provenance]")], said, "expected") for added, said in BAD_OVERRIDES]
+
+
 @pytest.mark.parametrize(("edits", "said", "also"), BAD)
-def test_a_bad_actuator_is_refused_in_one_line(project, edits, said, also):
+def test_a_bad_actuator_or_override_of_one_is_refused_in_one_line(project, edits, said, also):
     path = project.path("geometry/mobility6.toml")
     text = "".join(line for line in path.read_text().splitlines(True) if not line.startswith('"actuator.'))
     begin = text[: text.index("[[actuator]]")].count("\n") + 1
@@ -123,11 +135,9 @@ def test_a_bad_actuator_is_refused_in_one_line(project, edits, said, also):
     with pytest.raises(BadInput) as refused:
         load_feasible(path)
     line = str(refused.value)
-    assert said in line
-    assert also in line
-    assert "\n" not in line
-    assert line.startswith(f"{path}, line ")
-    assert begin <= int(line.split("line ")[1].split(":")[0]) <= begin + 14  # in that table, or the name of the next
+    assert said in line and also in line and "\n" not in line and line.startswith(f"{path}, line ")
+    if edits[0][0] != "[provenance]":
+        assert 0 <= int(line.split("line ")[1].split(":")[0]) - begin <= 14  # in that table, or the name of the next
 
 
 def test_the_partner_of_a_pair_pushes_back_from_the_opposite_side(stage):
@@ -185,33 +195,6 @@ def test_the_drive_has_a_hash_of_its_own(stage):
     assert stage.replace(actuator=[renamed, stage.actuator[1]]).drive_hash == stage.drive_hash
     with pytest.raises(BadInput, match=r"no \[\[actuator\]\]"):
         drive_of(passive)
-
-
-OWN = '[[override]]\nchain = 2\nactuator = "base"\n'
-BAD_OVERRIDES = [  # what is added, what is said
-    (OWN.replace('"base"', '"bass"') + "preload_n = 40.0\n", "an actuator of this stage, did you mean base?"),
-    (OWN, "expected at least one of arm_mm, side"),
-    (OWN + "preload_n = 936.0\n", "override.2.actuator.base.preload_n = 936.0, expected at most the blocking force"),
-    (OWN + "preload_n = 0.0\n", "a ball without preload has no stiffness"),
-    (OWN + "stroke_um = 9.0\n", "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue"),
-    (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the metal"),
-    (OWN + "neck_mm = 0.4\n", "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only arm_mm"),
-    (OWN + 'hinge = "base"\npreload_n = 40.0\n', "the hinge or the actuator that it is about, one of the two"),
-    ("[[override]]\nchain = 2\nneck_mm = 0.4\n", "the hinge or the actuator that it is about, one of the two"),
-    (OWN + "preload_n = 40.0\n" + OWN + "arm_mm = 11.0\n", "each actuator overridden once"),
-    ('[[override]]\nchain = 2\nhinge = "base"\npreload_n = 40.0\n', "with a hinge only radius_mm"),
-]
-
-
-@pytest.mark.parametrize(("added", "said"), BAD_OVERRIDES)
-def test_a_bad_override_of_an_actuator_is_refused_in_one_line(project, added, said):
-    path = project.path("geometry/mobility6.toml")
-    path.write_text(path.read_text().replace("[provenance]", added + "\n[provenance]"))
-    with pytest.raises(BadInput) as refused:
-        load_feasible(path)
-    assert said in str(refused.value)
-    assert "\n" not in str(refused.value)
-    assert str(refused.value).startswith(f"{path}, line ")
 
 
 def test_an_override_changes_the_actuator_of_its_chain_and_no_other(project, stage, tmp_path):

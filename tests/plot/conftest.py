@@ -24,41 +24,20 @@ def hinges(mobility: int = 6, neck: float = 0.4) -> list[HingeDrawing]:
     for chain in range(3):
         c, s = np.cos(chain * 2 * np.pi / 3), np.sin(chain * 2 * np.pi / 3)
         for position, (name, (x, y)) in enumerate(zip(HINGES, PLACES, strict=True)):
-            made.append(
-                HingeDrawing(
-                    chain=chain + 1,
-                    hinge=name,
-                    centre=(c * x - s * y, s * x + c * y),
-                    axis=(3.1, 3.2, 1.7)[position] + chain * 2 * np.pi / 3,
-                    radius=1.3 + 0.2 * position,
-                    neck=neck,
-                    freedoms=["rotation", *(["axial"] * (name in axial)), *(["shear"] * (mobility == 21))],
-                )
-            )
+            where = {"centre": (c * x - s * y, s * x + c * y), "radius": 1.3 + 0.2 * position, "neck": neck}
+            axis = (3.1, 3.2, 1.7)[position] + chain * 2 * np.pi / 3
+            freedoms = ["rotation", *(["axial"] * (name in axial)), *(["shear"] * (mobility == 21))]
+            made.append(HingeDrawing(chain=chain + 1, hinge=name, axis=axis, freedoms=freedoms, **where))
     return made
 
 
 def model(**changes: Any) -> CurveModels:
     given: dict[str, Any] = {
-        "stage": "a stage $x_1$",
-        "file": "../geometry/one.toml",
-        "hash": "1234567890abcdef" * 4,
-        "plane": "plane_stress",
-        "mobility": 6,
-        "formula": "paros-weisbord",
-        "formula_in_range": True,
-        "links": False,
-        "assumed": [],
-        "not_stated": [],
-        "lever": 21.0,
-        "hub_radius": 7.0,
-        "hinges": hinges(),
-        "resolution": 5,
-        "layers": 0,
-        "triangles": 12345,
-        "unknowns": 54321,
-        "verdicts": ["converging"] * 3,
-    }
+        "stage": "a stage $x_1$", "file": "../geometry/one.toml", "hash": "1234567890abcdef" * 4,
+        "plane": "plane_stress", "mobility": 6, "formula": "paros-weisbord", "formula_in_range": True, "links": False,
+        "assumed": [], "not_stated": [], "lever": 21.0, "hub_radius": 7.0, "hinges": hinges(), "resolution": 5,
+        "layers": 0, "triangles": 12345, "unknowns": 54321, "verdicts": ["converging"] * 3,
+    }  # fmt: skip
     return CurveModels(**(given | changes))
 
 
@@ -88,15 +67,10 @@ def result(errors: dict[str, tuple[float, float, float]], **changes: Any) -> Ver
 
 def budget(outside: bool = True, assumed: tuple[str, ...] = ()) -> Budget:
     """Shares that differ in all directions and within each, of both signs; totals are their sums."""
-    shares = np.array(
-        [
-            [0.216, -0.411, 0.137],
-            [11.796, 8.523, 9.685],
-            [0.526, 0.731, -0.722],
-            [-0.308, 0.092, 0.051],
-            [-0.139, 0.253, 0.326],
-        ]
-    )
+    shares = np.array([
+        [0.216, -0.411, 0.137], [11.796, 8.523, 9.685], [0.526, 0.731, -0.722], [-0.308, 0.092, 0.051],
+        [-0.139, 0.253, 0.326],
+    ])  # fmt: skip
     share = np.concatenate([shares, np.sum(shares, axis=0, keepdims=True)])
     band = np.full(share.shape, np.nan)
     band[-1] = [0.013, 0.127, 0.245]
@@ -114,14 +88,10 @@ def mesh_study(assumed: tuple[str, ...] = ()) -> MeshConvergence:
     change = np.array([-0.3 * resolutions**-4, -0.2 * resolutions**-3, [0.01, -0.02, 0.003, 0.007]])
     band = np.full((4, 3), np.nan)
     band[-1] = [1.9e-4, 8.3e-4, 4.1e-7]
+    values = {"along": limits * (1 + change.T), "extrapolated": limits, "order": [3.97, 2.96, np.nan]}
     return MeshConvergence(
         About("a stage $x_1$", "one.toml", "1234", assumed, lever=21.0),
-        {
-            "along": limits * (1 + change.T),
-            "extrapolated": limits,
-            "order": [3.97, 2.96, np.nan],
-            "unknowns": [123, 234, 567, 1234],
-        },
+        values | {"unknowns": [123, 234, 567, 1234]},
         {"along": band},
         {"mesh": [f"{n:.0f} across a neck" for n in resolutions]},
         notes=["meshes in x: converging", "meshes in y: out of range", "meshes in theta: oscillatory"],
@@ -138,30 +108,13 @@ def fields() -> Fields:
         nodes += [*corners, *middles]
         still = np.array([0, 1, 0, 0, 0, 0] if hinge.hinge == "base" else [1, 1, 1, 1, 1, 1])
         moved.append(still[:, None] * [0.031, -0.012])
-    stress = np.linspace(0.01, 31.7, len(nodes))
-    bodies = np.repeat([0, 4, 8], 3) + np.tile([0, 1, 2], 3)
-    return Fields(
-        nodes=np.array(nodes),
-        triangles=np.array(triangles),
-        bodies=bodies,
-        displacement=np.concatenate(moved),
-        stress=stress,
-    )
+    bodies, stress = np.repeat([0, 4, 8], 3) + np.tile([0, 1, 2], 3), np.linspace(0.01, 31.7, len(nodes))
+    where = {"nodes": np.array(nodes), "triangles": np.array(triangles), "bodies": bodies}
+    return Fields(**where, displacement=np.concatenate(moved), stress=stress)
 
 
-SIZES = {
-    "m": 1e3,
-    "mm": 1.0,
-    "µm": 1e-3,
-    "nm": 1e-6,
-    "pm": 1e-9,
-    "rad": 1.0,
-    "mrad": 1e-3,
-    "µrad": 1e-6,
-    "nrad": 1e-9,
-    "prad": 1e-12,
-    "%": 1.0,
-}
+SIZES = {"m": 1e3, "mm": 1.0, "µm": 1e-3, "nm": 1e-6, "pm": 1e-9, "%": 1.0}
+SIZES |= {"rad": 1.0, "mrad": 1e-3, "µrad": 1e-6, "nrad": 1e-9, "prad": 1e-12}
 
 
 def size_in(label: str) -> float:
@@ -179,15 +132,10 @@ def extent(filled: Any) -> Array:
 
 def texts(figure: Any) -> list[str]:
     """All that is written in a figure but at its axes, with plain spaces on one line each."""
-    legends = [axes.get_legend() for axes in figure.axes] + figure.legends
-    found = [
-        text for where in (figure, *figure.axes, *(each for each in legends if each)) for text in where_texts(where)
-    ]
+    legends = [each for each in (*(axes.get_legend() for axes in figure.axes), *figure.legends) if each]
+    found = [text for where in (figure, *figure.axes) for text in where.texts]
+    found += [text for legend in legends for text in legend.get_texts()]
     return [text.get_text().replace("\n", " ").replace("\N{NO-BREAK SPACE}", " ") for text in found]
-
-
-def where_texts(where: Any) -> list[Any]:
-    return where.get_texts() if hasattr(where, "get_texts") else where.texts
 
 
 @pytest.fixture(scope="session")

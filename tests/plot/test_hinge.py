@@ -12,22 +12,16 @@ X = np.geomspace(0.02, 1.2, 40)
 FULL = 1.5  # points: curves within their range are broader than this, pale ones thinner
 
 
-def review(**changes) -> HingeReview:
+def review() -> HingeReview:
     exact = 1.0 - 0.2 * X
-    given = {
-        "ratio": X,
-        "curves": [
-            FormulaCurve("one", (1e-4, 2.0), exact, 0.9 * exact, None),
-            FormulaCurve("same", (1e-4, 2.0), exact * (1 + 1e-9), 0.9 * exact, 0.95 * exact),
-            FormulaCurve("narrower", (1e-4, 0.3), exact, None, None),
-            FormulaCurve("fit", (0.05, 0.5), 1.05 - X**4, None, None),
-        ],
-        "height": 2.7,
-        "higher": FormulaCurve("calibrated", (0.02, 1.2), 1 + 0.1 * X, 1 + 0.5 * X, 1 + 0.3 * X),
-        "poissons_ratio": 0.29,
-        "source": "made-up numbers",
-    }
-    return HingeReview(**(given | changes))
+    curves = [
+        FormulaCurve("one", (1e-4, 2.0), exact, 0.9 * exact, None),
+        FormulaCurve("same", (1e-4, 2.0), exact * (1 + 1e-9), 0.9 * exact, 0.95 * exact),
+        FormulaCurve("narrower", (1e-4, 0.3), exact, None, None),
+        FormulaCurve("fit", (0.05, 0.5), 1.05 - X**4, None, None),
+    ]
+    higher = FormulaCurve("calibrated", (0.02, 1.2), 1 + 0.1 * X, 1 + 0.5 * X, 1 + 0.3 * X)
+    return HingeReview(ratio=X, curves=curves, height=2.7, higher=higher, poissons_ratio=0.29, source="made-up numbers")
 
 
 def full_curves(axes) -> list:
@@ -65,21 +59,10 @@ NU = 0.29
 STRAIN = 1 - NU**2
 
 
-def thick(**changes) -> ThicknessReview:
-    position = WIDTH**2 / (WIDTH**2 + np.array([[400.0], [90.0], [9.0]]))
-    given = {
-        "width": WIDTH,
-        "ratio": np.array([0.02, 0.1, 0.8]),
-        "poissons_ratio": NU,
-        "rotation": 1 - NU**2 * position,
-        "axial": 1 - 0.4 * NU**2 * position,
-        "source": "made-up numbers",
-    }
-    return ThicknessReview(**(given | changes))
-
-
 def test_each_panel_has_a_curve_for_each_neck_and_both_limits() -> None:
-    shown = thick()
+    position = WIDTH**2 / (WIDTH**2 + np.array([[400.0], [90.0], [9.0]]))
+    rotation, axial = 1 - NU**2 * position, 1 - 0.4 * NU**2 * position
+    shown = ThicknessReview(WIDTH, np.array([0.02, 0.1, 0.8]), NU, rotation, axial, "made-up numbers")
     for axes, freedom in zip(thickness_figure(shown).axes, ("rotation", "axial"), strict=True):
         lines = axes.get_lines()
         assert [lines[k].get_ydata()[0] for k in (0, 1)] == [1.0, pytest.approx(STRAIN)]

@@ -18,14 +18,7 @@ import flexfem
 from flexfem.plot import stage as drawing
 from flexfem.plot.fields import deformed_figure, largest_stress
 from flexfem.plot.hinge import hinge_rows, hinge_sketch
-from flexfem.plot.stage import (
-    links_of_chain,
-    mobility_line,
-    model_sketch,
-    neck_figure,
-    plot_dimensions,
-    stage_figure,
-)
+from flexfem.plot.stage import links_of_chain, mobility_line, model_sketch, neck_figure, plot_dimensions, stage_figure
 
 from ..conftest import UNLIKE, with_changes
 

@@ -72,12 +72,6 @@ x = "hinges.base.radius_mm"
 y = "the other necks"
 value = "kxx_n_per_mm"
 [[figure]]
-kind = "map"
-title = "The same again"
-x = "hinges.base.radius_mm"
-y = "the other necks"
-value = "kxx_n_per_mm"
-[[figure]]
 kind = "pareto"
 x = "envelope_mm"
 y = "kxx_n_per_mm"
@@ -111,9 +105,6 @@ def texts(figure: Any) -> str:
     found = [text.get_text() for text in figure.texts]
     found += [text.get_text() for legend in legends if legend for text in legend.get_texts()]
     return " | ".join(found).replace("\n", " ").replace(SPACE, " ")
-
-
-# map
 
 
 def shown_map(**changes: Any) -> StudyMap:
@@ -150,10 +141,8 @@ def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None
     (bar,) = axes.child_axes
     (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
     low, high = np.nanmin(shown_map().cells.values), np.nanmax(shown_map().cells.values)
-    assert bar.get_ylabel() == "error along X in %" and bar.get_ylim() == (low, high) == (
-        cells.norm.vmin,
-        cells.norm.vmax,
-    )
+    assert bar.get_ylabel() == "error along X in %"
+    assert bar.get_ylim() == (low, high) == (cells.norm.vmin, cells.norm.vmax)
     assert [line.get_ydata()[0] for line in bar.get_lines()] == [15.0, 25.0]
     for text in axes.texts:  # a contour's label is on its contour: the value is 10 x + y
         x, y = text.get_position()
@@ -175,10 +164,8 @@ def test_designs_without_an_answer_are_hatched_and_counted_by_reason() -> None:
 @pytest.mark.parametrize(("at", "drawn"), [((1.5, 0.2), True), ((1.5, 0.7), False)])
 def test_the_base_stage_is_a_cross_where_it_is_on_the_map(at: tuple[float, float], drawn: bool) -> None:
     figure = map_figure(shown_map(base=at))
-    crosses = [
-        (*line.get_xdata(), *line.get_ydata()) for line in figure.axes[0].get_lines() if line.get_marker() == "+"
-    ]
-    assert set(crosses) == ({at} if drawn else set())
+    crosses = [line for line in figure.axes[0].get_lines() if line.get_marker() == "+"]
+    assert {(*cross.get_xdata(), *cross.get_ydata()) for cross in crosses} == ({at} if drawn else set())
     assert ("base stage" in texts(figure)) is drawn
 
 
@@ -192,11 +179,7 @@ def test_a_scattered_sample_is_a_dot_a_design() -> None:
 
 
 def test_colours_are_symmetric_for_both_signs_logarithmic_for_a_wide_range_and_else_linear() -> None:
-    signed, wide, narrow = (
-        norm_of(np.array([-2.0, 7.0, np.nan])),
-        norm_of(np.array([0.1, 7.0])),
-        norm_of(np.array([3.0, 7.0])),
-    )
+    signed, wide, narrow = map(norm_of, np.array([[-2.0, 7.0, np.nan], [0.1, 7.0, 7.0], [3.0, 7.0, 7.0]]))
     assert isinstance(signed, CenteredNorm) and (signed.vmin, signed.vmax) == (-7.0, 7.0)
     assert isinstance(wide, LogNorm) and type(narrow) is Normalize and (narrow.vmin, narrow.vmax) == (3.0, 7.0)
     assert 5.0 not in levels(narrow, (5.0,)) and 4.0 in levels(narrow, (5.0,))
@@ -208,16 +191,10 @@ def test_the_only_value_of_a_factor_has_a_cell_about_it() -> None:
         assert low < value < high
 
 
-# distribution
-
-
 def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend() -> None:
     values = np.random.default_rng(3).normal(41.0, 0.6, 3000)
-    found = [
-        Percentile(2.5, 39.8, 39.71, 39.86),
-        Percentile(50.0, 41.0, 40.97, 41.02),
-        Percentile(97.5, 42.2, 42.1, 42.4),
-    ]
+    rows = ((2.5, 39.8, 39.71, 39.86), (50.0, 41.0, 40.97, 41.02), (97.5, 42.2, 42.1, 42.4))
+    found = [Percentile(*row) for row in rows]
     figure = distribution_figure(Distribution(CAPTION, [Scatter(output("kxx_n_per_mm"), values, found, 41.0123)]))
     (axes,) = figure.axes
     counts, borders = histogram(values)
@@ -237,9 +214,6 @@ def test_a_value_that_does_not_vary_is_one_bar_and_round_off_of_the_base_stage_i
     scatter = Scatter(output("coupling_xy"), np.linspace(-0.5, 0.5, 9), same, 1e-16)
     figure = distribution_figure(Distribution(CAPTION, [scatter]))
     assert "base stage: 0" in texts(figure)
-
-
-# sensitivity
 
 
 def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_factors(made: Any) -> None:
@@ -264,25 +238,13 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness $K_{xx}$", "range in Y at yield"]
 
 
-# Pareto
-
-
 def shown_front(folder: Path) -> ParetoFront:
     stage = study(folder, GRID).stage
     points = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7], [3.0, 3.5]])
     stiff, more = AxisText("K"), AxisText("length", "mm")
     chosen = [Chosen(2, stage, [(stiff, 1.0)]), Chosen(0, stage, [(stiff, 2.0), (more, 3.0)])]
-    quantities = (output("range_x_um"), output("kxx_n_per_mm"))
-    return ParetoFront(
-        CAPTION,
-        *quantities,
-        ("larger", "larger"),
-        points,
-        np.array([2, 1, 0]),
-        np.array([4]),
-        chosen,
-        ["not drawn: 7 refused"],
-    )
+    axes, front = (output("range_x_um"), output("kxx_n_per_mm"), ("larger", "larger")), np.array([2, 1, 0])
+    return ParetoFront(CAPTION, *axes, points, front, np.array([4]), chosen, ["not drawn: 7 refused"])
 
 
 def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) -> None:
@@ -316,9 +278,6 @@ def test_drawings_are_to_one_scale_and_the_scale_bar_is_as_long_as_it_says(tmp_p
     assert 0.1 < np.ptp(bar.get_xdata()) / np.ptp(one.get_xlim()) < 0.5
 
 
-# from the table
-
-
 def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
@@ -336,12 +295,11 @@ def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_thos
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
     source = source_of(loaded, table)
-    shown = front_of(source, loaded.study.figure[2])
+    shown = front_of(source, loaded.study.figure[1])
     x, y = table.answered("envelope_mm", "kxx_n_per_mm")
+    drawable = ~np.isin(np.arange(len(x)), shown.undrawable)
     for place in shown.front:
-        assert not ((x <= x[place]) & (y >= y[place]) & ((x < x[place]) | (y > y[place])))[
-            ~np.isin(np.arange(len(x)), shown.undrawable)
-        ].any()
+        assert not (drawable & (x <= x[place]) & (y >= y[place]) & ((x < x[place]) | (y > y[place]))).any()
     assert 1 <= len(shown.chosen) <= 2 and {one.place for one in shown.chosen} <= set(shown.front)
     (radius,) = table.answered("hinges.base.radius_mm")
     for one in shown.chosen:
@@ -358,7 +316,7 @@ def test_a_base_stage_beyond_the_front_is_said_to_be_no_design_of_it(
     """Beside the best design in stiffness: in a smaller envelope, as stiff; as large, stiffer; equal; worse in both."""
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
-    figure, own = loaded.study.figure[2], source_of(loaded, table)
+    figure, own = loaded.study.figure[1], source_of(loaded, table)
     found = front_of(own, figure)
     sizes, stiffnesses = table.answered("envelope_mm", "kxx_n_per_mm")
     k = max(found.front, key=lambda place: stiffnesses[place])
@@ -398,18 +356,13 @@ def test_every_figure_says_what_is_assumed_as_long_as_something_is(tmp_path: Pat
             assert ("assumed dimensions" in texts(figure)) is said and "A title" in texts(figure)
 
 
-# labels, and the base stage
-
-
 def test_the_base_stage_is_answered_as_a_design_with_its_own_values(tmp_path: Path) -> None:
-    loaded = study(
-        tmp_path,
-        GRID,
+    one = [
         ("from = 2.5\nto = 5.5\npoints = 7", "values = [4.0]"),
         ("points = 4", "points = 2"),
         ("from = 0.4", "from = 0.5"),
-        ('scale = "log"\n', ""),
-    )
+    ]
+    loaded = study(tmp_path, GRID, *one, ('scale = "log"\n', ""))
     table, found = answered(loaded), nominal(loaded)
     for name in loaded.outputs:
         assert found[name] == pytest.approx(table.columns[name][0], rel=1e-12, abs=1e-12)
@@ -417,10 +370,6 @@ def test_the_base_stage_is_answered_as_a_design_with_its_own_values(tmp_path: Pa
 
 
 def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
-    loaded = study(
-        tmp_path,
-        GRID,
-        ('"hinges.elbow.neck_mm", "hinges.platform.neck_mm"', '"hinges.elbow.radius_mm", "hinges.base.neck_mm"'),
-        ('"the other necks"', '"mixed"'),
-    )
-    assert set(own_values(loaded)) == {"hinges.base.radius_mm"}
+    necks = '"hinges.elbow.neck_mm", "hinges.platform.neck_mm"'
+    unlike = (necks, '"hinges.elbow.radius_mm", "hinges.base.neck_mm"')
+    assert set(own_values(study(tmp_path, GRID, unlike, ('"the other necks"', '"mixed"')))) == {"hinges.base.radius_mm"}

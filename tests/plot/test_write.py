@@ -13,13 +13,11 @@ from flexfem.plot.write import plans, write_figures
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
 DRAW = """
-import sys
-from pathlib import Path
+import sys, pathlib
 from flexfem.plot.write import write_figures
 from flexfem.questions.errors import Verification
-path = Path(sys.argv[1])
-result = Verification.read(path)
-write_figures([(result, result.read_fields(path))], Path(sys.argv[2]))
+result = Verification.read(pathlib.Path(sys.argv[1]))
+write_figures([(result, result.read_fields(pathlib.Path(sys.argv[1])))], pathlib.Path(sys.argv[2]))
 """
 
 
@@ -28,13 +26,8 @@ def stored(made, **changes):
     return result, {label: made.fields() for label in result.curves}
 
 
-def names(results):
-    return [*plans(results)]
-
-
 @pytest.mark.slow
 def test_another_process_gives_the_same_bytes(made, tmp_path):
-    """Here, of studies, `test_the_same_table_gives_the_same_files_of_every_figure` is quick, in one process."""
     drawn, (found, fields) = write_figures([stored(made)], tmp_path / "here"), stored(made)
     found.fields = fields
     path = found.write(tmp_path / "fig.json")
@@ -56,21 +49,21 @@ def test_files_are_named_after_case_and_stage(made, tmp_path):
 def test_a_stage_is_drawn_once_and_its_model_once_for_each_mobility(made):
     three = made.model(mobility=3, hinges=made.hinges(3))
     result = stored(made, models={"one": made.model(), "two": three})
-    found = names([result, stored(made, case="fig-b")])
+    found = list(plans([result, stored(made, case="fig-b")]))
     assert found.count("stage-one") == 1
     assert [name for name in found if name.startswith("model")] == ["model-one-mobility6", "model-one-mobility3"]
 
 
 def test_two_stages_of_one_file_name_do_not_clash(made):
     other = made.model(hash="fedcba" * 10, file="elsewhere/One.toml")
-    found = names([stored(made, models={"one": made.model(), "two": other})])
+    found = list(plans([stored(made, models={"one": made.model(), "two": other})]))
     assert "stage-one" in found and "stage-One-2" in found
     assert len({name.casefold() for name in found}) == len(found) == 2 + 2 * 4
 
 
 @pytest.mark.parametrize("case", ["../escape", "/root", "..", "a b"])
 def test_figures_stay_in_their_folder(made, case):
-    assert not any("/" in name or name.startswith(".") for name in names([stored(made, case=case)]))
+    assert not any("/" in name or name.startswith(".") for name in plans([stored(made, case=case)]))
 
 
 def test_page_is_written_without_matplotlib():

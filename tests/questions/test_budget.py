@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,20 +10,13 @@ import pytest
 from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import load_feasible
 from flexfem.questions import budget as module
-from flexfem.questions.bands import command_errors
 from flexfem.questions.budget import CHART, IN_ALL, MEASURED, SHARES, TOTAL, budget, thick_compliance
-from flexfem.questions.setup import solved
 from flexfem.units import DIRECTIONS
 
-ROOT = Path(__file__).parents[2]
-PATH = ROOT / "geometry/mobility6.toml"
+from ..conftest import ROOT
+
 SMALL = 4  # resolution: a coarse mesh shows the same shares
 LEVER = 24.0  # mm, l3 of the stage
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return load_feasible(PATH)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +28,7 @@ def made(stage):
 def by_hand(stage):
     """Finite elements that converge with n^-4, at a rate and to a limit of their own in each direction and across, and
     whose large displacements add 1, 2 and 3 parts in a thousand of the command along and a fixed motion across."""
-    K = analyse(stage).stiffness
+    K, amplitude = analyse(stage).stiffness, (0.041, 0.053, 2.1e-3)
     limit, rate = np.array([1.16, 1.17, 1.18]), np.array([3.0, 5.0, 8.0])
     across = np.array([[0.0, 2e-6, 3e-9], [2e-6, 0.0, 5e-9], [3e-9, 5e-9, 0.0]])
 
@@ -46,6 +38,7 @@ def by_hand(stage):
 
     def bent(mesh, _, force):
         assert mesh == 8  # the finest
+        assert np.any(np.isclose(np.abs(force[0] / np.diag(K)).max(), amplitude))
         linear = solve(None, 8).compliance @ force[0]
         return SimpleNamespace(pose=(linear * (1 + np.array([1e-3, 2e-3, 3e-3])))[None])
 
@@ -53,7 +46,7 @@ def by_hand(stage):
         patch.setattr(module, "solved", solve)
         patch.setattr(module, "equilibrium", bent)
         patch.setattr(module, "load_case", lambda *_: SimpleNamespace(neck_stress=0.0))
-        return K, limit, across, budget(stage, amplitude=(0.04, 0.05, 2e-3), plane=True)
+        return K, limit, across, budget(stage, amplitude=amplitude, plane=True)
 
 
 def test_shares_are_steps_from_the_papers_model_to_the_finite_elements(by_hand, stage):
@@ -95,26 +88,11 @@ def test_hinges_wide_out_of_plane_are_stiffer_by_up_to_nu_squared(by_hand, stage
     assert thick_compliance(thicker) is None
 
 
-def test_total_is_the_extrapolated_error_and_large_displacement(made, stage):
-    K, C = analyse(stage).stiffness, np.array([solved(stage, n).compliance for n in (2, 3, 4)])
-    for k, direction in enumerate(DIRECTIONS):
-        limit = command_errors(np.array([2, 3, 4]), C, K, direction, LEVER)[k].extrapolated
-        total, bent = (made.at("share", share=name, direction=direction) for name in (TOTAL, SHARES[-1]))
-        assert limit + bent == pytest.approx(total, abs=1e-6)
-
-
 def test_the_hinge_formula_is_nearly_all_of_it(made):
     formula = made.at("share", share="hinge formula")
     others = [made.at("share", share=name) for name in SHARES if name != "hinge formula"]
     assert np.all(formula > 10 * np.max(np.abs(others), axis=0))
     assert np.all(formula > 0.9 * made.at("share", share=TOTAL))
-
-
-@pytest.mark.slow
-def test_large_displacement_grows_with_the_command(made, stage):
-    larger = budget(stage, amplitude=(0.5, 0.5, 1e-2), resolution=SMALL, plane=True)
-    ratio = larger.at("share", share=SHARES[-1]) / made.at("share", share=SHARES[-1])
-    assert np.all(np.abs(ratio) > 5)
 
 
 @pytest.mark.slow
@@ -134,21 +112,12 @@ def test_a_budget_measures_what_three_dimensions_change(name, points, total):
 
 def test_thin_necks_of_a_thick_stage_are_stiffer_than_the_papers_model_and_softer_in_plane_stress(stage):
     """The README's second map, at a corner of it and on both sides of its contour of zero."""
-    base = stage
-    for radius, neck, thick, plane in (
-        (4.0, 0.2193, -7.7, 2.4),
-        (1.642, 0.3243, -2.4, 8.2),
-        (1.642, 0.4799, 1.7, 12.4),
-    ):
-        shape = {"radius": radius, "neck": neck}
-        hinges = {name: getattr(base.hinges, name).model_copy(update=shape) for name in ("base", "elbow", "platform")}
-        stage = base.model_copy(update={"hinges": base.hinges.model_copy(update=hinges)})
-        paper = analyse(stage, 6).stiffness
-        found = [
-            paper[0, 0] * of[0, 0] - 1
-            for of in (thick_compliance(stage), analyse(stage, 21, "calibrated", links=True).compliance)
-        ]
-        assert 100 * np.array(found) == pytest.approx([thick, plane], abs=0.1)
+    expected = ((4.0, 0.2193, -7.7, 2.4), (1.642, 0.3243, -2.4, 8.2), (1.642, 0.4799, 1.7, 12.4))
+    for radius, neck, thick, plane in expected:
+        one = stage.replace(radius=radius, neck=neck, actuator=[])
+        solid, sheet = thick_compliance(one), analyse(one, 21, "calibrated", links=True).compliance
+        found = analyse(one, 6).stiffness[0, 0] * np.array([solid[0, 0], sheet[0, 0]]) - 1
+        assert 100 * found == pytest.approx([thick, plane], abs=0.1)
 
 
 def test_three_dimensional_hinges_and_their_links_do_not_depend_on_the_plane_the_stage_is_taken_in(stage):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,21 +16,17 @@ from flexfem.fem.response import driven_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.drive import command_figure, plot_drive, plot_forces, plot_open_loop, plot_strokes
+from flexfem.plot.drive import plot_drive, plot_forces, plot_open_loop, plot_strokes
 from flexfem.questions.drive import Drive, engaged_stiffness
 from flexfem.questions.driven import CRITERIA, driven
-from flexfem.results import ANALYTIC, ELEMENTS
 
-STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+from ..conftest import ROOT
+
+STAGE = ROOT / "geometry" / "mobility6.toml"
 POSE = (3e-3, -1e-3, 5e-5)
 LEVER = np.array([1.0, 1.0, 24.0])
 OWN = flexfem.Analytic(formula="calibrated", mobility=21, links=True)
 RIM = 17.0 * np.exp(1j * np.deg2rad(100.0))  # mm
-
-
-@pytest.fixture(scope="module")
-def stage() -> Stage:
-    return flexfem.load(STAGE)
 
 
 @pytest.fixture(scope="module")
@@ -87,21 +82,18 @@ def test_stiffness_with_the_other_directions_held_is_not_that_with_them_free(sta
 
 
 def test_how_pushes_spread_over_links_moves_the_engaged_stiffness(stage, found):
-    """By half the length that is assumed 2.8 %, by finite elements of the same pushes 2.5 %; twice does not fit."""
+    """By half the length that is assumed 2.8 %, by finite elements of the same pushes 2.5 %."""
     moved = found.push_spread / found.at("stiffness", state="engaged")
     np.testing.assert_allclose(moved, [0.0280, 0.0280, 0.0256], atol=1e-4)
     drive, mesh = drive_of(stage), build_mesh(stage, 3)
-    half, twice = (tuple(stack.spread_over(times) for stack in drive.stacks) for times in (0.5, 2.0))
+    half = tuple(stack.spread_over(0.5) for stack in drive.stacks)
     whole, shorter = (
         engaged_stiffness(driven(driven_response(mesh, plate_of(stage), stacks).compliance, drive))
         for stacks in (drive.stacks, half)
     )
     np.testing.assert_allclose(1 - shorter / whole, moved, rtol=0.12)
-    lengths = [
-        {round(push.station.half, 9) for stack in stacks for push in stack.pushes if push.station is not None}
-        for stacks in (half, drive.stacks, twice)
-    ]
-    assert lengths == [{3.375}, {6.75}, {6.75, 8.5}]  # 24.5 mm of link 1, contact at 16
+    twice = [push.station for stack in drive.stacks for push in stack.spread_over(2.0).pushes if push.station]
+    assert {round(station.half, 9) for station in twice} == {6.75, 8.5}  # 24.5 mm of link 1, contact at 16
     rigid = flexfem.drive(stage, pose=POSE, models="analytic", analytic=flexfem.Analytic(mobility=6))
     assert "push_spread" not in rigid.values
 
@@ -138,17 +130,6 @@ def test_neck_stresses_of_shear_are_those_of_finite_elements(stage):
     np.testing.assert_allclose(highest[0, 1], highest[1, 1], rtol=0.012)
 
 
-def test_a_preload_without_a_partner_stresses_the_necks(stage):
-    """50 N at 10 mm from the base hinge turn the platform and bend every neck; in pairs they cancel."""
-    none = (0.0, 0.0, 0.0)
-    found = flexfem.drive(single(stage), pose=none, analytic=OWN, resolution=6)
-    own, elements = (found.at("stress", model=model, criterion="least energy") for model in (ANALYTIC, ELEMENTS))
-    assert np.max(own) == pytest.approx(502.42, rel=1e-4)
-    np.testing.assert_allclose(elements, own, rtol=0.03)
-    both = flexfem.drive(stage, pose=none, analytic=OWN, resolution=3).at("stress", criterion="least energy")
-    assert np.max(both[0]) < 1e-9 > np.max(both[1]) / 503.0
-
-
 BELOW = "some single stacks would need strokes below 0 um, their least"
 PULL = "some stacks without preload would have to pull"
 PUSH = "some stacks preloaded to their blocking force would have to push harder"
@@ -156,27 +137,14 @@ PUSH = "some stacks preloaded to their blocking force would have to push harder"
 
 def test_strokes_and_forces_beyond_their_limits_are_warned_of(stage):
     """3 N in X turn links 1 to both sides: no strokes without one below zero hold them, though no contact is lost."""
-    assert said_of(single(stage), (0.0, 0.0, 0.0), (3.0, 0.0, 0.0)) == [
-        f"least stroke: no strokes of any size hold this pose: {BELOW}",
-        f"within limits: no strokes of any size hold this pose: {BELOW}",
-        f"the drive does not reach this pose: {BELOW}",
-        "least energy: 1 strokes beyond their limits, farthest base, chain 3 would need -1.059 um, outside 0 to "
-        "17.4 um",
-    ]
+    (*_, strokes) = said_of(single(stage), (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
+    assert "1 strokes beyond their limits, farthest base, chain 3 would need -1.059 um, outside 0 to 17.4" in strokes
     assert said_of(single(stage), (0.0, 0.0, 1e-4)) == []
-    assert said_of(stage, (0.03, -0.0011, 7e-5))[:2] == [
-        "the drive does not reach this pose: it takes 1.296 times its limit of stroke",
-        "least energy: 3 strokes beyond their limits, farthest elbow, chain 3 would need -13.84 um, outside -8.7 to "
-        "8.7 um",
-    ]
+    assert "it takes 1.296 times its limit of stroke" in said_of(stage, (0.03, -0.0011, 7e-5))[0]
     found = said_of(stage, (0.3, 0.0, 0.0), (0.0, 3000.0, 0.0))  # six pairs far out of reach under 3 kN
-    assert [text for text in found if text.startswith("least energy: ")] == [
-        "least energy: 6 strokes beyond their limits, farthest elbow, chain 1 would need 317.2 um, outside -8.7 to "
-        "8.7 um",
-        "least energy: 5 contacts beyond their limits, farthest elbow, chain 2 would have to pull with 1190 N",
-        "least energy: 3 forces beyond their limits, farthest elbow, chain 2, partner would have to push with 1290 N, "
-        "above 935 N",
-    ]
+    expected = ("elbow, chain 1 would need 317.2 um", "would have to pull with 1190 N", "1290 N, above 935 N")
+    for count, kind, said in zip((6, 5, 3), ("strokes", "contacts", "forces"), expected, strict=True):
+        assert any(f"least energy: {count} {kind} beyond" in text and said in text for text in found)
 
 
 @pytest.mark.parametrize(
@@ -208,12 +176,7 @@ def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys, 
     cli.app(["drive", str(STAGE), *options], standalone_mode=False)
     printed = json.loads(capsys.readouterr().out)["quantities"]
     np.testing.assert_allclose(printed["stroke"]["values"], 1e3 * found.stroke)
-    made = sorted(path.name for path in tmp_path.iterdir())
-    assert made == [f"mobility6-drive.{ending}" for ending in ("json", "pdf", "png")]
-    cli.app(["drive", str(STAGE), "--pose", "0.1", "0", "-0.0", "--models", "analytic"], standalone_mode=False)
-    text = capsys.readouterr().out
-    assert "the drive does not reach this pose: it takes" in text
-    assert "each stack pushes by its ball fixed to the stack, one contact, assumed" in text
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".json", ".pdf", ".png"]
 
 
 @pytest.fixture(scope="module")
@@ -254,7 +217,4 @@ def test_the_figure_draws_the_numbers_of_the_result(drawn):
         plot_drive(sketch, drawn, "least force")
     with pytest.raises(flexfem.BadInput, match="expected one with finite elements"):
         plot_open_loop(sketch, drawn, "x")
-    figure = command_figure(drawn)
-    titles = [axes.get_title(loc="left")[:3] for part in figure.subfigs for axes in part.axes]
-    assert titles == ["(a)", "(b)", "(c)"]
     pyplot.close("all")

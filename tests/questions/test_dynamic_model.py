@@ -17,23 +17,11 @@ from flexfem.questions.driven import driven
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import BadInput
 
-from ..conftest import ROOT
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return flexfem.load(ROOT / "geometry" / "mobility6.toml")
-
 
 @pytest.fixture(scope="module")
 def vibration(stage):
     asked = {"count": 6, "payload": (0.05, 10.0), "drives": "engaged", "damping": 2.0, "models": "elements"}
     return flexfem.modes(stage, **asked, resolution=4).fields
-
-
-@pytest.fixture(scope="module")
-def structure(stage):
-    return vibrating(stage, build_mesh(stage, 4), payload_of(0.05, 10.0), drive_of(stage))
 
 
 @pytest.fixture(scope="module")
@@ -69,25 +57,18 @@ def test_the_state_space_has_the_same_response(model):
         np.testing.assert_allclose(found / scale, expected / scale, atol=1e-9)
 
 
-def test_craig_and_bampton_have_the_static_stiffness_and_the_lowest_frequencies(structure, model):
+def test_craig_and_bampton_have_the_static_stiffness_and_the_frequencies_up_to_their_cut(stage, model):
+    """The cut: the highest frequency kept with the platform held. Six lie below; measured 0.094 % too high at most."""
     K, M, L = model.craig_bampton
-    found = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[:3])
-    exact = modes(structure, 6).frequencies[:3]
-    assert np.all(found >= exact * (1 - 1e-9))  # fewer freedoms are stiffer
-    np.testing.assert_allclose(found, exact, rtol=5e-4)  # with six modes of the held platform; measured 3e-4
+    found, cut = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)), np.sqrt(K.diagonal()[3:].max())
+    exact = modes(vibrating(stage, build_mesh(stage, 4), payload_of(0.05, 10.0), drive_of(stage)), 9).frequencies
+    below = exact < cut
+    assert below.sum() == 6 and np.all(found[below] >= exact[below] * (1 - 1e-9))  # fewer freedoms are stiffer
+    np.testing.assert_allclose(found[below], exact[below], rtol=1.2e-3)
+    np.testing.assert_allclose(found[:3], exact[:3], rtol=5e-4)  # with six modes of the held platform; measured 3e-4
     static = np.linalg.solve(K, L)[:3]
     np.testing.assert_allclose(static[:, :3], model.response(np.zeros(1))[0].real[:, :3], rtol=1e-7, atol=1e-12)
     np.testing.assert_allclose(L[:3, :3], np.eye(3), atol=1e-9)
-
-
-def test_craig_and_bampton_have_the_frequencies_of_the_whole_up_to_their_cut(structure, model):
-    """The cut: the highest frequency kept with the platform held. Six lie below; measured 0.094 % too high at most."""
-    K, M, _ = model.craig_bampton
-    found, cut = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)), np.sqrt(K.diagonal()[3:].max())
-    exact = modes(structure, 9).frequencies
-    below = exact < cut
-    assert below.sum() == 6 and np.all(found[below] >= exact[below] * (1 - 1e-9))
-    np.testing.assert_allclose(found[below], exact[below], rtol=1.2e-3)
 
 
 def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):
@@ -100,9 +81,7 @@ def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):
         K, M, exact = found["K_cb"], found["M_cb"], found["frequencies_rad_per_s"]
         above = 100 * (np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[: len(exact)]) / exact - 1)
         np.testing.assert_allclose(found["K_cb_above_percent"], above, atol=1e-6)
-        assert 0.05 < above.max() < 5 and str(found["K_cb_note"]).endswith(
-            f"to {above.max():.2g} % above those of all freedoms"
-        )
+        assert 0.05 < above.max() < 5 and f"to {above.max():.2g} % above" in str(found["K_cb_note"])
         assert list(found["inputs"])[3] == "stroke base, chain 1" and list(found["input_units"])[2] == "N mm"
     with pytest.raises(BadInput, match=r"expected .npz or .mat"):
         model.write(tmp_path / "model.txt")

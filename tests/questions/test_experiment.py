@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -12,8 +10,10 @@ from flexfem.questions.experiment import experiment, simulated, slope_of, spring
 from flexfem.questions.fixture import MeasuredSlopes, Pole, fixture_of, pole_compliance, pushes_of
 from flexfem.refused import ComputationFailed
 
-ROOT = Path(__file__).parents[2]
+from ..conftest import ROOT
+
 FIXTURE = fixture_of(ROOT / "cases" / "fixture.toml")
+QUIET = {"noise": 0.0, "resolution": 0.0}
 
 
 def changed(**tables):
@@ -24,14 +24,9 @@ def changed(**tables):
 
 
 @pytest.fixture(scope="module")
-def stage():
-    return flexfem.load(ROOT / "geometry" / "mobility6.toml")
-
-
-@pytest.fixture(scope="module")
-def unlike():
+def unlike(stage):
     """Chains of unequal necks and radii."""
-    return flexfem.load(ROOT / "geometry" / "mobility6.toml").replace(
+    return stage.replace(
         override={(1, "elbow"): {"neck": 0.41}, (2, "base"): {"radius": 3.4}, (3, "platform"): {"neck": 0.62}}
     )
 
@@ -43,7 +38,7 @@ def analytic(stage, fixture, **others):
 
 def test_without_noise_the_slope_is_that_of_stage_and_pole_in_series(stage):
     """K_xx = 37.981 and the pole's 6004.65; readings of 1 mN in 1.5 N without noise."""
-    exact = changed(lvdt={"noise": 0.0, "resolution": 0.0}, sensor={"noise": 0.0, "resolution": 0.0})
+    exact = changed(lvdt=QUIET, sensor=QUIET)
     found = analytic(stage, exact)
     slope = found.at("slope", source="simulated")
     assert slope[0] == pytest.approx(1 / (1 / 37.98114 + 1 / 6004.652), rel=1e-6)
@@ -56,12 +51,8 @@ def test_without_noise_the_slope_is_that_of_stage_and_pole_in_series(stage):
 
 def test_readings_scatter_by_the_stated_noise_and_step_by_the_stated_step(stage):
     C = flexfem.analyse(stage, links=True, formula="calibrated").compliance
-    many = changed(
-        lvdt={"noise": 3e-4, "resolution": 0.0}, sensor={"noise": 0.02, "resolution": 0.0}, run={"repeats": 200}
-    )
-    exact = changed(
-        lvdt={"noise": 0.0, "resolution": 0.0}, sensor={"noise": 0.0, "resolution": 0.0}, run={"repeats": 1}
-    )
+    many = changed(lvdt=QUIET | {"noise": 3e-4}, sensor=QUIET | {"noise": 0.02}, run={"repeats": 200})
+    exact = changed(lvdt=QUIET, sensor=QUIET, run={"repeats": 1})
     noisy, true = (simulated(pushes_of(each), C, each) for each in (many, exact))
     off = [np.std(a - b, axis=(1, 2)) for a, b in zip(noisy, true, strict=True)]
     np.testing.assert_allclose(off[0], [0.02, 0.02, 0.6], rtol=0.04)  # N, N, and N mm at an arm of 30 mm
@@ -69,9 +60,8 @@ def test_readings_scatter_by_the_stated_noise_and_step_by_the_stated_step(stage)
     stepped, moved = simulated(pushes_of(FIXTURE), C, FIXTURE)
     for values, step in ((stepped[:2], 2e-3), (stepped[2], 6e-2), (moved[:2], 2e-5)):
         np.testing.assert_allclose(values / step, np.round(values / step), atol=1e-9)
-    again, other = (
-        simulated(pushes_of(each), C, each) for each in (FIXTURE, changed(run={"seed": FIXTURE.run.seed + 1}))
-    )
+    reseeded = changed(run={"seed": FIXTURE.run.seed + 1})
+    again, other = (simulated(pushes_of(each), C, each) for each in (FIXTURE, reseeded))
     assert np.array_equal(again[0], stepped) and not np.array_equal(other[0], stepped)
 
 
@@ -114,18 +104,12 @@ def test_measured_slopes_are_compared_with_the_model_and_the_stage(stage):
     assert found.spring[0] == pytest.approx(37.0 * 37.98114 / 0.98114, rel=1e-4)
 
 
-def test_a_push_leaves_the_other_directions_free(unlike):
-    found = analytic(unlike, FIXTURE)
-    C = flexfem.analyse(unlike, links=True, formula="calibrated").compliance
-    np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(C), rtol=1e-9)
-    assert np.linalg.inv(C)[0, 0] > 1.001 / C[0, 0]
-    assert any(text.startswith("a push in x leaves the other directions free") for text in found.warnings)
-
-
-def test_a_push_on_the_bar_is_a_force_too(unlike):
+def test_a_push_leaves_the_other_directions_free_and_on_the_bar_is_a_force_too(unlike):
     """Of 1 N at 30 mm along y: C_tt + C_ty / 30 is read, not C_tt. A measured slope is explained from there."""
     found = analytic(unlike, FIXTURE.model_copy(update={"measured": MeasuredSlopes(ktt=36000.0)}))
     C = flexfem.analyse(unlike, links=True, formula="calibrated").compliance
+    np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(C), rtol=1e-9)
+    assert any(text.startswith("a push in x leaves the other directions free") for text in found.warnings)
     read = 1 / (C[2, 2] + C[2, 1] / 30.0)
     assert abs(read * C[2, 2] - 1) > 0.005
     said = f"on a rigid fixture the slope is {read:.5g}, where 1/C is {1 / C[2, 2]:.5g}"
@@ -160,8 +144,7 @@ def test_a_pole_like_a_hair_leaves_no_slope_to_read(stage):
     """0.001 mm thick, 1.5e-12 N/mm: the noise of 0.02 N buries its force, and without noise its slope is read."""
     with pytest.raises(ComputationFailed, match=r"slope read in x, -?\d.*cannot be told from zero: expected a stiffer"):
         analytic(stage, changed(pole={"diameter": 0.001}))
-    quiet = {"noise": 0.0, "resolution": 0.0}
-    found = analytic(stage, changed(pole={"diameter": 0.001}, lvdt=quiet, sensor=quiet, bar={"angle": 0.7}))
+    found = analytic(stage, changed(pole={"diameter": 0.001}, lvdt=QUIET, sensor=QUIET, bar={"angle": 0.7}))
     slope = found.at("slope", direction="x", source="simulated")
     assert slope == pytest.approx(found.pole[0], rel=1e-9) and slope == pytest.approx(1.517e-12, rel=1e-3)
     C = flexfem.analyse(stage, links=True, formula="calibrated").compliance
@@ -185,15 +168,6 @@ def test_a_line_without_errors_has_its_slope_and_intercept():
         found = slope_of(STROKE, 2.0 + 7.0 * 0.4 * command, 0.4 * command, 0.95)
         assert found.slope == pytest.approx(7.0, rel=1e-12) and found.intercept == pytest.approx(2.0, rel=1e-10)
         assert found.low == pytest.approx(7.0, rel=1e-6) and found.high == pytest.approx(7.0, rel=1e-6)
-
-
-def test_the_interval_of_five_readings_holds_the_slope_in_95_per_cent_of_seeds():
-    """Three degrees of freedom: with 1.96 for Student's 3.18 it would be 85 per cent, 850 of these."""
-    held = 0
-    for seed in range(1000):
-        found = slope_of(STROKE, *noisy(seed, STROKE, 0.5, 0.07), 0.95)
-        held += found.low <= 7.0 <= found.high
-    assert 932 <= held <= 968
 
 
 def test_errors_of_the_displacement_do_not_flatten_the_slope():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,24 +9,20 @@ from flexfem.files.provenance import numeric_key_paths
 from flexfem.questions.fixture import Fixture, Measurement, fixture_of, measured_of
 from flexfem.refused import BadInput
 
-ROOT = Path(__file__).parents[2]
+from ..conftest import ROOT
+
 SHIPPED = ROOT / "cases" / "fixture.toml"
 SLOPES = "[measured]\nkxx_n_per_mm = 37.0\nkxx_sd_n_per_mm = 0.2\nktt_n_mm_per_rad = 3.9e4\n"
 
 
-def test_the_shipped_set_up_is_read_in_mm_and_n():
+def test_the_shipped_set_up_is_read_in_mm_and_n_and_every_number_has_a_source():
     found = fixture_of(SHIPPED)
     assert (found.pole.diameter, found.pole.pushed_at, found.pole.youngs_modulus) == (8.0, 20.0, 206e3)
     assert (found.actuator.stroke, found.actuator.stiffness) == (0.045, 19e3)
     assert (found.lvdt.noise, found.lvdt.resolution) == (5e-5, 2e-5)
     assert (found.sensor.stiffness, found.sensor.noise, found.sensor.resolution) == (1e4, 0.004, 0.002)
     np.testing.assert_allclose(found.run.strokes, 0.002 * np.arange(21))
-
-
-def test_every_number_of_the_shipped_set_up_has_a_source_and_is_assumed():
-    found = fixture_of(SHIPPED)
     assert found.not_stated == () and set(numeric_key_paths(found)) <= set(found.assumed)
-    assert "actuator.name" not in found.assumed and "actuator.stiffness_n_per_um" in found.assumed
 
 
 def test_measured_slopes_are_read_with_a_set_up_or_alone(tmp_path):
@@ -43,18 +37,11 @@ def test_measured_slopes_are_read_with_a_set_up_or_alone(tmp_path):
 
 BAD = [
     ("diameter_mm = 8.0", "diameter_mm = -8.0", "pole.diameter_mm = -8.0, expected > 0"),
-    ("diameter_mm = 8.0\n", "", "pole.diameter_mm is missing"),
     ("push_height_mm = 20.0", "push_height_mm = 41.0", "pole.push_height_mm = 41.0, expected at most the height"),
     ("poissons_ratio = 0.3", "poissons_ratio = 0.5", "pole.poissons_ratio = 0.5, expected < 0.5"),
-    ("arm_mm = 30.0", "arm_mm = 0.0", "bar.arm_mm = 0.0, expected > 0"),
-    ("stroke_um = 45.0", "stroke_um = nan", "actuator.stroke_um = nan, expected a finite number"),
     ("stroke_um = 45.0", "stroke_um = 39.0", "within the stroke of the actuator, 39 um"),
     ("increments = 20", "increments = 1", "run.increments = 1, expected >= 2"),
-    ("increments = 20", "increments = 2.5", "run.increments = 2.5, expected"),
-    ("repeats = 3", "repeats = 0", "run.repeats = 0, expected >= 1"),
-    ("repeats = 3", "repeats = 1001", "run.repeats = 1001, expected <= 1000"),
     ("confidence_percent = 95.0", "confidence_percent = 0.95", "run.confidence_percent = 0.95, expected >= 50"),
-    ("noise_um = 0.05", "noise_um = -0.05", "lvdt.noise_um = -0.05, expected >= 0"),
     ('at = "pole"', 'at = "bar"', "lvdt.at = \"bar\", expected 'pole' or 'platform'"),
     ("noise_n = 0.004", "noise_um = 0.004", "sensor.noise_um is an unknown key, did you mean noise_n?"),
     ("[sensor]", "[sonsor]", "sonsor is an unknown key, did you mean sensor?"),
@@ -75,6 +62,7 @@ def test_a_set_up_that_cannot_be_is_refused_in_one_line(tmp_path, old, new, said
 @pytest.mark.parametrize(
     ("text", "said"),
     [
+        ("", "measured is missing"),
         ("[measured]\n", "expected one or more of kxx_n_per_mm"),
         ("[measured]\nkxx_sd_n_per_mm = 1.0\nkyy_n_per_mm = 1.0\n", "kxx_sd_n_per_mm = 1.0, expected kxx_n"),
         ("[measured]\nkxx_n_per_mm = 1.0\nkxx_sd_n_per_mm = 1.0\n", "expected kxx_n_per_mm larger than it"),
@@ -88,9 +76,3 @@ def test_slopes_that_cannot_be_are_refused_in_one_line(tmp_path, text, said):
     with pytest.raises(BadInput) as refused:
         measured_of(tmp_path / "slopes.toml")
     assert said in str(refused.value) and "\n" not in str(refused.value)
-
-
-def test_a_missing_table_is_named(tmp_path):
-    (tmp_path / "f.toml").write_text('name = "slopes"')
-    with pytest.raises(BadInput, match=r"measured is missing"):
-        measured_of(tmp_path / "f.toml")

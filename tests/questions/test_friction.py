@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,9 @@ from flexfem.questions.drive import commanding, driven_elements, left_open
 from flexfem.questions.driven import driven
 from flexfem.refused import BadInput
 
-GEOMETRY = Path(__file__).parents[2] / "geometry"
+from ..conftest import ROOT
+
+GEOMETRY = ROOT / "geometry"
 POSE, LOAD = (2e-3, -1e-3, 5e-5), (1.5, -0.8, 30.0)
 MODEL = (6, DEFAULT_FORMULA, False)
 
@@ -27,11 +28,6 @@ def rough(stage, *changes):
     """The stage with its actuators changed, contacts by stiffness, so that preloads do not change them."""
     bare = [one.model_dump(exclude_unset=True) | {"ball_radius": None} for one in stage.actuator]
     return stage.replace(actuator=[one | change for one, change in zip(bare, changes, strict=False)])
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return load_stage(GEOMETRY / "mobility6.toml")
 
 
 def at_rest(stage, *model, stiff=1.0):
@@ -83,12 +79,9 @@ def held_pose(C, drive, k):
     return C[:3, 3:] @ given - C[:3, 3 : 3 + n] @ (drive.stiffness * opened)
 
 
-@pytest.mark.parametrize("name", ["mobility6", pytest.param("mobility3", marks=pytest.mark.slow)])
-def test_bands_by_both_witnesses(name):
+def test_bands_by_both_witnesses(stage):
     """Elastic links and calibrated hinges: within 0.5 per cent of a coarse mesh."""
-    stage = rough(
-        load_stage(GEOMETRY / f"{name}.toml"), {"friction": 0.1, "pair": False}, {"friction": 0.3, "arm": 7.0}
-    )
+    stage = rough(stage, {"friction": 0.1, "pair": False}, {"friction": 0.3, "arm": 7.0})
     drive, metal = drive_of(stage), driven_elements(stage, 3)
     assert metal.across.shape == (3 + 9, 9)
     elements = left_open(metal.of, metal.across, drive, drive.preload)

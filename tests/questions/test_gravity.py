@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 import flexfem
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
-STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
+from ..conftest import ROOT
+
+STAGE = ROOT / "geometry" / "mobility6.toml"
 NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}
 G = 9.80665  # m/s^2
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import flexfem
-from flexfem.questions import identify as module
 from flexfem.questions.fixture import MeasuredSlopes, Measurement, fixture_of, pushes_of
-from flexfem.questions.identify import fit, identify, interval
+from flexfem.questions.identify import identify
 from flexfem.refused import BadInput
 
-ROOT = Path(__file__).parents[2]
+from ..conftest import ROOT
+
 FIXTURE = fixture_of(ROOT / "cases" / "fixture.toml")
 NAMES = ("kxx", "kyy", "ktt")
 
@@ -61,26 +60,6 @@ def test_exact_slopes_give_the_offset_and_the_pole_they_were_made_with(stage):
     assert found.stiffness[2] == pytest.approx(796514.57 / 4, rel=1e-3)
     assert "Both are needed" in found.finding
     assert found.slope[0, 1] > found.slope[0, 2] == pytest.approx(found.slope[0, 0])
-
-
-def held(seeds):
-    """How often 95 % intervals of offset and pole hold what the data were made with."""
-    stage, true, count = reference(), (-0.010, 4.0), np.zeros(2)
-    slopes = made(stage, *true)
-    problem = module._problem(stage, measured(slopes), None, [])[0]
-    for seed in range(seeds):
-        noisy = problem._replace(slope=slopes + problem.sd * np.random.default_rng(seed).normal(size=3))
-        best = fit(noisy, {})
-        for k in (0, 1):
-            low, high = interval(noisy, best, k, 0.95)
-            count[k] += low <= true[k] <= high
-    return count
-
-
-@pytest.mark.slow
-def test_intervals_hold_the_truth_in_95_per_cent_of_seeds():
-    count = held(600)
-    assert np.all(count >= 548) and np.all(count <= 591)  # 570, four standard deviations
 
 
 def test_the_width_of_an_interval_is_that_of_the_normal_distribution_where_it_is_narrow():
@@ -149,9 +128,8 @@ def test_slopes_that_nothing_explains_are_said_to_be_so():
 def test_a_difference_between_alike_directions_is_no_ground_to_stand_on():
     """X and Y of unlike chains differ in how they depend on necks, a little; two springs take all else."""
     found = identify(unlike(), measured(made(unlike(), -0.010, 4.0)), unknown="springs")
-    assert abs(found.correlation) > 0.98 and any(
-        "small differences between the directions" in w for w in found.warnings
-    )
+    assert abs(found.correlation) > 0.98
+    assert any("small differences between the directions" in text for text in found.warnings)
     assert identify(unlike(), measured(made(unlike(), -0.010, 4.0))).warnings == []
 
 
@@ -169,13 +147,6 @@ def test_what_has_no_interval_is_refused():
     assert identify(reference(), ground).axes["number"][0] == "translation"
 
 
-def test_necks_that_are_on_no_chart_are_fitted_by_another_formula():
-    thin = reference().replace(neck={"base": 0.05})
-    found = identify(thin, measured(made(reference(), 0.0, 1.0)))
-    assert found.settings["analytic model"] == "paros-weisbord, elastic links, plane stress"
-    assert any("not on the hinge chart" in text for text in found.warnings)
-
-
 def test_confidence_and_dropped_numbers_set_what_a_cause_alone_is_allowed():
     """Chi square without both numbers: 4.605 at 90 %, 5.991 at 95 %; the map's limit likewise."""
     slopes, factor = made(reference(), 0.0, 0.0), 1 - 0.0113  # rigid pole; 2.3 standard deviations of theta
@@ -183,7 +154,4 @@ def test_confidence_and_dropped_numbers_set_what_a_cause_alone_is_allowed():
     wide, narrow = identify(reference(), one), identify(reference(), one, confidence=90.0)
     assert 4.605 < wide.cause_chi_square[0] - wide.chi_square < 5.991
     assert wide.allowed[0] and not narrow.allowed[0]
-    assert (wide.region_limit, narrow.region_limit) == (
-        pytest.approx(5.9915, rel=1e-4),
-        pytest.approx(4.6052, rel=1e-4),
-    )
+    assert [wide.region_limit, narrow.region_limit] == pytest.approx([5.9915, 4.6052], rel=1e-4)

@@ -10,11 +10,10 @@ import pytest
 import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
-from flexfem.fem.mesh import build_mesh
-from flexfem.fem.modes import modes as modes_of
+from flexfem.commands import cli
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.modes import ABOVE_THIRD, frequency_convergence, vibrating
+from flexfem.questions.modes import ABOVE_THIRD, frequency_convergence
 
 from ..conftest import ROOT, UNLIKE, with_changes
 
@@ -22,25 +21,15 @@ KEPT = np.load(ROOT / "tests" / "questions" / "frequencies.npz")  # of benchmark
 LEVELS = np.array([4.0, 6.0, 8.0])
 
 
-def truth(elements):
-    """Extrapolated from the meshes of 11 and 16 triangles across a neck, by order four."""
-    return elements[..., 4, :] + (elements[..., 4, :] - elements[..., 3, :]) / ((16 / 11) ** 4 - 1)
-
-
-def over_error(elements):
-    """Band over error (6,) of one stage on its default mesh."""
-    bands = [frequency_convergence(LEVELS, values[:3]).band for values in elements.T]
-    return np.array(bands) / np.abs(elements[2] - truth(elements))
-
-
-def test_bands_hold_the_truth_of_six_frequencies_on_forty_stages():
+def test_bands_hold_the_truth_of_six_frequencies_on_forty_stages(benchmark):
     """95 %; not by the observed orders with the factor 1.25, which held 204 of 240."""
-    ratio = np.array([over_error(each) for each in KEPT["elements"]])
+    ratio = np.array([benchmark("frequencies").ratios(each) for each in KEPT["elements"]])
     assert ratio.shape == (40, 6) and np.sum(ratio >= 1) >= 235
     assert np.all(np.sum(ratio >= 1, axis=0) >= 38) and np.median(ratio) < 7
 
 
-def test_the_warning_states_what_was_measured():
+def test_the_warning_states_what_was_measured(benchmark):
+    truth = benchmark("frequencies").truth
     off = 100 * (np.moveaxis(KEPT["analytic"], 1, 0) / truth(KEPT["elements"]) - 1)  # own, calibrated, with links
     rigid, elastic = off[1], off[2]
     assert -28 < elastic[:, 3:].min() < -27 and -1 < elastic[:, 3:].max() < -0.75
@@ -71,45 +60,23 @@ def test_bands_hold_frequencies_whose_order_falls_to_one():
 
 
 @pytest.mark.parametrize(
-    ("off", "left"),
-    [((6.943, 3.581, 2.523), 0.410), ((6.714, 3.590, 2.463), 0.389), ((6.813, 3.033, 2.081), 0.119)],
+    ("order", "factor"), [(3.9, None), (4.3, None), (3.0, 3.75), (2.5, 3.75), (2.0, 27 / 7), (1.3, 6.614)]
 )
-def test_the_band_of_a_stage_whose_links_bend_holds_what_much_finer_meshes_say(off, left):
-    """Modes 4 to 6 of stage 35, 1e-4 above those of 42 triangles across a neck; `left` is the step from 30 to 42."""
-    band = frequency_convergence(LEVELS, 1e4 + np.array(off)).band
-    assert off[2] + left / (42 / 30 - 1) < band < 2 * (off[2] + left / (42 / 30 - 1))
-
-
-@pytest.mark.parametrize(("order", "factor"), [(3.0, 3.75), (2.5, 3.75), (2.0, 27 / 7), (1.3, 6.614)])
-def test_an_order_that_is_not_the_theoretical_one_widens_the_band(order, factor):
+def test_an_order_that_is_not_the_theoretical_one_widens_the_band_of_the_grid_convergence_index(order, factor):
     """By order one with 1.25, or by the observed order with 3, whichever is wider; of steps from 6 to 8."""
     values = 131.0 + 0.7 * LEVELS**-order
-    assert frequency_convergence(LEVELS, values).band == pytest.approx(factor * (values[1] - values[2]), rel=1e-3)
-
-
-@pytest.mark.parametrize("order", [3.9, 4.3])
-def test_the_theoretical_order_keeps_the_band_of_the_grid_convergence_index(order):
-    found = frequency_convergence(LEVELS, 131.0 + 0.7 * LEVELS**-order)
-    assert found.band == pytest.approx(1.25 * 0.7 * 8.0**-order, rel=1e-3)
+    band = 1.25 * 0.7 * 8.0**-order if factor is None else factor * (values[1] - values[2])
+    assert frequency_convergence(LEVELS, values).band == pytest.approx(band, rel=1e-3)
 
 
 def test_steps_that_change_sign_count_by_the_larger():
     assert frequency_convergence(LEVELS, np.array([131.0, 131.8, 131.6])).band == pytest.approx(3.0)
 
 
-def test_what_is_kept_comes_out_of_the_solver():
+def test_what_is_kept_comes_out_of_the_solver(benchmark):
     stage = Stage.model_validate(json.loads(str(KEPT["stages"][7])))
-    found = modes_of(vibrating(stage, build_mesh(stage, 4), Payload()), 6).frequencies
+    found = benchmark("frequencies").by_elements(stage, 4)
     np.testing.assert_allclose(found, KEPT["elements"][7, 0], rtol=5e-5)  # gmsh's versions mesh a little differently
-
-
-@pytest.mark.slow
-def test_bands_hold_the_truth_on_stages_never_seen(monkeypatch):
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    from frequencies import solved_stages
-
-    ratio = np.array([over_error(each) for each in solved_stages([7919], 5).elements])
-    assert np.sum(ratio >= 1) >= 27  # of 30
 
 
 # the question
@@ -163,27 +130,16 @@ def test_the_reference_stage_vibrates_out_of_its_plane_at_five_times_its_first_f
     sheet = HERTZ * found.at("frequency", model="plane stress")
     np.testing.assert_allclose(sheet[:3], solid[:3] / 1.0511, rtol=2e-3)
     assert found.tilting_inertia[0] == pytest.approx(float(found.inertia / 2 + found.mass * 100 / 12), rel=1e-4)
-    for shape, tilting in zip(found.fields.shapes, found.fields.tilting, strict=True):
-        u, _, w = np.moveaxis(shape, -1, 0)
-        size = 1e-9 * max(np.abs(u).max(), np.abs(w).max())
-        np.testing.assert_allclose(u, u[:, ::-1] * (-1 if tilting else 1), atol=size)
-        np.testing.assert_allclose(w, w[:, ::-1] * (1 if tilting else -1), atol=size)
     (path,) = found.fields.write(tmp_path / "modes")
     assert b"mode 6" in path.read_bytes()
 
 
-@pytest.fixture
-def flexfem_command(request):
-    """The command line; the name of its fixture is that of the package."""
-    return request.getfixturevalue("flexfem")
-
-
 @pytest.mark.usefixtures("unrendered")
-def test_modes_write_shapes_animations_the_response_and_reduced_models(flexfem_command, tmp_path, monkeypatch):
+def test_modes_write_shapes_animations_the_response_and_reduced_models(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("flexfem.plot.modes.FRAMES", 2)
-    command = ("modes", ROOT / "geometry/mobility3.toml", "--resolution", 4, "--count", 1, "--drives", "engaged")
-    code, out, err = flexfem_command(*command, "-o", tmp_path / "out")
-    assert code == 0, err
+    command = ["modes", str(ROOT / "geometry/mobility3.toml"), "--resolution", "4", "--count", "1"]
+    cli.app([*command, "--drives", "engaged", "-o", str(tmp_path / "out")], standalone_mode=False)
+    out = capsys.readouterr().out
     assert "drives engaged" in out and "their own mass is left out" in out and "K_cb and M_cb are truncated" in out
     ends = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat", "-1.gif", "-response.png", "-response.pdf")
     assert {each.name for each in (tmp_path / "out").iterdir()} == {f"mobility3-modes{end}" for end in ends}

@@ -23,7 +23,6 @@ from flexfem.questions.fixture import (
 C = np.linalg.inv([[37.0, 3.5, 120.0], [3.5, 41.0, -210.0], [120.0, -210.0, 39000.0]])  # of no symmetry
 POLE = {"diameter": 3.0, "height": 31.0, "youngs_modulus": 206e3, "poissons_ratio": 0.29, "offset": (1.3, -0.7)}
 BAR = {"arm": 26.0, "angle": 0.6, "width": 2.0, "thickness": 3.0, "youngs_modulus": 71e3}
-STIFF = {"youngs_modulus": 2e6, "poissons_ratio": 0.3, "diameter": 500.0, "height": 10.0}
 
 
 def fixture(**changes):

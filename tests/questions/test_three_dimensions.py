@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
-
 import meshio
 import numpy as np
 import pytest
@@ -12,17 +9,13 @@ import pytest
 import flexfem
 from flexfem.fem.elements import layered
 from flexfem.fem.export import write_vtu
-from flexfem.mechanism.stage import Stage
 from flexfem.questions import bands, warnings
 from flexfem.questions import stiffness as solid
 
 from ..validation.vibration import third
 
-ROOT = Path(__file__).parents[2]
-STAGE = ROOT / "geometry" / "mobility6.toml"
 
-
-def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fields_with_them(tmp_path: Path) -> None:
+def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fields_with_them(tmp_path):
     """Of two layers, 2.2 and 1 mm high."""
     mesh, heights = third(3, 6, 0.7).mesh, np.array([0.0, 1.1, 2.2, 2.7, 3.2])
     field = np.array([[[2 * x - y, 3 * z, x + 0.1 * z] for z in heights] for x, y in mesh.nodes])
@@ -47,7 +40,7 @@ def test_wedges_of_a_file_have_their_nodes_where_vtk_expects_them_and_their_fiel
 
 @pytest.mark.slow
 @pytest.mark.parametrize("graded", [True, False])
-def test_the_band_of_the_layers_covers_what_they_leave_out(graded: bool, make_stage: Any, monkeypatch: Any) -> None:
+def test_the_band_of_the_layers_covers_what_they_leave_out(graded, make_stage, monkeypatch):
     """Also where they are not graded, which the band must see."""
     stage = make_stage()
     many = bands.solve_solid(stage, 2, 6).compliance
@@ -61,29 +54,23 @@ def test_the_band_of_the_layers_covers_what_they_leave_out(graded: bool, make_st
     assert np.all((relative < 2e-3) if graded else (relative > 2e-3))
 
 
-def test_a_stage_that_holds_its_faces_has_them_free_here(make_stage: Any) -> None:
-    held = make_stage({"model": "plane_strain"})
-    free = make_stage()
-    np.testing.assert_allclose(
-        bands.solve_solid(held, 2, 1).compliance, bands.solve_solid(free, 2, 1).compliance, rtol=1e-9, atol=1e-12
-    )
+def test_a_stage_that_holds_its_faces_has_them_free_here(make_stage):
+    held, free = make_stage({"model": "plane_strain"}), make_stage()
+    clamped, loose = (bands.solve_solid(each, 2, 1).compliance for each in (held, free))
+    np.testing.assert_allclose(clamped, loose, rtol=1e-9, atol=1e-12)
     assert warnings.held_faces(free) == []
     (said,) = warnings.held_faces(held)
     assert "they are free" in said
 
 
-def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage: Any) -> None:
-    stage: Stage = make_stage({"material.poissons_ratio": 0.0})
+def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage):
+    stage = make_stage({"material.poissons_ratio": 0.0})
     found = bands.solve_solid(stage, 2, 1)
-    for each in solid.bounding(stage, found):
-        np.testing.assert_allclose(
-            np.diag(each), np.diag(found.compliance), rtol=5e-4
-        )  # three points of quadrature, not six
+    for each in solid.bounding(stage, found):  # three points of quadrature, not six
+        np.testing.assert_allclose(np.diag(each), np.diag(found.compliance), rtol=5e-4)
 
 
-def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage: Any, monkeypatch: Any) -> None:
-    from flexfem.fem import structure
-
-    monkeypatch.setattr(structure, "MOST_UNKNOWNS", 10_000)
+def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage, monkeypatch):
+    monkeypatch.setattr("flexfem.fem.structure.MOST_UNKNOWNS", 10_000)
     with pytest.raises(flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"):
         bands.solve_solid(make_stage(), 2, 1)

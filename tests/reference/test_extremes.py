@@ -23,6 +23,7 @@ from .test_schemas import ROOT, shipped
 STAGE = str(ROOT / "geometry/mobility6.toml")
 EXTREMES = (1e308, 1e-300, math.nan, math.inf, -1.0)
 COMPARED = {"least", "most", "equals", "at_least", "at_most"}  # with what is found
+COMMANDS = {"stage": ("summary", "--models", "analytic"), "necks": ("as-built", STAGE)}
 READERS = {
     "case": LoadedCase,
     "study": load_study,
@@ -53,11 +54,8 @@ def numbers_in(content, path=()):
 
 def read(name, path, flexfem):
     """Exit code and standard error of the cheapest use of a file."""
-    if name == "stage":
-        code, _, err = flexfem("summary", path, "--models", "analytic")
-        return code, err
-    if name == "necks":
-        code, _, err = flexfem("as-built", STAGE, path)
+    if name in COMMANDS:
+        code, _, err = flexfem(*COMMANDS[name], path)
         return code, err
     try:
         READERS[name](path)

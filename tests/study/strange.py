@@ -54,16 +54,9 @@ def strange(loaded: LoadedStudy, start: int, stop: int) -> Rows:
 
 
 def once(loaded: LoadedStudy, start: int, stop: int) -> Rows:
-    """As `plain`, but the worker of one design is killed the first time."""
+    """The analytic answer, but the worker of one design is killed the first time."""
     mark = loaded.path.parent / "killed"
     if KILLED in range(start, stop) and not mark.exists():
         mark.touch()
         os.kill(os.getpid(), signal.SIGKILL)
-    return plain(loaded, start, stop)
-
-
-def killing(loaded: LoadedStudy, start: int, stop: int) -> Rows:
-    """As `plain`, but one design kills its worker."""
-    if KILLED in range(start, stop):
-        os.kill(os.getpid(), signal.SIGKILL)
-    return plain(loaded, start, stop)
+    return answer(loaded, start, stop)

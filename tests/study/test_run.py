@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,14 +20,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.commands.study import progress_line
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.studies import shard_of, status_facts
 from flexfem.study import table as table_of
 from flexfem.study import workers as worker_module
 from flexfem.study.collect import collect
 from flexfem.study.loaded import load_study
-from flexfem.study.run import Progress, parts_of, remove_stale, run_parts, survey
+from flexfem.study.run import parts_of, remove_stale, run_parts, survey
 from flexfem.study.workers import Workers, require_same_versions, versions_of
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
@@ -65,7 +65,7 @@ def write(folder, model="analytic", designs=300, edit=("", "")):
 
 @pytest.fixture
 def study(tmp_path):
-    return lambda *given, **named: write(tmp_path, *given, **named)
+    return partial(write, tmp_path)
 
 
 class Here:
@@ -86,8 +86,17 @@ def workers():
         yield pool
 
 
-def table(parts, name="table.parquet"):
-    return pq.read_table(collect(parts, parts.folder / name).path)
+def table(parts):
+    return pq.read_table(collect(parts, parts.folder / "table.parquet").path)
+
+
+def require_same(parts, others, rtol=1e-12):
+    """The same rows in the tables of two studies that have run."""
+    found, expected = table(parts), table(others)
+    assert found.schema == expected.schema
+    assert found["status"] == expected["status"] and found["reason"] == expected["reason"]
+    for name in parts.loaded.outputs:
+        np.testing.assert_allclose(found[name], expected[name], rtol=rtol, atol=rtol)
 
 
 @settings(max_examples=4, deadline=None)
@@ -99,10 +108,7 @@ def test_any_split_into_parts_and_shards_gives_the_same_rows(tmp_path_factory, s
     run_parts(whole, Here())
     for turn in reversed(range(shards)):
         run_parts(split, Here(), shard=slice(turn, None, shards))
-    found, expected = table(split), table(whole)
-    assert found.schema == expected.schema and found["status"] == expected["status"]
-    for name in loaded.outputs:
-        np.testing.assert_allclose(found[name], expected[name], rtol=1e-12, atol=1e-12)
+    require_same(split, whole)
 
 
 def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path):
@@ -160,17 +166,13 @@ def test_versions_are_those_of_all_that_decides_results(monkeypatch):
         require_same_versions(dict(versions_of(True)) | {"numpy": "1.0"}, True)
 
 
-@pytest.mark.parametrize("method", ["sobol", "monte_carlo"])
-def test_a_larger_sample_computes_only_what_is_new(study, tmp_path, method):
-    edit = ('"sobol"', f'"{method}"')
-    run_parts(parts_of(load_study(study(designs=100, edit=edit)), tmp_path, 20), Here())
-    here, parts = Here(), parts_of(load_study(study(designs=170, edit=edit)), tmp_path, 20)
-    run_parts(parts, here)
-    assert sorted(here.asked) == [*range(100, 170)] and len(table(parts)) == 170
-    run_parts(parts_of(load_study(study(designs=100, edit=("sobol", "latin_hypercube"))), tmp_path, 20), here)
-    here = Here()
-    run_parts(parts_of(load_study(study(designs=170, edit=("sobol", "latin_hypercube"))), tmp_path, 20), here)
-    assert sorted(here.asked) == [*range(170)]  # which begins otherwise
+@pytest.mark.parametrize(("method", "kept"), [("sobol", 100), ("monte_carlo", 100), ("latin_hypercube", 0)])
+def test_a_larger_sample_computes_only_what_is_new(study, tmp_path, method, kept):
+    """All of a Latin hypercube, which begins otherwise."""
+    for designs in (100, 170):
+        here, parts = Here(), parts_of(load_study(study(designs=designs, edit=("sobol", method))), tmp_path, 20)
+        run_parts(parts, here)
+    assert sorted(here.asked) == [*range(kept, 170)] and len(table(parts)) == 170
 
 
 def test_a_design_that_raises_an_error_is_a_row_and_retry_tries_it_again(study, tmp_path):
@@ -181,26 +183,13 @@ def test_a_design_that_raises_an_error_is_a_row_and_retry_tries_it_again(study, 
     assert rows[20]["reason"] == "ValueError: a bug in two lines" and rows[20]["kxx_n_per_mm"] is None
     assert rows[21]["status"] == "failed" and rows[21]["reason"].startswith("mesh has a scaled Jacobian = 0.01")
     assert rows[22]["kxx_n_per_mm"] == 22.0
-    assert status_facts(parts)["reasons"] == {
-        "failed": {"ValueError: a bug in two lines": 1, "mesh has a scaled Jacobian": 1}
-    }
+    reasons = {"ValueError: a bug in two lines": 1, "mesh has a scaled Jacobian": 1}
+    assert status_facts(parts)["reasons"] == {"failed": reasons}
     here = Here()
     run_parts(parts, here, strange.plain)
     assert here.asked == []
     run_parts(parts, here, strange.plain, retry=True)
     assert here.asked == [*range(16, 32)] and status_facts(parts)["ok"] == 64
-
-
-def test_progress_has_rate_and_time_left():
-    step = Progress(10_000, 1000, survey_counts(2800, 200))
-    assert progress_line(step, 40.0) == "3,000/10,000 designs, 50/s, 0 h 02 min 20 s left, 200 failed"
-    assert progress_line(step._replace(known=3000), 1.0).endswith("waiting for the first, 200 failed")
-
-
-def survey_counts(ok, late):
-    from collections import Counter
-
-    return Counter({("ok", ""): ok, ("time limit", "x"): late})
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2", "1/2/3", "", "\uff11/2", "1/9999999"])
@@ -217,6 +206,9 @@ def test_commands_run_count_and_collect(flexfem, study):
     assert code == 2 and "no study has run in this folder" in err and err.count("\n") == 1
     code, _, err = flexfem("study", "collect", path)
     assert code == 2 and "300 of 300 designs are open" in err and err.count("\n") == 1
+    for arguments, said in ((["run", "--shard", "3/2"], "--shard 3/2"), (["collect", "--to", "t.xlsx"], "ends in")):
+        code, out, err = flexfem("study", arguments[0], path, *arguments[1:])
+        assert (code, out, err.count("\n")) == (2, "", 1) and said in err and not Path("reports").exists()
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--shard", "2/2", "--json")
     about = json.loads(out)
     assert (code, about["designs"], about["open_elsewhere"]) == (0, 0, 300)  # one part, which is the other shard's
@@ -229,25 +221,11 @@ def test_commands_run_count_and_collect(flexfem, study):
         code, out, _ = flexfem("study", "collect", path, "--to", target, "--json")
         assert json.loads(out) == {"written": [target], "designs": 300, "open": 0}
     frame = table_of("t.parquet")
-    assert list(frame["design"]) == [*range(300)] and np.allclose(
-        2 * frame["half"], frame["kxx_n_per_mm"], equal_nan=True
-    )
+    assert list(frame["design"]) == [*range(300)]
+    np.testing.assert_array_equal(2 * frame["half"], frame["kxx_n_per_mm"])
     assert pyarrow.csv.read_csv("t.csv").num_rows == 300
     code, out, _ = flexfem("study", "clean", path)
     assert code == 0 and out.startswith("0 parts of other inputs")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (["run", "--shard", "3/2"], "--shard 3/2"),
-        (["collect", "--to", "t.xlsx"], "expected a file name that ends in"),
-    ],
-)
-def test_bad_options_are_refused_in_one_line(flexfem, study, arguments, said):
-    code, out, err = flexfem("study", arguments[0], study(), *arguments[1:])
-    assert (code, out, err.count("\n")) == (2, "", 1) and said in err
-    assert not Path("reports").exists()
 
 
 def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
@@ -268,21 +246,13 @@ def test_a_folder_that_takes_no_part_is_refused_in_one_line(flexfem, study):
     assert (code, out, err.count("\n")) == (2, "", 1) and "reports" in err
 
 
-def test_worker_processes_give_the_table_of_one_process(study, workers, tmp_path):
-    loaded = load_study(study())
-    here, there = parts_of(loaded, tmp_path / "here", 64), parts_of(loaded, tmp_path / "there", 64)
+def test_workers_of_which_one_is_killed_from_outside_give_the_table_of_one_process(study, workers, tmp_path):
+    loaded = load_study(study(designs=60))
+    here, there = parts_of(loaded, tmp_path / "here", 4), parts_of(loaded, tmp_path / "there", 4)
     run_parts(here, Here())
-    run_parts(there, workers)
-    found, expected = table(there), table(here)
-    assert found["reason"] == expected["reason"]
-    for name in loaded.outputs:
-        np.testing.assert_allclose(found[name], expected[name], rtol=1e-12, atol=1e-12)
-
-
-def test_a_worker_killed_from_outside_changes_no_row(study, workers, tmp_path):
-    parts = parts_of(load_study(study(designs=60)), tmp_path, 4)
-    run_parts(parts, workers, strange.once)
-    assert (tmp_path / "killed").exists() and status_facts(parts)["ok"] == 60
+    run_parts(there, workers, strange.once)
+    assert (tmp_path / "killed").exists()
+    require_same(there, here)
 
 
 def test_workers_that_cannot_begin_fail_in_one_line(study, tmp_path, monkeypatch):
@@ -321,13 +291,8 @@ with Workers(2) as pool:
 
 def start(path, output):
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
-    return subprocess.Popen(
-        [sys.executable, "-c", RUN, str(path), str(output)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=environment,
-    )
+    command, pipes = [sys.executable, "-c", RUN, str(path), str(output)], {"stdout": -1, "stderr": -1}
+    return subprocess.Popen(command, text=True, env=environment, **pipes)
 
 
 def until(condition, seconds=60.0):
@@ -358,9 +323,7 @@ def test_killed_at_random_moments_the_table_is_that_of_an_uninterrupted_run(stud
     assert 0 < done.total.total() < 600 and done.damaged == []
     out, err = start(path, tmp_path / "killed").communicate(timeout=120)
     assert int(out.split()[-1]) == done.total.total(), err  # nothing that was there is computed again
-    assert table(parts)["reason"] == table(whole)["reason"]
-    for name in parts.loaded.outputs:
-        np.testing.assert_allclose(table(parts)[name], table(whole)[name], rtol=1e-12, atol=1e-12)
+    require_same(parts, whole)
 
 
 @pytest.mark.slow
@@ -394,7 +357,6 @@ def test_workers_of_a_dask_scheduler_make_the_same_table_and_none_is_named(study
         Workers(1, cluster.scheduler_address) as pool,
     ):
         run_parts(there, pool)
-    for name in loaded.outputs:
-        np.testing.assert_allclose(table(there)[name], table(here)[name], rtol=1e-9, atol=1e-9)
+    require_same(there, here, 1e-9)
     with pytest.raises(BadInput, match=r"--scheduler 127.0.0.1:1: expected host:port of one with workers"):
         Workers(1, "127.0.0.1:1")
