@@ -94,7 +94,7 @@ def test_no_number_whose_source_says_assumed_is_called_stated(tmp_path):
     assert not any(kind == "stated" and source.lower().startswith("assumed") for kind, source in rows.values())
 
 
-def test_a_page_of_stored_results_has_their_tables_curves_and_doubts(tmp_path):
+def test_a_page_of_stored_results_has_their_tables_curves_and_assumptions(tmp_path):
     one = result({"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}, assumed=["chain.link_width_mm"])
     found = report(one.write(tmp_path / "fig.json"), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
