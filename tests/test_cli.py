@@ -107,16 +107,6 @@ def test_view_says_where_the_picture_is_and_what_is_missing(flexfem, monkeypatch
     assert "warning: thickness_mm: missing, and what needs it is not drawn\n" in out
 
 
-def test_check_tells_where_every_number_comes_from_and_repeats_no_source(flexfem):
-    code, out, _ = flexfem("check", STAGE)
-    assert code == 0 and "mobility: 6" in out
-    for key in ("chain.link_lengths_mm", "hinges.base.neck_mm", "material.youngs_modulus_gpa"):
-        assert key in out
-    assert out.count("assumed: Table I of the paper") <= 1 and out.count("model: ") == 1
-    assert "thickness: 10 mm\n" in out and "link width 9 mm" in out and "stroke (um)" in out
-    assert machine(flexfem, "check", STAGE)["mobility"] == 6
-
-
 def test_names_with_markup_are_printed_as_they_are(flexfem, project):
     path = project.edit("geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "[red]x[/b] $y$"'))
     for command in (["check", path], ["stiffness", path, "--models", "analytic"]):
