@@ -65,12 +65,7 @@ def test_a_file_and_python_give_the_same_stage(tmp_path):
     chain = flexfem.Chain(link_lengths=[30, 32, 24], joint_angles=[np.pi, -np.pi / 2, np.pi / 2], link_width=9)
     hinge = flexfem.Hinge(radius=1.5, neck=0.5)
     hinges = flexfem.Hinges(base={"radius": 4.0, "neck": 0.5, "prismatic": True}, elbow=hinge, platform=hinge)
-    parts = {
-        "material": material,
-        "chain": chain,
-        "hinges": hinges,
-        "platform": flexfem.Platform(radius=17, hub_radius=8),
-    }
+    parts = {"material": material, "chain": chain, "hinges": hinges, "platform": {"radius": 17, "hub_radius": 8}}
     made = flexfem.Stage(name="x", thickness=10, **parts)
     assert made.hash == read.hash and made.material == read.material
 

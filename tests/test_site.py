@@ -51,11 +51,9 @@ def blocks(page, language):
 
 def shell(text, folder, **variables):
     """Exit code, and what is printed, of lines as a reader types them."""
-    bin_ = str(Path(sys.executable).parent)
-    where = {"PATH": f"{bin_}:{os.environ['PATH']}", "PYTHONPATH": str(ROOT)}
-    run = subprocess.run(
-        ["bash", "-ec", text], cwd=folder, env={**os.environ, **where, **variables}, capture_output=True, text=True
-    )
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    where = {"cwd": folder, "env": {**os.environ, "PATH": path, "PYTHONPATH": str(ROOT), **variables}}
+    run = subprocess.run(["bash", "-ec", text], capture_output=True, text=True, **where)
     return run.returncode, run.stdout + run.stderr
 
 
