@@ -64,6 +64,12 @@ def test_a_curve_has_the_force_of_its_model_and_the_errors_of_its_meshes(project
         assert 1e-3 < result.band("percent", curve=label)[1] < 1.0
 
 
+def test_a_curve_takes_its_formula_and_elastic_links(project):
+    linked = ("mobility = 3", 'mobility = 21\nformula = "calibrated"\nlinks = true')
+    found = run_case(LoadedCase(project.edit("cases/fig5.toml", linked, *SMALLER)))
+    assert abs(found.percent[0, 0]) < 0.1 and found.percent[1, 0] > 10  # 0.5 % with rigid links
+
+
 def test_the_errors_of_two_models_follow_from_their_compliances():
     """Softer by a tenth: 10 % along and nothing across; what is across counts by the lever."""
     K = np.diag([40.0, 50.0, 46000.0])

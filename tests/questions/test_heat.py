@@ -10,6 +10,7 @@ from matplotlib.text import Annotation
 import flexfem
 from flexfem.commands import cli
 from flexfem.plot.fields import drift_figure, plot_drift
+from flexfem.questions import heat
 from flexfem.questions.bands import corner_bands, layer_bands, pose_bands
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
@@ -130,6 +131,18 @@ def test_three_dimensions_drift_as_the_plane_says_and_rise_with_a_gradient_throu
     np.testing.assert_allclose(stress[[1, 3]], [13.68, 37.67], rtol=0.02)
     edges = np.max(found.at("edges", model=SOLID), axis=1)
     assert edges[1] == pytest.approx(118.9, rel=0.03), "held across too: far more than the 68.5 of plane stress"
+
+
+@pytest.mark.slow
+def test_unlike_chains_tilt_in_three_dimensions_and_fields_of_every_case_are_written(monkeypatch, tmp_path):
+    monkeypatch.setattr(heat, "LEAST_SOLID", 4)
+    unlike = flexfem.load(STAGE).replace(override=NECKS, thickness=4.0)
+    found = flexfem.drift(unlike, models="elements", resolution=4, layers=3)
+    tilt, sheet = found.at("tilt", model=SOLID), found.at("pose", model="plane stress")
+    assert min(abs(tilt[1:])) * 24.0 > 1e-3 * abs(tilt[0]) > 0.0
+    for solid, plane in zip(found.at("pose", model=SOLID)[:3], sheet[:3], strict=True):
+        np.testing.assert_allclose(solid, plane, atol=0.03 * np.max(np.abs(plane)))
+    assert b"displacement, gradient in z" in found.fields.write(tmp_path / "warm")[0].read_bytes()
 
 
 def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(found):

@@ -147,13 +147,6 @@ def test_what_has_no_interval_is_refused():
     assert identify(reference(), ground).axes["number"][0] == "translation"
 
 
-def test_necks_that_are_on_no_chart_are_fitted_by_another_formula():
-    thin = reference().replace(neck={"base": 0.05})
-    found = identify(thin, measured(made(reference(), 0.0, 1.0)))
-    assert found.settings["analytic model"] == "paros-weisbord, elastic links, plane stress"
-    assert any("not on the hinge chart" in text for text in found.warnings)
-
-
 def test_confidence_and_dropped_numbers_set_what_a_cause_alone_is_allowed():
     """Chi square without both numbers: 4.605 at 90 %, 5.991 at 95 %; the map's limit likewise."""
     slopes, factor = made(reference(), 0.0, 0.0), 1 - 0.0113  # rigid pole; 2.3 standard deviations of theta

@@ -71,8 +71,6 @@ def test_plane_problems_that_bound_it_are_on_the_same_mesh(make_stage):
 
 
 def test_too_many_unknowns_are_refused_before_anything_is_factorised(make_stage, monkeypatch):
-    from flexfem.fem import structure
-
-    monkeypatch.setattr(structure, "MOST_UNKNOWNS", 10_000)
+    monkeypatch.setattr("flexfem.fem.structure.MOST_UNKNOWNS", 10_000)
     with pytest.raises(flexfem.ComputationFailed, match="unknowns in three dimensions, expected at most 1e"):
         bands.solve_solid(make_stage(), 2, 1)

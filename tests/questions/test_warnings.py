@@ -111,11 +111,8 @@ def test_stress_is_off_finite_elements_by_what_is_stated_for_every_formula(proje
     assert "has not been compared" in warning.stress_accuracy("calibrated", False, "corrected")
 
 
-@pytest.mark.parametrize(("plane", "share"), [("plane_stress", 99), ("plane_strain", 99), ("corrected", 98)])
-def test_limits_of_yield_are_below_it_by_what_the_stress_of_driven_stages_may_be_low(plane, share):
-    assert f"at {share} % of the yield strength" in warning.driven_accuracy("calibrated", True, plane)
-    assert "0.8 to 13 times" in warning.driven_accuracy("paros-weisbord", False, plane)
-    assert 1 - warning.YIELD_MARGIN[plane] == pytest.approx(share / 100)
+def test_limits_of_yield_are_below_it_by_what_the_stress_of_driven_stages_may_be_low():
+    assert warning.YIELD_MARGIN == {"plane_stress": 0.01, "plane_strain": 0.01, "corrected": 0.02}
 
 
 def test_numbers_more_likely_in_another_unit_are_said(project):

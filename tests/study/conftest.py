@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from flexfem.arrays import Array
 from flexfem.files.writing import toml_text
+from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy, load_study
 
 from ..conftest import GENERIC
@@ -67,12 +68,16 @@ class Studies:
         return self.load(text=f"{opening}[sampling]\n{sampling}\n{body}\n{tail}")
 
 
+def random(studies: Studies, head: str, count: int, tail: str, factors: tuple[str, ...]) -> LoadedStudy:
+    """A study of a few random designs."""
+    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+
+
+def columns(loaded: LoadedStudy, rows: Rows) -> dict[str, Array]:
+    """Answers by the names of their columns."""
+    return dict(zip(loaded.outputs, rows.values.T, strict=True))
+
+
 @pytest.fixture
 def studies(tmp_path: Path) -> Studies:
     return Studies(tmp_path)
-
-
-@pytest.fixture(scope="session")
-def shipped() -> Callable[[str], LoadedStudy]:
-    """A shipped study by the middle of its name."""
-    return lambda name: load_study(Path(__file__).parents[2] / "cases" / f"study-{name}.toml")

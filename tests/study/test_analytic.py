@@ -10,19 +10,16 @@ import pytest
 
 from flexfem.analytic.model import analyse, assemble
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, inverse_kinematics, stiffness
-from flexfem.arrays import Array, inverse
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.hinges.strength import concentration
 from flexfem.mechanism.bodies import draw_sector, polygon_points
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_closed_form, check_feasible
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.loaded import LoadedStudy, sample, stage_of
+from flexfem.study.loaded import sample, stage_of
 
 LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path
-ROUND_OFF = 1e-11  # the same sums in another order
 GENTLE = (
     'key = "override.*.*.radius_mm"\nfrom = 1.5\nto = 3.9',
     'key = "override.*.*.neck_mm"\nfrom = 0.35\nto = 0.8',
@@ -44,58 +41,30 @@ WILD = (
     'key = "chain.link_width_mm"\nfrom = 3.0\nto = 15.0',
     'key = "platform.radius_mm"\nfrom = 5.0\nto = 25.0',
 )
+PLANES: tuple[Plane, ...] = ("plane_stress", "plane_strain", "corrected")
 DRIVE = "[drive]\nstroke_um = 17.4\nlever_arm_mm = 10.0"
 
 
-def study(
-    studies: Any, factors: tuple[str, ...], formula: str, mobility: int | None, count: int, more: str = ""
-) -> Any:
+def study(studies: Any, factors: tuple[str, ...], formula: str, mobility: Any, count: int, more: str = "") -> Any:
     head = f'model = "analytic"\nformula = "{formula}"\n' + (f"mobility = {mobility}\n" if mobility else "") + more
     return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 29', *factors, head=head, tail=DRIVE)
 
 
-def stiffness_in(loaded: LoadedStudy, values: Array) -> Array:
-    """Stiffnesses (n, 3, 3) out of the output columns."""
-    xx, yy, tt, xy, xt, yt = values[:, :6].T
-    return np.moveaxis(np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]), -1, 0)
-
-
-def deviation(found: Array, expected: Array) -> float:
-    size = np.sqrt(np.abs(np.diagonal(expected)))
-    return float(np.max(np.abs(found - expected) / np.outer(size, size)))
-
-
-def require_stiffness_of_loops(loaded: LoadedStudy, mobility: int | None, formula: str) -> None:
-    rows = answer(loaded, 0, loaded.count)
-    assert set(rows.status) == {"ok"}, rows.reason
-    for K, values in zip(stiffness_in(loaded, rows.values), sample(loaded, 0, loaded.count), strict=True):
-        assert deviation(K, stiffness(assemble(stage_of(loaded, values), mobility, formula)).K_uu) < LOOPS
-
-
 def test_the_kernel_is_the_scalar_model(studies: Any) -> None:
-    """Chains in parallel against loop equations: every mobility, and every formula with one of them."""
+    """Chains in parallel against loop equations: every mobility, and every formula with one of them and in a plane."""
     mobilities = [*FREEDOMS_BY_MOBILITY, None]
     pairs = [("calibrated", mobility) for mobility in mobilities]
     pairs += [(formula, mobilities[place % len(mobilities)]) for place, formula in enumerate(FORMULAS)]
-    for formula, mobility in pairs:
-        require_stiffness_of_loops(study(studies, GENTLE, formula, mobility, 4), mobility, formula)
-
-
-@pytest.mark.parametrize("plane", ["plane_strain", "corrected"])
-def test_the_kernel_respects_the_plane_of_the_stage(plane: str, studies: Any) -> None:
-    stage = studies.folder / "stage.toml"
-    stage.write_text(f'model = "{plane}"\n{stage.read_text()}')
-    require_stiffness_of_loops(study(studies, GENTLE, "calibrated", 21, 4), 21, "calibrated")
-
-
-@pytest.mark.slow
-def test_elastic_links_are_those_of_the_scalar_model(studies: Any) -> None:
-    loaded = study(studies, GENTLE, "calibrated", 21, 3, "links = true")
-    rows = answer(loaded, 0, loaded.count)
-    assert set(rows.status) == {"ok"}, rows.reason
-    for K, values in zip(stiffness_in(loaded, rows.values), sample(loaded, 0, loaded.count), strict=True):
-        expected = inverse(analyse(stage_of(loaded, values), 21, "calibrated", links=True).compliance)
-        assert deviation(K, expected) < ROUND_OFF
+    for turn, (formula, mobility) in enumerate(pairs):
+        loaded = study(studies, GENTLE, formula, mobility, 4)
+        loaded = replace(loaded, stage=loaded.stage.model_copy(update={"model": PLANES[turn % len(PLANES)]}))
+        rows = answer(loaded, 0, loaded.count)
+        assert set(rows.status) == {"ok"}, rows.reason
+        for found, values in zip(rows.values, sample(loaded, 0, loaded.count), strict=True):
+            K = found[:6][[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+            expected = stiffness(assemble(stage_of(loaded, values), mobility, formula)).K_uu
+            size = np.sqrt(np.diagonal(expected))
+            np.testing.assert_allclose(K / np.outer(size, size), expected / np.outer(size, size), rtol=0, atol=LOOPS)
 
 
 @pytest.mark.parametrize("check", ["closed_form", "drawing"])
@@ -119,14 +88,9 @@ def test_what_the_scalar_path_refuses_is_refused_and_nothing_else(check: str, st
 
 def test_a_singular_stage_is_refused(studies: Any) -> None:
     """Three hinges in line leave a chain of mobility three no compliance along it."""
-    straight = (
-        'key = "chain.joint_angles_deg[0]"\nvalues = [180.0]',
-        'key = "chain.joint_angles_deg[1]"\nvalues = [0.0]',
-    )
-    loaded = study(studies, straight, "paros-weisbord", 3, 2)
-    assert set(answer(loaded, 0, 2).reason) == {
-        "chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"
-    }
+    straight = tuple(f'key = "chain.joint_angles_deg[{k}]"\nvalues = [{angle}]' for k, angle in enumerate((180.0, 0.0)))
+    (reason,) = set(answer(study(studies, straight, "paros-weisbord", 3, 2), 0, 2).reason)
+    assert reason.startswith("chain: singular to working precision at rest")
 
 
 def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(studies: Any) -> None:
@@ -158,17 +122,6 @@ def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(stud
             assert found[loaded.outputs.index("travel_x_um") + axis] == pytest.approx(expected, rel=1e-7)
 
 
-def test_the_notch_concentrates_as_hyperbolic_notches_do() -> None:
-    """None at a long thin neck, growing with t/R, below that of a hole's edge; near a published fit in bending."""
-    ratio = np.geomspace(1e-4, 2.0, 60)
-    K = concentration(ratio)
-    for values in K:
-        assert values[0] == pytest.approx(1.0, abs=1e-4)
-        assert np.all(np.diff(values) > 0) and values[-1] < 3.0
-    smith_chetwynd = (1 + ratio / 2) ** 0.45
-    assert np.max(np.abs(K.bending / smith_chetwynd - 1)[ratio < 0.5]) < 0.015  # their range ends near there
-
-
 def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:
     loaded = study(studies, GENTLE, "calibrated", 21, 8)
     sizes = answer(loaded, 0, 8).values[:, loaded.outputs.index("envelope_mm")]
@@ -177,24 +130,3 @@ def test_the_envelope_holds_the_drawn_stage_and_no_more(studies: Any) -> None:
         faces = [face for chain in (1, 2, 3) for face in draw_sector(stage, chain).values()]
         drawn = 2 * max(np.hypot(*polygon_points(face.loop).T).max() for face in faces)
         assert size == pytest.approx(drawn, rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])
-def test_the_highest_neck_stress_is_that_of_finite_elements(studies: Any, plane: Plane) -> None:
-    """Rigid links carry up to 2.5 % more than the bending ones of the finite elements; elastic links within 1 %."""
-    from flexfem.fem.fields import load_case
-    from flexfem.questions.setup import solved as solve_stage
-
-    resolution = 10  # the stress is 0.3 % below its limit
-    for more, allowed in (("", 0.03), ("links = true", 0.01)):
-        loaded = study(studies, GENTLE, "calibrated", 21, 2, more)
-        loaded = replace(loaded, stage=loaded.stage.model_copy(update={"model": plane}))
-        rows = answer(loaded, 0, 2)
-        for values, found in zip(sample(loaded, 0, 2), rows.values, strict=True):
-            stage = stage_of(loaded, values)
-            solved = solve_stage(stage, resolution)
-            for axis in range(3):
-                force = np.linalg.inv(solved.compliance)[axis] * 1e-3
-                highest = load_case(stage, solved.mesh, solved, force).neck_stress.max()
-                assert found[9 + axis] == pytest.approx(highest, rel=allowed)

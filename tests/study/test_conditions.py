@@ -12,7 +12,7 @@ from scipy.stats import kstest, spearmanr, truncnorm, uniform
 from flexfem.study.answer import answer, nominal
 from flexfem.study.collect import collect, read_table
 from flexfem.study.loaded import judge, sample
-from flexfem.study.plan import names_in, value_of
+from flexfem.study.plan import value_of
 from flexfem.study.run import parts_of, table_of, write_part
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
@@ -43,6 +43,8 @@ def test_an_expression_has_the_value_that_arithmetic_gives_it() -> None:
         ("10 - k.x[1] - 1", [5.0, 0.0]),
     ):
         np.testing.assert_allclose(value_of(text, given), expected, rtol=1e-14, err_msg=text)
+    missing = {"a": np.array([np.nan, 2.0]), "b": np.array([1.0, np.nan])}
+    assert all(np.isnan(value_of(text, missing)).all() for text in ("max(a, b)", "min(a, b)", "a + b", "0 * a * b"))
     assert np.isnan(value_of("log(`link 1`)", given)[1]) and value_of("1 / (k.x[1] - 4)", given)[0] == np.inf
 
 
@@ -68,7 +70,7 @@ def test_derived_outputs_and_constraints_are_columns_of_the_collected_table_alon
     np.testing.assert_allclose(stored["ratio"][ok], ratio[ok], rtol=1e-13)
     np.testing.assert_allclose(stored["other"][ok], 0.71 + 2 * stored["r"][ok], rtol=1e-13)
     keeps = (stored["range_x_um"] >= 505.0) & (ratio <= -0.2)
-    assert 5 < keeps[ok].sum() < 34, (stored["range_x_um"].describe(), ratio.describe())
+    assert 5 < keeps[ok].sum() < 34
     assert (stored["feasible"][ok] == keeps[ok]).all()
     assert stored["feasible"][3] is None and np.isnan(stored["slenderness"][3])
     table = read_table(tmp_path / "t.parquet")
@@ -93,14 +95,8 @@ def test_a_constraint_on_factors_and_keys_alone_refuses_before_anything_is_solve
     assert list(rows.status) == ["refused" if out else "ok" for out in outside]
     first = int(np.flatnonzero(outside)[0])
     assert rows.reason[first] == f"constraint t/R = {neck[first] / 3.9:.6g}, expected at least 0.12 and at most 0.15"
-    edits = (
-        ("0.12", "0.13"),
-        ("0.15", "0.16"),
-        ("/ hinges.base", "/ 1.01 / hinges.base"),
-        ("/ 1.0", "/ 1.1"),
-        ("t/R", "t/r"),
-    )
-    for old, new in edits:
+    edits = {"0.12": "0.13", "0.15": "0.16", "/ hinges.base": "/ 1.01 / hinges.base", "/ 1.0": "/ 1.1", "t/R": "t/r"}
+    for old, new in edits.items():
         assert old in OUTPUTS + limit
         changed = studies.of(FEW, NECK, RADIUS, head=head, tail=(OUTPUTS + limit).replace(old, new))
         assert changed.hash != loaded.hash, old
@@ -120,7 +116,8 @@ def test_correlated_factors_have_their_rank_correlation_and_keep_their_distribut
         found = sample(loaded, 0, 8192)
         ranks = spearmanr(found).statistic
         wanted = np.array([[1, 0, 0, -0.3], [0, 1, 0, 0.6], [0, 0, 1, 0], [-0.3, 0.6, 0, 1]])
-        np.testing.assert_allclose(ranks, wanted, atol=4 / np.sqrt(8192))  # four standard errors
+        # four standard errors, and less than 0.6 of the normal deviates is off, 0.582 of the ranks
+        np.testing.assert_allclose(ranks, wanted, atol=0.008 if method == "sobol" else 4 / np.sqrt(8192))
         shape = truncnorm((9.0 - 9.7) / 1.0, (12.0 - 9.7) / 1.0, loc=9.7, scale=1.0)
         for values, marginal in (
             (np.log(found[:, 0] / 0.4) / np.log(0.7 / 0.4), uniform()),
@@ -131,15 +128,6 @@ def test_correlated_factors_have_their_rank_correlation_and_keep_their_distribut
         np.testing.assert_array_equal(found[:, 2], sample(apart, 0, 8192)[:, 2])  # who is not named stays
         np.testing.assert_array_equal(found[1000:1003], sample(loaded, 1000, 1003))
         assert loaded.hash != apart.hash
-
-
-def test_a_value_that_is_missing_leaves_no_value_and_no_expression_is_too_deep() -> None:
-    given = {"a": np.array([np.nan, 2.0]), "b": np.array([1.0, np.nan])}
-    for text in ("max(a, b)", "min(a, b)", "a + b", "0 * a * b"):
-        assert np.isnan(value_of(text, given)).all(), text
-    assert names_in("-" * 40 + "a") == ("a",)
-    with pytest.raises(ValueError, match="at most 50 operations"):
-        names_in("-" * 60 + "a")
 
 
 def test_a_key_has_the_number_of_the_file(studies) -> None:
@@ -158,10 +146,3 @@ def test_a_key_has_the_number_of_the_file(studies) -> None:
         columns = {"neck of base": np.array([0.5, 0.6])}
         found = judge(loaded, columns, np.array([True, True])).derived["own"]
         np.testing.assert_allclose(found, expected, rtol=1e-12, err_msg=key)
-
-
-def test_a_rank_correlation_is_that_of_the_ranks(studies) -> None:
-    """0.8 of the ranks is 0.8135 of the normal deviates; 0.8 of these would be 0.786 of the ranks."""
-    correlation = '[[correlation]]\nfactors = ["neck of base", "r"]\ncoefficient = 0.8'
-    loaded = studies.of('method = "sobol"\ndesigns = 8192\nseed = 5', NECK, RADIUS, tail=correlation)
-    assert spearmanr(*sample(loaded, 0, 8192).T).statistic == pytest.approx(0.8, abs=0.003)

@@ -36,9 +36,8 @@ def test_designs_as_arrays_are_the_stages_one_by_one(studies: Any) -> None:
     for index, row in enumerate(values):
         stage = stage_of(loaded, row)
         assert together.thickness[index] == stage.thickness
-        assert together.youngs_modulus[index] == stage.material.youngs_modulus
-        assert together.poissons_ratio[index] == stage.material.poissons_ratio
-        assert together.yield_strength[index] == stage.material.yield_strength
+        for name in ("youngs_modulus", "poissons_ratio", "yield_strength"):
+            assert getattr(together, name)[index] == getattr(stage.material, name)
         assert tuple(together.link_lengths[index]) == stage.chain.link_lengths
         assert tuple(together.joint_angles[index]) == stage.chain.joint_angles
         assert together.platform_radius[index] == stage.platform.radius
@@ -55,13 +54,9 @@ def test_a_design_is_the_stage_that_the_edited_file_would_give(studies: Any) -> 
     link = 'key = "chain.link_lengths_mm[1]"\nvalues = [34.25]', 'key = "override.3.base.radius_mm"\nvalues = [3.5]'
     loaded = studies.of(FEW, *necks, *link, 'key = "material.youngs_modulus_gpa"\nvalues = [71.7]')
     text = (studies.folder / "stage.toml").read_text()
-    for old, new in (
-        ("neck_mm = 0.47", "neck_mm = 0.5"),
-        ("neck_mm = 0.71", "neck_mm = 0.8"),
-        ("33.5", "34.25"),
-        ("68.3", "71.7"),
-        ("[provenance]", '[[override]]\nchain = 3\nhinge = "base"\nradius_mm = 3.5\n[provenance]'),
-    ):
+    edits = {"neck_mm = 0.47": "neck_mm = 0.5", "neck_mm = 0.71": "neck_mm = 0.8", "33.5": "34.25", "68.3": "71.7"}
+    edits["[provenance]"] = '[[override]]\nchain = 3\nhinge = "base"\nradius_mm = 3.5\n[provenance]'
+    for old, new in edits.items():
         assert old in text
         text = text.replace(old, new)
     (studies.folder / "edited.toml").write_text(text)

@@ -15,9 +15,10 @@ from flexfem.questions.setup import Analytic
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.study.answer import answer
-from flexfem.study.loaded import judge, sample, stage_of
+from flexfem.study.loaded import sample, stage_of
 
 from ..conftest import GENERIC, ROOT, UNLIKE
+from .conftest import columns, random
 
 EXPANDING = "material.expansion_um_per_m_k"
 FACTORS = (
@@ -46,20 +47,15 @@ def warm(studies: Any) -> Any:
 
 
 def study(studies: Any, head: str, count: int, tail: str = "[drift]", factors: tuple[str, ...] = FACTORS) -> Any:
-    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
+    return random(studies, head, count, tail, factors)
 
 
-def columns(loaded: Any, rows: Any) -> dict[str, Any]:
-    return dict(zip(loaded.outputs, rows.values.T, strict=True))
-
-
-def alone(stage: Any, **model: Any) -> Any:
-    """Pose by case (3, 3 cases) as `flexfem.drift` has it, um and urad; largest over directions by trying many."""
-    found = flexfem.drift(stage, models="analytic", analytic=Analytic(**model))
-    poses = found.at("pose", model=ANALYTIC).T * np.array([[1e3], [1e3], [1e6]])
+def alone(stage: Any, model: str, **options: Any) -> list[float]:
+    """As `flexfem.drift` has them, um and urad: the pose, and the largest over directions by trying many."""
+    poses = flexfem.drift(stage, **options).at("pose", model=model).T * np.array([[1e3], [1e3], [1e6]])
     turn = np.linspace(0, np.pi, 200_001)
     x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
-    return poses[:, 0], np.max(np.hypot(x, y)), np.max(np.abs(theta))
+    return [*poses[:, 0], np.max(np.hypot(x, y)), np.max(np.abs(theta))]
 
 
 @pytest.mark.parametrize(
@@ -80,9 +76,8 @@ def test_designs_at_once_have_the_drift_of_each_alone(studies: Any, head: str, p
     for values, row in zip(sample(loaded, 0, 2), rows.values, strict=True):
         stage = stage_of(loaded, values)
         assert stage.material.expansion == pytest.approx(1e-6 * values[2], rel=1e-12)
-        pose, moved, turned = alone(stage, **asked)
-        np.testing.assert_allclose(row[-5:-2], pose, rtol=1e-9)
-        np.testing.assert_allclose(row[-2:], [moved, turned], rtol=1e-9)
+        expected = alone(stage, ANALYTIC, models="analytic", analytic=Analytic(**asked))
+        np.testing.assert_allclose(row[-5:], expected, rtol=1e-9)
 
 
 def test_the_drift_of_a_stage_with_unlike_chains_is_that_of_finite_elements(studies: Any) -> None:
@@ -101,20 +96,13 @@ def test_the_drift_of_a_stage_with_unlike_chains_is_that_of_finite_elements(stud
     assert all("drift: the stacks, their preloads and their own expansion are left out" in one for one in rows.reason)
 
 
-def test_drift_limits_designs_and_is_proportional_to_the_difference_of_both_coefficients(warm: Any) -> None:
-    tail = (
-        '[drift]\n[[constraint]]\nvalue = "drift_gradient_um_per_k_per_mm"\nmost = 14.0\n[[figure]]\nkind = "pareto"\n'
-    )
-    tail += 'x = "drift_theta_urad_per_k"\ny = "kxx_n_per_mm"\nx_better = "smaller"'
-    loaded = study(warm, HEAD, 300, tail, FACTORS[2:4])
+def test_drift_is_proportional_to_the_difference_of_both_coefficients(warm: Any) -> None:
+    loaded = study(warm, HEAD, 300, factors=FACTORS[2:4])
     found, values = columns(loaded, answer(loaded, 0, 300)), sample(loaded, 0, 300)
     difference = values[:, 0] - values[:, 1]
     for name in (*NAMES, *STEEPEST):
         size = found[name] / (difference if name in NAMES else np.abs(difference))
         np.testing.assert_allclose(size, size[0], rtol=1e-9, err_msg=name)
-    named = dict(zip((EXPANDING, "frame.expansion_um_per_m_k"), values.T, strict=True))
-    feasible = judge(loaded, found | named, np.ones(300, bool)).feasible
-    assert np.array_equal(feasible, found[STEEPEST[0]] <= 14.0) and 30 < feasible.sum() < 270
 
 
 def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any) -> None:
@@ -127,17 +115,12 @@ def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any
     assert not any("expansion" in key for key in (*plain.doubts.not_stated, *plain.doubts.assumed))
 
 
-@pytest.mark.parametrize("plane", ["plane_stress", "plane_strain"])
-def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any, plane: str) -> None:
-    (studies.folder / "stage.toml").write_text(toml_text(content(model=plane)))
+def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any) -> None:
+    (studies.folder / "stage.toml").write_text(toml_text(content(model="plane_strain")))
     loaded = study(studies, 'model = "fe"\nresolution = 6\n', 1)
     (row,), (values,) = answer(loaded, 0, 1).values, sample(loaded, 0, 1)
-    found = flexfem.drift(stage_of(loaded, values), models="elements", resolution=6)
-    poses = found.at("pose", model=ELEMENTS).T * np.array([[1e3], [1e3], [1e6]])
-    turn = np.linspace(0, np.pi, 20_001)
-    x, y, theta = poses[:, 1:] @ [np.cos(turn), np.sin(turn)]
-    np.testing.assert_allclose(row[-5:-2], poses[:, 0], rtol=1e-8)
-    np.testing.assert_allclose(row[-2:], [np.max(np.hypot(x, y)), np.max(np.abs(theta))], rtol=1e-8)
+    expected = alone(stage_of(loaded, values), ELEMENTS, models="elements", resolution=6)
+    np.testing.assert_allclose(row[-5:], expected, rtol=1e-8)
     model = study(studies, f"{HEAD}links = true\n", 1)
     np.testing.assert_allclose(row[-5:], answer(model, 0, 1).values[0, -5:], rtol=3e-3)  # meshes, up to 0.2 %
 

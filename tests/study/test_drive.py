@@ -37,6 +37,7 @@ seed = 11
 [drive]
 actuators = true
 """
+ELEMENTS = HEAD.replace('"analytic"', '"fe"').replace('formula = "calibrated"\nmobility = 21', "resolution = 4")
 FACTORS = {  # a range each, in units of the file
     "hinges.base.radius_mm": (2.5, 3.8),
     "hinges.elbow.neck_mm": (0.35, 0.7),
@@ -60,7 +61,6 @@ chain = 3
 actuator = "base"
 side = "right"
 tilt_deg = 12.0
-
 [[override]]
 chain = 1
 hinge = "elbow"
@@ -94,15 +94,9 @@ def ranges(stage: Stage, choice: tuple[int | None, str, bool], resolution: int |
     for k, sign in enumerate((1.0, -1.0)):
         for axis in range(3):
             pose = np.column_stack([-sign * np.eye(3)[axis], unit[:, None] * of.poses])  # um a um of the commands
-            program = linprog(
-                np.append(-1.0, np.zeros(pose.shape[1] - 1)),
-                A_ub=np.column_stack([np.zeros(len(rows)), 1e-3 * rows / norm[:, None]]),
-                b_ub=ends / norm,
-                A_eq=pose,
-                b_eq=np.zeros(3),
-                bounds=(None, None),
-                method="highs",
-            )
+            cost = np.append(-1.0, np.zeros(pose.shape[1] - 1))
+            within = np.column_stack([np.zeros(len(rows)), 1e-3 * rows / norm[:, None]]), ends / norm
+            program = linprog(cost, *within, pose, np.zeros(3), bounds=(None, None), method="highs")
             found[k, axis] = -1e-3 * program.fun / unit[axis]
     return np.min(found, axis=0), np.diag(np.linalg.inv(of.engaged))
 
@@ -111,9 +105,7 @@ def same_as_one_by_one(loaded: LoadedStudy, choice: tuple[int | None, str, bool]
     """Compare every design of a study with the route of one stage; returns how many were answered."""
     values = sample(loaded, 0, count)
     rows = answer_designs(loaded, values)
-    place, scale = [loaded.outputs.index(name) for name in (*DRIVE_RANGES, *ENGAGED)], [1e3] * 6
-    scale[3:] = [1.0] * 3
-    answered = 0
+    place, scale, answered = [loaded.outputs.index(name) for name in (*DRIVE_RANGES, *ENGAGED)], [1e3] * 3 + [1] * 3, 0
     for index in range(count):
         try:
             stage = stage_of(loaded, values[index])
@@ -129,13 +121,7 @@ def same_as_one_by_one(loaded: LoadedStudy, choice: tuple[int | None, str, bool]
 
 
 def test_every_design_is_as_one_stage_by_another_solver(tmp_path):
-    assert same_as_one_by_one(write(tmp_path, FACTORS), (21, "calibrated", False), 4) >= 3
-
-
-@pytest.mark.slow
-def test_a_hundred_random_designs_are_as_one_stage_by_another_solver(tmp_path):
-    loaded = write(tmp_path, FACTORS, HEAD.replace("designs = 12", "designs = 110"))
-    assert same_as_one_by_one(loaded, (21, "calibrated", False), 110) >= 100
+    assert same_as_one_by_one(write(tmp_path, FACTORS), (21, "calibrated", False), 12) >= 9
 
 
 def test_preloads_of_single_stacks_stress_necks(tmp_path):
@@ -163,8 +149,7 @@ def test_finite_elements_drive_a_stage_as_by_another_solver(tmp_path, strength):
         "material.yield_strength_mpa": strength,
     }
     factors = {key: (value, value + 1e-9) for key, value in numbers.items()}
-    head = HEAD.replace('"analytic"', '"fe"').replace('formula = "calibrated"\nmobility = 21', "resolution = 4")
-    loaded = write(tmp_path, factors, head)
+    loaded = write(tmp_path, factors, ELEMENTS)
     row = dict(zip(loaded.outputs, answer(loaded, 0, 1).values[0], strict=True))
     stage = stage_of(loaded, sample(loaded, 0, 1)[0])
     reach, engaged = ranges(stage, (None, "calibrated", True), 4)
@@ -176,8 +161,7 @@ def test_finite_elements_drive_a_stage_as_by_another_solver(tmp_path, strength):
 
 
 def test_finite_elements_refuse_a_drive_whose_preloads_make_a_neck_yield(tmp_path):
-    head = HEAD.replace('"analytic"', '"fe"').replace('formula = "calibrated"\nmobility = 21', "resolution = 4")
-    loaded = write(tmp_path, {"material.yield_strength_mpa": (30.0, 31.0)}, head)
+    loaded = write(tmp_path, {"material.yield_strength_mpa": (30.0, 31.0)}, ELEMENTS)
     text = (tmp_path / "stage.toml").read_text()
     (tmp_path / "stage.toml").write_text(text.replace("pair = true", "pair = false"))
     rows = answer(load_study(loaded.path), 0, 1)
@@ -208,14 +192,10 @@ def test_one_stiff_pair_a_chain_reaches_what_its_hinges_turn(tmp_path):
     text = (GEOMETRY / "mobility3.toml").read_text()
     begin, end = text.index("[[actuator]]"), text.index("[provenance]")
     pair = text[begin : text.index("[[actuator]]", begin + 1)].replace("ball_radius_mm = 2.0\n", "")
-    pair = pair.replace(PIEZO, "stroke_um = 17.4\nblocking_force_n = 900000.0").replace(
-        "preload_n = 50.0", "preload_n = 450000.0"
-    )
+    pair = pair.replace(PIEZO, "stroke_um = 17.4\nblocking_force_n = 900000.0").replace("= 50.0", "= 450000.0")
     stage = text[:begin] + pair + "\n[provenance]" + text[end + len("[provenance]") :]
-    kept = [line for line in stage.splitlines(True) if not line.startswith('"actuator')]
-    (tmp_path / "stage.toml").write_text(
-        "".join(kept).replace("yield_strength_mpa = 503.0", "yield_strength_mpa = 5000.0")
-    )
+    kept = "".join(line for line in stage.splitlines(True) if not line.startswith('"actuator'))
+    (tmp_path / "stage.toml").write_text(kept.replace("yield_strength_mpa = 503.0", "yield_strength_mpa = 5000.0"))
     head = HEAD.replace("mobility = 21", "mobility = 3") + "stroke_um = 8.7\nlever_arm_mm = 10.0\n"
     (tmp_path / "study.toml").write_text(head + '\n[[factor]]\nkey = "actuator.base.arm_mm"\nfrom = 9.0\nto = 11.0\n')
     loaded = load_study(tmp_path / "study.toml")

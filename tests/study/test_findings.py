@@ -7,15 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import binom, norm
 
 import flexfem.study.findings
 from flexfem.studies import facts_of
 from flexfem.study.collect import StudyTable
-from flexfem.study.findings import Distribution, ParetoFront, Refused, Source, StudyMap, cells_of, findings
+from flexfem.study.findings import Distribution, ParetoFront, Refused, Source, StudyMap, cells_of, findings, percentiles
 from flexfem.study.loaded import LoadedStudy, judge, sample
 
 FREE = 'key = "hinges.base.neck_mm"\nfrom = 0.4\nto = 0.7'
-GRID = f"{FREE}\npoints = 4", 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0\npoints = 3'
+THICKNESS = 'key = "thickness_mm"\nfrom = 8.0\nto = 12.0'
+GRID = f"{FREE}\npoints = 4", f"{THICKNESS}\npoints = 3"
+SCATTER = '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]'
+MAP = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
 FRONT = '[[figure]]\nkind = "pareto"\nx = "range_x_um"\ny = "kxx_n_per_mm"'
 
 
@@ -30,22 +34,19 @@ def table_of(loaded: LoadedStudy, **columns: np.ndarray) -> StudyTable:
     status[1], reason[1] = "refused", "no"
     found = {name: np.full(n, 1.0) for name in loaded.outputs} | columns
     found = {name: np.where(status == "ok", value, np.nan) for name, value in found.items()}
-    return StudyTable(
-        np.arange(n), status, reason, {c.name: values[:, k] for k, c in enumerate(loaded.columns)} | found
-    )
+    found |= {column.name: values[:, k] for k, column in enumerate(loaded.columns)}
+    return StudyTable(np.arange(n), status, reason, found)
 
 
 def test_the_ends_of_a_map_are_where_its_value_is_least_and_most(studies) -> None:
-    figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
-    loaded = studies.of('method = "grid"', *GRID, tail=figure)
+    loaded = studies.of('method = "grid"', *GRID, tail=MAP)
     values = np.array([3.0, -99.0, 4.0, 2.5, 6.0, 7.0, 8.0, 9.0, 5.0, 5.5, 5.6, 5.7])  # the second has no answer
     (found,) = found_in(loaded, table_of(loaded, kxx_n_per_mm=values))
     neck, thickness = sample(loaded, 0, 12).T
-    rows = [
-        {"kxx_n_per_mm": v, "thickness_mm": thickness[k], "hinges.base.neck_mm": neck[k]}
-        for v, k in ((2.5, 3), (9.0, 7))
-    ]
-    assert facts_of(found) == {"rows": [{"end": "least"} | rows[0], {"end": "most"} | rows[1]]}
+    ends = {"least": (2.5, 3), "most": (9.0, 7)}
+    columns = ("end", "kxx_n_per_mm", "thickness_mm", "hinges.base.neck_mm")
+    rows = [dict(zip(columns, (end, v, thickness[k], neck[k]), strict=True)) for end, (v, k) in ends.items()]
+    assert facts_of(found) == {"rows": rows}
 
 
 def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(studies) -> None:
@@ -88,8 +89,7 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     (found,) = found_in(loaded, table)
     assert isinstance(found, ParetoFront) and found.points[found.front, 0].tolist() == [5.0, 2.0, 1.0]
     assert [row["design"] for row in facts_of(found)["rows"]] == ["2", "4", "0"]
-    figure = '[[figure]]\nkind = "map"\nx = "thickness_mm"\ny = "hinges.base.neck_mm"\nvalue = "kxx_n_per_mm"'
-    loaded = studies.of('method = "grid"', *GRID, tail=limit + figure)
+    loaded = studies.of('method = "grid"', *GRID, tail=limit + MAP)
     table = table_of(loaded, kxx_n_per_mm=np.arange(12.0), envelope_mm=np.arange(12.0))
     table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     (found,) = found_in(loaded, table)
@@ -103,11 +103,7 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
 
 def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
     """A plane over x and log y plus what z adds: a cell has the mean of its designs, and stands at its centre."""
-    factors = (
-        'key = "thickness_mm"\nfrom = 8.0\nto = 12.0',
-        f'{FREE}\nscale = "log"',
-        'label = "z"\nkey = "hinges.elbow.neck_mm"\nfrom = 0.4\nto = 0.6',
-    )
+    factors = THICKNESS, f'{FREE}\nscale = "log"', 'label = "z"\nkey = "hinges.elbow.neck_mm"\nfrom = 0.4\nto = 0.6'
     loaded = studies.of('method = "sobol"\ndesigns = 2048\nseed = 3', *factors)
     x, y, z = sample(loaded, 0, 2048).T
     table = table_of(loaded, kxx_n_per_mm=2 * x + 30 * np.log(y) + 50 * (z - 0.5))
@@ -136,9 +132,7 @@ def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope
 ) -> None:
     loaded = studies.of('method = "monte_carlo"\ndesigns = 7\nseed = 3', FREE, tail=FRONT)
     better = loaded.study.figure[0].model_copy(update={"x_better": x_better, "y_better": y_better})
-    loaded = LoadedStudy(
-        loaded.path, loaded.study.model_copy(update={"figure": (better,)}), loaded.stage, loaded.columns, "study"
-    )
+    loaded = replace(loaded, study=loaded.study.model_copy(update={"figure": (better,)}))
     table = table_of(
         loaded,
         range_x_um=np.array([30.0, 0, 31.0, 29.0, 35.0, 40.0, 30.0]),
@@ -156,11 +150,7 @@ def test_the_gain_is_over_the_base_stage_at_no_less_reach_and_no_larger_envelope
 
 
 def test_an_open_interval_has_no_end_in_json(studies) -> None:
-    loaded = studies.of(
-        'method = "monte_carlo"\ndesigns = 20\nseed = 3',
-        FREE,
-        tail='[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]',
-    )
+    loaded = studies.of('method = "monte_carlo"\ndesigns = 20\nseed = 3', FREE, tail=SCATTER)
     (found,) = found_in(loaded, table_of(loaded, kxx_n_per_mm=np.linspace(1.0, 2.0, 20)))
     rows = json.loads(json.dumps(facts_of(found), allow_nan=False))["rows"]
     assert [float(row["percent"][:-1]) for row in rows] == [2.5, 50.0, 97.5]
@@ -169,12 +159,8 @@ def test_an_open_interval_has_no_end_in_json(studies) -> None:
 
 def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
     """u + 2 v + 6 u v of uniform -1/2..1/2: variances 12, 48 and 36 of 96 by hand, the last of both factors."""
-    loaded = studies.of(
-        'method = "saltelli"\nbase = 512\nseed = 5',
-        FREE,
-        'key = "thickness_mm"\nfrom = 8.0\nto = 12.0',
-        tail='[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]',
-    )
+    figure = '[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]'
+    loaded = studies.of('method = "saltelli"\nbase = 512\nseed = 5', FREE, THICKNESS, tail=figure)
     table = table_of(loaded)
     table.status[:] = "ok"
     u, v = ((sample(loaded, 0, loaded.count) - [0.4, 8.0]) / [0.3, 4.0] - 0.5).T
@@ -189,11 +175,36 @@ def test_shares_are_by_factor_and_first_order_is_not_total(studies) -> None:
 
 def test_a_row_of_saltellis_scheme_is_one_draw(studies, monkeypatch) -> None:
     """Two factors: the rows A, A with a column of B twice, and B; the second design has no answer."""
-    figure = '[[figure]]\nkind = "distribution"\nvalues = ["kxx_n_per_mm"]'
-    loaded = studies.of(
-        'method = "saltelli"\nbase = 4\nseed = 3', FREE, 'key = "thickness_mm"\nfrom = 8.0\nto = 9.0', tail=figure
-    )
+    loaded = studies.of('method = "saltelli"\nbase = 4\nseed = 3', FREE, THICKNESS, tail=SCATTER)
     asked = []
     monkeypatch.setattr(flexfem.study.findings, "percentiles", lambda values, marked, draws: asked.append(draws) or [])
     found_in(loaded, table_of(loaded))
     assert asked[0].tolist() == [0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3]
+
+
+@pytest.mark.parametrize(("n", "percent"), [(59, 10.0), (400, 2.5), (401, 50.0), (2000, 97.5)])
+def test_ranks_have_the_binomial_probability(n: int, percent: float) -> None:
+    (found,) = percentiles(np.arange(1.0, n + 1)[::-1], [percent])  # the k-th smallest is k
+    chance = binom(n, percent / 100)
+    assert chance.cdf(found.high - 1) - chance.cdf(found.low - 1) >= 0.95
+    assert chance.cdf(found.low - 1) <= 0.025 < chance.cdf(found.low)  # and no rank nearer does
+    assert chance.sf(found.high - 1) <= 0.025 < chance.sf(found.high - 2)
+
+
+def test_intervals_of_shared_draws_hold_the_true_percentile_as_often_as_they_say() -> None:
+    rng = np.random.default_rng(11)
+    draws, hits, repeats = np.repeat(np.arange(150), 5), [], 400
+    truth = np.sqrt(1.25) * float(norm.ppf(0.9))
+    for _ in range(repeats):
+        values = np.repeat(rng.normal(size=150), 5) + 0.5 * rng.normal(size=750)
+        (found,) = percentiles(values, [90.0], draws)
+        hits.append(found.low <= truth <= found.high)
+    assert abs(np.mean(hits) - 0.95) <= 4 * np.sqrt(0.05 * 0.95 / repeats)  # four standard deviations
+
+
+def test_an_interval_is_open_where_the_sample_is_too_small_for_it() -> None:
+    low, middle, high = percentiles(np.linspace(0.0, 1.0, 40), [2.5, 50.0, 97.5])
+    assert low.low == -np.inf and high.high == np.inf
+    assert 0 < middle.low < middle.value == 0.5 < middle.high < 1
+    (one,) = percentiles(np.array([3.7]), [50.0], np.array([0]))
+    assert (one.low, one.value, one.high) == (-np.inf, 3.7, np.inf)

@@ -15,6 +15,8 @@ from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES
 from flexfem.study.loaded import sample, stage_of
 
+from .conftest import random
+
 FACTORS = (
     'key = "override.2.elbow.neck_mm"\nfrom = 0.35\nto = 0.8',
     'key = "chain.link_lengths_mm[1]"\nfrom = 30.0\nto = 36.0',
@@ -24,10 +26,6 @@ FACTORS = (
 PAYLOAD = "[frequencies]\npayload_kg = 0.07\npayload_kg_mm2 = 31.0"
 
 
-def study(studies: Any, head: str, count: int, tail: str = PAYLOAD, factors: tuple[str, ...] = FACTORS) -> Any:
-    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
-
-
 def frequencies(loaded: Any, rows: Any) -> Any:
     return rows.values[:, [loaded.outputs.index(name) for name in FREQUENCIES]]
 
@@ -35,7 +33,7 @@ def frequencies(loaded: Any, rows: Any) -> Any:
 @pytest.mark.parametrize("links", [False, True])
 def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links: bool) -> None:
     head = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n' + ("links = true\n" if links else "")
-    loaded = study(studies, head, 4)
+    loaded = random(studies, head, 4, PAYLOAD, FACTORS)
     found = answer(loaded, 0, 4)
     assert list(found.status) == ["ok"] * 4
     for values, ours in zip(sample(loaded, 0, 4), frequencies(loaded, found), strict=True):
@@ -46,7 +44,7 @@ def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links:
 
 
 def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies: Any) -> None:
-    loaded = study(studies, 'model = "fe"\nresolution = 4\n', 1)
+    loaded = random(studies, 'model = "fe"\nresolution = 4\n', 1, PAYLOAD, FACTORS)
     (ours,) = frequencies(loaded, answer(loaded, 0, 1))
     stage = stage_of(loaded, sample(loaded, 0, 1)[0])
     found = flexfem.modes(stage, count=3, payload=(0.07, 31.0), resolution=4)

@@ -25,11 +25,8 @@ def written(path: Path, values: np.ndarray = VALUES, names: tuple[str, ...] = NA
     if path.suffix == ".parquet":
         pq.write_table(pa.table(columns), path, row_group_size=4)
     else:
-        lines = [",".join(f'"{name}"' for name in columns)]
-        lines += [
-            ",".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in row)
-            for row in zip(*columns.values(), strict=True)
-        ]
+        rows = [columns, *zip(*columns.values(), strict=True)]
+        lines = [",".join(f'"{v}"' if isinstance(v, str) else repr(float(v)) for v in row) for row in rows]
         path.write_text("\ufeff" + "\r\n".join(lines) + "\r\n")
     return path
 

@@ -11,10 +11,10 @@ import flexfem
 from flexfem.files.writing import toml_text
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
-from flexfem.study.findings import output
-from flexfem.study.loaded import judge, sample, stage_of
+from flexfem.study.loaded import sample, stage_of
 
 from ..conftest import GENERIC, UNLIKE
+from .conftest import columns, random
 
 FATIGUE = {"fatigue_strength_coefficient_mpa": 1320.0, "fatigue_strength_exponent": -0.093, "walker_exponent": 0.6}
 FACTORS = (
@@ -38,11 +38,7 @@ def lasting(studies: Any) -> Any:
 
 
 def study(studies: Any, head: str, count: int, tail: str = LIFE, factors: tuple[str, ...] = FACTORS) -> Any:
-    return studies.of(f'method = "monte_carlo"\ndesigns = {count}\nseed = 5', *factors, head=head, tail=tail)
-
-
-def columns(loaded: Any, rows: Any) -> dict[str, Any]:
-    return dict(zip(loaded.outputs, rows.values.T, strict=True))
+    return random(studies, head, count, tail, factors)
 
 
 def test_designs_at_once_have_the_lives_of_each_alone(lasting: Any) -> None:
@@ -64,17 +60,13 @@ def test_designs_at_once_have_the_lives_of_each_alone(lasting: Any) -> None:
 
 def test_the_life_fully_reversed_along_one_direction_is_that_of_the_neck_stress(lasting: Any) -> None:
     """By hand from other columns: N = (stress / sigma'_f)^(1/b) / 2, amplitude for N cycles, yield over stress."""
-    tail = "[life]\namplitude_y_um = -390.0\ncycles = 2.5e6\n[[constraint]]\nvalue = 'life_cycles'\nleast = 1e6"
-    loaded = study(lasting, HEAD, 400, tail, FACTORS[:3])
+    loaded = study(lasting, HEAD, 400, "[life]\namplitude_y_um = -390.0\ncycles = 2.5e6", FACTORS[:3])
     found = columns(loaded, answer(loaded, 0, 400))
     stress = 390.0 * found["stress_y_mpa_per_um"]
     np.testing.assert_allclose(found["life_cycles"], 0.5 * (stress / 1320.0) ** (1 / -0.093), rtol=1e-9)
     allowed = 390.0 * 1320.0 * 5e6**-0.093 / stress
     np.testing.assert_allclose(found["life_amplitude_y_um"], allowed, rtol=1e-9)
     np.testing.assert_allclose(found["safety_factor"], sample(loaded, 0, 400)[:, 2] / stress, rtol=1e-12)
-    factors = dict(zip((column.name for column in loaded.columns), sample(loaded, 0, 400).T, strict=True))
-    feasible = judge(loaded, found | factors, np.ones(400, bool)).feasible
-    assert np.array_equal(feasible, found["life_cycles"] >= 1e6) and 40 < feasible.sum() < 360
 
 
 def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(lasting: Any) -> None:
@@ -87,18 +79,9 @@ def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(last
     assert found["life_cycles"] == pytest.approx(0.5 * (stress / strength) ** (1 / b), rel=1e-5)
     assert found["life_amplitude_x_um"] == pytest.approx(61.0 * strength * 8e5**b / stress, rel=1e-6)
     assert found["safety_factor"] == pytest.approx(values[2] / stress, rel=1e-6)
-    assert "resolution 4 is up to 1 % low" in loaded.stress_accuracy
-    assert output("stress_y_mpa_per_um", loaded.study).label == "peak neck stress per Y (up to 1 % low) in MPa/µm"
-    finer = study(lasting, 'model = "fe"\nresolution = 8\n', 1, tail).study
-    assert output("stress_y_mpa_per_um", finer).name == "peak neck stress per Y (up to 0.25 % low)"
-    assert "rigid links is +1 to +9 % off" in study(lasting, HEAD, 1, tail).stress_accuracy
 
 
-def test_lives_are_asked_of_models_and_materials_that_have_them(lasting: Any, studies: Any) -> None:
-    with pytest.raises(BadInput, match='no life with model = "three_dimensional"'):
-        study(lasting, 'model = "three_dimensional"\n', 4, LIFE, FACTORS[:2])
-    with pytest.raises(BadInput, match="coefficient_mpa, expected a number that answers depend on"):
-        study(lasting, HEAD, 4, "", FACTORS)
+def test_lives_are_asked_of_materials_that_have_constants(studies: Any) -> None:
     (studies.folder / "stage.toml").write_text(toml_text(GENERIC))
     with pytest.raises(BadInput, match=r"line \d+: life, on the base stage: .*coefficient_mpa is missing") as refused:
         study(studies, HEAD, 4, LIFE, FACTORS[:2])
@@ -123,5 +106,4 @@ def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any)
         assert all(status == "ok" and reason.startswith(said) for status, reason in zip(*rows[:2], strict=True))
     loaded = study(lasting, HEAD, 3, "[life]\namplitude_x_um = 560.0", FACTORS[:1])
     rows = answer(loaded, 0, 3)
-    found = columns(loaded, rows)
-    assert list(rows.reason) == [""] * 3, (found["life_cycles"], found["safety_factor"])
+    assert list(rows.reason) == [""] * 3

@@ -11,11 +11,13 @@ import pytest
 import flexfem.fem.mesh
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array
-from flexfem.fem.fields import load_case
+from flexfem.fem.fields import base_rotations, load_case, neck_stresses
 from flexfem.fem.mesh import mesh_sectors
 from flexfem.fem.mesher import MeshTimeout, mesh_faces
+from flexfem.fem.response import unit_response
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band
+from flexfem.questions.bands import error_matrix, grid_convergence, mesh_band, solve_solid
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, solved_values
@@ -63,12 +65,10 @@ def test_stiffness_stress_and_reach_are_those_of_the_ordinary_path(stage: Stage,
 def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(stage: Stage, studies: Any) -> None:
     """The hinges' own compliances in both; at the travel the first base hinge has turned by stroke over lever arm."""
     found = columns(studies.of(*ONE, head='model = "fe"', tail=DRIVE), stage)
-    beside = studies.of(
-        *ONE, head='model = "analytic"\nformula = "calibrated"\nmobility = 21\nlinks = true', tail=DRIVE
-    )
-    rows = answer(replace(beside, stage=stage), 0, 1)
-    expected = dict(zip(beside.outputs, rows.values[0].tolist(), strict=True))
-    np.testing.assert_allclose(of(found, TRAVELS), of(expected, TRAVELS), rtol=MODELS)
+    head = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\nlinks = true'
+    beside = replace(studies.of(*ONE, head=head, tail=DRIVE), stage=stage)
+    expected = answer(beside, 0, 1).values[0, [beside.outputs.index(name) for name in TRAVELS]]
+    np.testing.assert_allclose(of(found, TRAVELS), expected, rtol=MODELS)
 
 
 def test_errors_are_those_of_the_protocol(stage: Stage, studies: Any) -> None:
@@ -82,24 +82,12 @@ def test_errors_are_those_of_the_protocol(stage: Stage, studies: Any) -> None:
     assert not set(BANDS) & set(found)
 
 
-@pytest.mark.slow
-def test_bands_hold_the_value_on_a_finer_mesh(stage: Stage, studies: Any) -> None:
-    head = 'model = "verify"\nmobility = 6\n'
-    coarse = columns(studies.of(*ONE, head=head), stage)
-    fine = columns(studies.of(*ONE, head=head + "resolution = 8\nbands = false"), stage)
-    for error, band in zip(ERRORS, BANDS, strict=True):
-        assert 0 < abs(coarse[error] - fine[error]) < coarse[band] < 0.5  # percentage points
-
-
-def test_a_band_is_never_less_than_that_of_grid_convergence() -> None:
+def test_a_band_is_never_less_than_that_of_grid_convergence_and_of_two_meshes_thrice_roaches_index() -> None:
     resolutions = np.array([2.0, 3.0, 4.0])
     steep, noisy = 1 + resolutions**-5.5, np.array([1.0, 1.3, 1.1])
     for values in (steep, noisy):
         assert mesh_band(resolutions, values) >= grid_convergence(resolutions, values).band
     assert mesh_band(resolutions, steep) > 1.2 * grid_convergence(resolutions, steep).band
-
-
-def test_a_band_of_two_meshes_is_roaches_index_with_a_safety_factor_of_three() -> None:
     assert mesh_band(np.array([3.0, 4.0]), np.array([7.0, 7.2])) == pytest.approx(3 * 0.2 / ((4 / 3) ** 4 - 1))
 
 
@@ -124,9 +112,6 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
     """Good, impossible by a number, impossible to draw, not meshed, out of time."""
     loaded = studies.of(*(ONE[0], 'key = "hinges.base.neck_mm"\nvalues = [0.5, 12.0, 0.6, 0.7]'), head='model = "fe"')
 
-    def meshed(jobs: Any, limit: Any) -> Any:
-        return [meshed_once(job) for job in jobs]
-
     def meshed_once(job: Any) -> Any:
         if any(abs(cone.least - 0.7 / 4) < 1e-12 for cone in job.cones):
             raise MeshTimeout("too slow")
@@ -134,13 +119,11 @@ def test_every_design_has_its_row(studies: Any, monkeypatch: pytest.MonkeyPatch)
             raise ComputationFailed("no mesh")
         return mesh_faces(job)
 
-    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", meshed)
+    monkeypatch.setattr(flexfem.fem.mesh, "run_jobs", lambda jobs, limit: [meshed_once(job) for job in jobs])
     rows = answer(loaded, 0, 4)
     assert rows.status.tolist() == ["ok", "refused", "failed", "time limit"]
-    assert [bool(reason) for reason in rows.reason] == [False, True, True, True]
-    assert rows.reason[1].startswith("hinges.base.neck_mm = 12")
-    assert np.isfinite(rows.values[0]).all()
-    assert np.isnan(rows.values[1:]).all()
+    assert rows.reason[0] == "" and rows.reason[1].startswith("hinges.base.neck_mm = 12") and all(rows.reason[2:])
+    assert np.isfinite(rows.values[0]).all() and np.isnan(rows.values[1:]).all()
 
 
 def test_the_time_limit_stops_a_mesher_of_its_own(studies: Any) -> None:
@@ -149,11 +132,9 @@ def test_the_time_limit_stops_a_mesher_of_its_own(studies: Any) -> None:
 
 
 def test_a_formula_off_its_chart_refuses_the_design(stage: Stage, studies: Any) -> None:
-    base = stage.hinges.base.model_copy(update={"radius": 0.4})
-    thick = stage.model_copy(update={"hinges": stage.hinges.model_copy(update={"base": base})})
     loaded = studies.of(*ONE, head='model = "verify"\nformula = "calibrated"\nbands = false')
     with pytest.raises(BadInput, match="chart"):
-        solved_values(thick, loaded)
+        solved_values(stage.replace(radius={"base": 0.4}), loaded)
 
 
 @pytest.mark.parametrize(
@@ -168,3 +149,18 @@ def test_a_study_asks_any_number_of_a_question_by_its_path(studies: Any, head: s
     assert refused.status[0] == "refused" and "ask: no number stiffness.nothing" in refused.reason[0]
     with pytest.raises(BadInput, match=r"question\.quantity\.labels"):
         studies.of(*ONE, head=f'{head}\nask = ["kxx"]')
+
+
+def test_three_dimensions_are_those_of_the_stage(studies: Any) -> None:
+    loaded = studies.of(*ONE, head='model = "three_dimensional"\nlayers = 1')
+    found, stage = columns(loaded, loaded.stage), loaded.stage
+    response = solve_solid(stage, 4, 1)
+    K = np.linalg.inv(response.compliance)
+    highest = neck_stresses(stage, response, K).highest.max(axis=(1, 2))
+    assert found["kxx_n_per_mm"] == pytest.approx(K[0, 0], rel=1e-6)
+    assert found["stress_x_mpa_per_um"] == pytest.approx(1e-3 * highest[0], rel=1e-6)
+    assert found["range_y_um"] == pytest.approx(1e3 * 411.0 / highest[1], rel=1e-6)
+    plane = unit_response(response.sectors, plate_of(stage))
+    turning = np.abs(np.linalg.inv(plane.compliance) @ base_rotations(stage, plane)).max(axis=1)
+    solid = np.abs(K @ base_rotations(stage, response)).max(axis=1)
+    np.testing.assert_allclose(solid, turning, rtol=0.01)  # per displacement, geometry alone decides
