@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 from importlib import import_module
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -20,32 +19,10 @@ from flexfem import sources
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.materials import REGISTERED
 
-ROOT = Path(__file__).parent.parent
+from .conftest import ROOT, with_changes
+
 REFERENCE = ROOT / "geometry" / "mobility6.toml"
 DOCUMENTED = [path for path in sorted((ROOT / "flexfem").rglob("*.py")) if "    >>> " in path.read_text()]
-
-
-def generic(**changes):
-    """Unequal numbers, no file."""
-    content = {
-        "name": "made in Python",
-        "thickness": 9.7,
-        "material": {
-            "name": "metal", "youngs_modulus": 68300.0, "poissons_ratio": 0.29, "density": 2739.0,
-            "yield_strength": 411.0,
-        },
-        "chain": {
-            "link_lengths": (31.0, 33.5, 25.0), "joint_angles": np.deg2rad([175.0, -85.0, 92.0]), "link_width": 8.9
-        },
-        "hinges": {
-            "base": flexfem.Hinge(radius=3.9, neck=0.53, prismatic=True, axis=3.1),
-            "elbow": {"radius": 1.6, "neck": 0.47},
-            "platform": {"radius": 1.4, "neck": 0.61},
-        },
-        "platform": flexfem.Platform(radius=16.3, hub_radius=7.7),
-        "override": ({"chain": 3, "hinge": "elbow", "neck": 0.55},),
-    }  # fmt: skip
-    return flexfem.Stage(**content | changes)
 
 
 @pytest.fixture(autouse=True)
@@ -57,7 +34,8 @@ def formulas_and_materials_of_this_test_alone():
 
 @pytest.fixture(scope="module")
 def stage():
-    return generic()
+    """Unequal numbers, no file."""
+    return with_changes({"override": [{"chain": 3, "hinge": "elbow", "neck_mm": 0.55}]}).replace(axis={"base": 3.1})
 
 
 def test_import_and_names_load_nothing_that_computes():
@@ -87,17 +65,16 @@ def test_a_file_and_python_give_the_same_stage(tmp_path):
     chain = flexfem.Chain(link_lengths=[30, 32, 24], joint_angles=[np.pi, -np.pi / 2, np.pi / 2], link_width=9)
     hinge = flexfem.Hinge(radius=1.5, neck=0.5)
     hinges = flexfem.Hinges(base={"radius": 4.0, "neck": 0.5, "prismatic": True}, elbow=hinge, platform=hinge)
-    made = flexfem.Stage(
-        name="x", thickness=10, material=material, chain=chain, hinges=hinges, platform={"radius": 17, "hub_radius": 8}
-    )
+    parts = {"material": material, "chain": chain, "hinges": hinges, "platform": {"radius": 17, "hub_radius": 8}}
+    made = flexfem.Stage(name="x", thickness=10, **parts)
     assert made.hash == read.hash and made.material == read.material
 
 
-def test_every_stage_is_written_and_read_back_bit_for_bit(tmp_path):
+def test_every_stage_is_written_and_read_back_bit_for_bit(stage, tmp_path):
     """Moduli and angles that no file states exactly, among them, as random numbers often are."""
     rng = np.random.default_rng(29)
     for k in range(30):
-        drawn = generic().replace(
+        drawn = stage.replace(
             material={"youngs_modulus": rng.uniform(128e3, 131e3), "poissons_ratio": rng.uniform(0.1, 0.4)},
             thickness=rng.uniform(1, 12),
             name='quoted "é" \\ ' + str(k),
@@ -171,7 +148,7 @@ def rigid(stage, **analytic):
 
 @pytest.mark.parametrize("models", ["analytic", "both"])
 def test_a_stage_that_cannot_be_made_is_refused_before_anything_is_computed(models):
-    wide = generic(hinges={name: {"radius": 1.0, "neck": 20.0} for name in ("base", "elbow", "platform")})
+    wide = with_changes({"hinges.base.neck_mm": 20.0})
     for question in (flexfem.stiffness, flexfem.summary, flexfem.drift):
         with pytest.raises(flexfem.BadInput, match="neck as wide as the link"):
             question(wide, models=models)

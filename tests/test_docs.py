@@ -66,9 +66,7 @@ def stale(figure, sources):
 def test_every_figure_of_the_pages_is_there_shown_and_of_what_is_accepted():
     manifest = json.loads(MANIFEST.read_text())
     linked = {(page.parent / link).resolve() for page in PAGES for link in links(page) if link.endswith(".png")}
-    linked = {
-        path for path in linked if path.parent == ROOT / "docs"
-    }  # below it are those that are made with their page
+    linked = {path for path in linked if path.parent == ROOT / "docs"}  # below: those that are made with their page
     assert linked == set((ROOT / "docs").glob("*.png")) == {ROOT / "docs" / name for name in manifest}
     assert all(f"docs/{figure}" in sources for figure, sources in manifest.items())
     assert [line for figure, sources in manifest.items() for line in stale(figure, sources)] == []

@@ -34,14 +34,8 @@ class Built(NamedTuple):
 
 
 def run(*command: object, cwd: Path, **environment: str) -> str:
-    done = subprocess.run(
-        [str(part) for part in command],
-        cwd=cwd,
-        env={**os.environ, "PYTHONPATH": "", **environment},
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
+    where = {"cwd": cwd, "env": {**os.environ, "PYTHONPATH": "", **environment}}
+    done = subprocess.run([*map(str, command)], **where, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 

@@ -93,16 +93,12 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
     assert frame.loc["mass", "value"] == pytest.approx(2.0) and frame.loc["mass", "unit"] == "kg"
 
 
-@pytest.mark.parametrize(
-    ("value", "band", "text"),
-    [
-        (12.50638, 0.0092, "12.5064 ± 0.0092"),
-        (-1e-12, 0.1, "0.00 ± 0.10"),
-        (3.14159265, np.nan, "3.1416"),
-        (7181.54, 3.9, "7181.5 ± 3.9"),
-        (np.nan, 1.0, ""),
-        (np.inf, np.nan, "unlimited"),
-    ],
-)
+NUMBERS = [
+    (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0.00 ± 0.10"), (3.14159265, np.nan, "3.1416"),
+    (7181.54, 3.9, "7181.5 ± 3.9"), (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("value", "band", "text"), NUMBERS)
 def test_a_number_has_as_many_digits_as_its_band_carries(value: float, band: float, text: str) -> None:
     assert number(value, band) == text

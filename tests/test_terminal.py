@@ -184,7 +184,7 @@ sys.addaudithook(begun)
 from flexfem.commands.start import main
 main()
 """
-TIMES = 20
+TIMES = 12
 
 
 @pytest.mark.slow
@@ -193,15 +193,9 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
     """Also while it loads numpy, skfem, gmsh or matplotlib, and in the processes that it started."""
     ended = []
     for wait in (3.0 * k / TIMES for k in range(TIMES)):
-        process = subprocess.Popen(
-            [sys.executable, "-c", RUN, *command],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            start_new_session=True,
-        )
+        where = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(ROOT)}, "start_new_session": True}
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+        process = subprocess.Popen([sys.executable, "-c", RUN, *command], **streams, **where)
         assert process.stdout.read(1) == "x"
         time.sleep(wait)
         if process.poll() is None:

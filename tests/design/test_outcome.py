@@ -90,10 +90,8 @@ def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):
 def test_what_symmetry_makes_zero_is_zero(load):
     """A coupling, even with its end at zero, and an expression of it, of alike chains; not a sum with what is along."""
     ends = {"kxt_n": 0.0, "abs(2 * kxy_n_per_mm)": 1.0, "kxx_n_per_mm + kxy_n_per_mm": 90.0}
-    loaded = load(
-        NECK + "step = 0.001\n", RANGE, require("kxx_n_per_mm", 60), *(require(q, None, m) for q, m in ends.items())
-    )
-    found = designed(loaded)
+    wanted = require("kxx_n_per_mm", 60), *(require(quantity, None, most) for quantity, most in ends.items())
+    found = designed(load(NECK + "step = 0.001\n", RANGE, *wanted))
     coupling, across, along = found.requirements[1:]
     assert coupling.value == across.value == across.uncorrected == 0 and along.value == pytest.approx(60, rel=0.01)
     assert found.feasible and found.agreed and {each["kxt_n"] for each in found.sensitivities.values()} == {None}
@@ -105,9 +103,8 @@ def test_beside_the_band_of_engaged_stiffness_is_how_the_spread_of_pushes_moves_
     found = designed(load(NECK, *pieces, STIFFEST))
     engaged, passive = found.requirements
     own = flexfem.drive(Stage.model_validate(tomllib.loads(found.stage)), pose=(1e-3, 0, 0), models="analytic")
-    assert engaged.push_spread == pytest.approx(
-        engaged.value * own.push_spread[0] / own.at("stiffness", state="engaged", direction="x"), rel=1e-9
-    )
+    spread = own.push_spread[0] / own.at("stiffness", state="engaged", direction="x")
+    assert engaged.push_spread == pytest.approx(engaged.value * spread, rel=1e-9)
     assert 0.01 < engaged.push_spread / engaged.value < 0.04 and passive.push_spread is None
 
 

@@ -273,17 +273,13 @@ SAME = {
     "override equal to nothing": added(ELBOW + "neck_mm = 0.47\n"),
     "default written out": edited("neck_mm = 0.47", "neck_mm = 0.47\nprismatic = false"),
     "exponent": edited("9.7", "97e-1"),
-}
+}  # fmt: skip
 DIFFERENT = {
-    "last digit": edited("9.7", repr(np.nextafter(9.7, 10).item())),
-    "modulus": edited("68.3", "68.4"),
-    "link": edited("33.5", "33.6"),
-    "neck": edited("0.47", "0.48"),
-    "prismatic": edited("true", "false"),
-    "axis": edited("0.47", "0.47\naxis_deg = 0.0"),
-    "override": added(ELBOW + "neck_mm = 0.52\n"),
+    "last digit": edited("9.7", repr(np.nextafter(9.7, 10).item())), "modulus": edited("68.3", "68.4"),
+    "link": edited("33.5", "33.6"), "neck": edited("0.47", "0.48"), "prismatic": edited("true", "false"),
+    "axis": edited("0.47", "0.47\naxis_deg = 0.0"), "override": added(ELBOW + "neck_mm = 0.52\n"),
     "the same override elsewhere": added(ELBOW.replace("2", "3") + "neck_mm = 0.52\n"),
-}
+}  # fmt: skip
 
 
 def test_what_is_physical_changes_the_hash_and_nothing_else(tmp_path: Path) -> None:

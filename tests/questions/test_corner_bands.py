@@ -43,7 +43,7 @@ def test_what_is_kept_comes_out_of_the_solver(corner, tmp_path):
 
 
 @pytest.mark.slow
-def test_bands_hold_the_truth_on_stages_never_seen(corner):
-    kinds = corner.judged(corner.solved_stages([7919], 2))
+def test_bands_hold_the_truth_on_a_stage_never_seen(corner):
+    kinds = corner.judged(corner.solved_stages([7919], 1))
     ratios = np.concatenate([each.ratios for each in kinds.values()])
-    assert len(ratios) > 45 and np.mean(ratios <= 1) >= 0.95
+    assert len(ratios) > 22 and np.mean(ratios <= 1) >= 0.95

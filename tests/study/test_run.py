@@ -209,6 +209,10 @@ def test_commands_run_count_and_collect(flexfem, study):
     for arguments, said in ((["run", "--shard", "3/2"], "--shard 3/2"), (["collect", "--to", "t.xlsx"], "ends in")):
         code, out, err = flexfem("study", arguments[0], path, *arguments[1:])
         assert (code, out, err.count("\n")) == (2, "", 1) and said in err and not Path("reports").exists()
+    Path("reports").write_text("a file")
+    code, out, err = flexfem("study", "run", path, "--workers", 1)
+    assert (code, out, err.count("\n")) == (2, "", 1) and "reports" in err
+    Path("reports").unlink()
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--shard", "2/2", "--json")
     about = json.loads(out)
     assert (code, about["designs"], about["open_elsewhere"]) == (0, 0, 300)  # one part, which is the other shard's
@@ -238,12 +242,6 @@ def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
     made = collect(parts, tmp_path / "t.parquet", partial=True)
     assert (made.designs, made.open) == (128, 172)
     assert pq.read_table(made.path)["design"].to_pylist() == [*range(64, 128), *range(192, 256)]
-
-
-def test_a_folder_that_takes_no_part_is_refused_in_one_line(flexfem, study):
-    Path("reports").write_text("a file")
-    code, out, err = flexfem("study", "run", study(), "--workers", 1)
-    assert (code, out, err.count("\n")) == (2, "", 1) and "reports" in err
 
 
 def test_workers_of_which_one_is_killed_from_outside_give_the_table_of_one_process(study, workers, tmp_path):

@@ -1,4 +1,4 @@
-"""Fatigue lives as outputs of studies: of many designs at once those of each alone, by both models."""
+"""Fatigue lives and frequencies as outputs of studies: of many designs at once those of each alone, by both models."""
 
 from __future__ import annotations
 
@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.analytic.model import analyse
+from flexfem.analytic.responses import dynamics
 from flexfem.files.writing import toml_text
+from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
+from flexfem.study.columns import FREQUENCIES
 from flexfem.study.loaded import sample, stage_of
 
 from ..conftest import GENERIC, UNLIKE
@@ -26,6 +30,13 @@ FACTORS = (
     'key = "material.walker_exponent"\nfrom = 0.4\nto = 0.9',
 )
 LIFE = "[life]\namplitude_x_um = 61.0\namplitude_theta_mrad = -0.7\nratio = 0.3\ncycles = 4e5\nnotch_sensitivity = 0.7"
+HEAVY = (
+    'key = "override.2.elbow.neck_mm"\nfrom = 0.35\nto = 0.8',
+    'key = "chain.link_lengths_mm[1]"\nfrom = 30.0\nto = 36.0',
+    'key = "material.density_kg_m3"\nfrom = 2000.0\nto = 8000.0',
+    'key = "thickness_mm"\nfrom = 6.0\nto = 14.0',
+)
+PAYLOAD = "[frequencies]\npayload_kg = 0.07\npayload_kg_mm2 = 31.0"
 HEAD = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\n'
 
 
@@ -99,11 +110,32 @@ def test_constants_that_no_material_has_together_are_refused_by_every_model(last
 
 def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any) -> None:
     """A stress of 411 MPa is yield; the law is assumed to hold from 1e3 to 1e6 cycles."""
-    amplitudes = {900.0: "life by elastic stress, beyond yield", 20.0: "life extrapolated, outside the cycles"}
+    amplitudes = {900.0: "life by elastic stress, beyond yield", 20.0: "life extrapolated, outside", 560.0: ""}
     for amplitude, said in amplitudes.items():
         loaded = study(lasting, HEAD, 3, f"[life]\namplitude_x_um = {amplitude}", FACTORS[:1])
-        rows = answer(loaded, 0, 3)
-        assert all(status == "ok" and reason.startswith(said) for status, reason in zip(*rows[:2], strict=True))
-    loaded = study(lasting, HEAD, 3, "[life]\namplitude_x_um = 560.0", FACTORS[:1])
-    rows = answer(loaded, 0, 3)
-    assert list(rows.reason) == [""] * 3
+        for status, reason, _ in zip(*answer(loaded, 0, 3), strict=True):
+            assert status == "ok" and reason.startswith(said) and bool(reason) == bool(said)
+
+
+def frequencies(loaded: Any, rows: Any) -> Any:
+    return rows.values[:, [loaded.outputs.index(name) for name in FREQUENCIES]]
+
+
+@pytest.mark.parametrize("links", [False, True])
+def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links: bool) -> None:
+    loaded = random(studies, HEAD + ("links = true\n" if links else ""), 4, PAYLOAD, HEAVY)
+    found = answer(loaded, 0, 4)
+    assert list(found.status) == ["ok"] * 4
+    for values, ours in zip(sample(loaded, 0, 4), frequencies(loaded, found), strict=True):
+        stage = stage_of(loaded, values)
+        alone = dynamics(stage, analyse(stage, 21, "calibrated", links), payload_of(0.07, 31.0)).frequencies[:3]
+        np.testing.assert_allclose(ours, alone / (2 * np.pi), rtol=1e-9)
+        assert stage.material.density == values[2]
+
+
+def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies: Any) -> None:
+    loaded = random(studies, 'model = "fe"\nresolution = 4\n', 1, PAYLOAD, HEAVY)
+    (ours,) = frequencies(loaded, answer(loaded, 0, 1))
+    stage = stage_of(loaded, sample(loaded, 0, 1)[0])
+    found = flexfem.modes(stage, count=3, payload=(0.07, 31.0), resolution=4)
+    np.testing.assert_allclose(ours, found.at("frequency", model="finite elements")[:3] / (2 * np.pi), rtol=1e-8)
