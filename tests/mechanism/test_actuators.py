@@ -22,13 +22,9 @@ def stage(project) -> Stage:
 
 def test_the_catalogue_holds_the_stacks_of_the_data_sheet():
     sheet = {
-        "AE0203D04": (4.6, 1.5, 237),
-        "AE0203D08": (9.1, 1.5, 235),
-        "AE0203D16": (17.4, 2.0, 224),
-        "AE0203D44H40": (42.0, 6.6, 271),
-        "AE0505D08": (9.1, 1.5, 978),
-        "AE0505D16": (17.4, 2.0, 935),
-    }
+        "AE0203D04": (4.6, 1.5, 237), "AE0203D08": (9.1, 1.5, 235), "AE0203D16": (17.4, 2.0, 224),
+        "AE0203D44H40": (42.0, 6.6, 271), "AE0505D08": (9.1, 1.5, 978), "AE0505D16": (17.4, 2.0, 935),
+    }  # fmt: skip
     assert list(catalogue()) == list(sheet)
     found = [(1e3 * each.stroke, 1e3 * each.tolerance, each.blocking_force) for each in catalogue().values()]
     np.testing.assert_allclose(found, list(sheet.values()), rtol=1e-12)
