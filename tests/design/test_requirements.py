@@ -46,11 +46,6 @@ def test_what_cannot_be_asked_is_refused_in_one_line_with_file_and_key(load, pie
     assert message in str(refusal.value) and "\n" not in str(refusal.value)
 
 
-def test_a_stage_that_is_not_there_is_named(load):
-    with pytest.raises(BadInput, match=r"wanted.toml, line 2: stage = .*no such file"):
-        load(NECK, RANGE, head=HEAD.replace("mobility6", "mobility7"))
-
-
 def test_a_dimension_that_answers_follow_in_part_is_free(load):
     assert load(ELBOW, EACH_ELBOW.replace("*", "2"), RANGE).columns
     assert load(NECK, EACH_ELBOW, RANGE).columns  # the platform's necks follow
