@@ -263,7 +263,7 @@ def test_workers_that_cannot_begin_fail_in_one_line(study, tmp_path, monkeypatch
 def test_hanging_and_crashing_designs_are_named_and_cost_no_other(study, workers, tmp_path, monkeypatch):
     monkeypatch.setattr("flexfem.study.run.SLACK", 1.0)
     loaded = load_study(study("fe", designs=32, edit=("[sampling]", "time_limit_s = 12\n[sampling]")))
-    parts = parts_of(loaded, tmp_path, 8)
+    parts = parts_of(loaded, tmp_path, 2)
     run_parts(parts, workers, strange.strange)
     rows = table(parts).to_pylist()
     bad = {row["design"]: (row["status"], row["reason"]) for row in rows if row["status"] != "ok"}
