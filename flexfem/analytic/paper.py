@@ -14,7 +14,6 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.linalg import qr
 
 from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import Array, Index, inverse
@@ -227,6 +226,8 @@ def rank_revealing(frames: Frames, joints: Joints, springs: Array) -> Choice:
     from the platform centre: pivots then do not depend on units. Each pivot is the softest joint that the loops still
     hold, so stiff joints stay independent, where (16) adds their springs to the diagonal without rounding the others.
     """
+    from scipy.linalg import qr  # a tenth of a second: for commanded joints alone
+
     at = resting(frames, joints)
     W, _ = _loops(at.pose, first_order(joints, at))
     length = np.sqrt(np.mean(np.sum(frames.centres**2, axis=-1), axis=(-2, -1)))[..., None, None]

@@ -191,16 +191,21 @@ class ElementBatch(NamedTuple):
         """
         (lame, mu), e, phi = plate.lame(axes), len(self.triangles), self.phi
         root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(e, 12, -1)
-        g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2).transpose(0, 1, 3, 2, 4)
-        found, laplace = np.zeros((e, 6, 6, 1 if axes == 2 else 4, axes, axes)), mu * (g[..., 0, 0] + g[..., 1, 1])
-        found[..., 0, :2, :2] = lame * g + mu * g.swapaxes(3, 4)
-        found[..., 0, range(axes), range(axes)] += laplace[..., None]
-        if axes == 3:
-            a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
-            mass, back = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
-            found[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
-            found[..., 2, :2, 2], found[..., 2, 2, :2] = lame * a, mu * a
-            found[..., 3, :2, 2], found[..., 3, 2, :2] = mu * back, lame * back
+        g = (root @ root.transpose(0, 2, 1)).reshape(e, 6, 2, 6, 2)
+        laplace = mu * (g[:, :, 0, :, 0] + g[:, :, 1, :, 1])
+        plane = lame * g + mu * g.transpose(0, 1, 4, 3, 2)
+        for axis in range(2):
+            plane[:, :, axis, :, axis] += laplace
+        plane = plane.transpose(0, 1, 3, 2, 4)
+        if axes == 2:
+            return plane[:, :, :, None]
+        found = np.zeros((e, 6, 6, 4, 3, 3))
+        found[..., 0, :2, :2], found[..., 0, 2, 2] = plane, laplace
+        a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
+        mass, back = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
+        found[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
+        found[..., 2, :2, 2], found[..., 2, 2, :2] = lame * a, mu * a
+        found[..., 3, :2, 2], found[..., 3, 2, :2] = mu * back, lame * back
         return found
 
 

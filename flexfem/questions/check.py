@@ -17,7 +17,6 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.setup import question
 from flexfem.units import RATE
 
 POINTS = 121  # of a curve
@@ -85,13 +84,22 @@ class StageReport(NamedTuple):
     drive: DriveReport | None = None
 
 
-@question
 def check(stage: Stage) -> StageReport:
     """Validate a stage file; show hinges, drive, mobility and where the numbers come from.
 
     Parameters
     ----------
-    {shared}
+    stage : Stage
+        The stage.
+
+    Returns
+    -------
+    StageReport
+
+    Raises
+    ------
+    BadInput
+        The stage cannot be made.
 
     Examples
     --------
