@@ -15,7 +15,7 @@ from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.analytic.paper import apply
 from flexfem.arguments import forces, poses
 from flexfem.arrays import Array, inverse
-from flexfem.fem.fields import load_case
+from flexfem.fem.fields import load_case, neck_stresses
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
 from flexfem.files.toml import Path
@@ -103,17 +103,14 @@ class ElementModel(PlatformModel):
 
     def stress(self, force: ArrayLike) -> Array:
         """Von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
-        return self._of_cases(forces("force", force), "stress")
+        loads = forces("force", force)
+        stress = [load_case(self.stage, self.mesh, self.solved, load).stress for load in loads.reshape(-1, 3)]
+        return np.reshape(stress, (*loads.shape[:-1], len(self.mesh.nodes)))
 
     def neck_stress(self, pose: ArrayLike) -> Array:
         """As of `PlatformModel`."""
-        return self._of_cases(self.force(pose), "neck_stress")
-
-    def _of_cases(self, loads: Array, name: str) -> Array:
-        """An attribute of the load cases of loads (..., 3)."""
-        cases = [load_case(self.stage, self.mesh, self.solved, load) for load in loads.reshape(-1, 3)]
-        found = [getattr(case, name) for case in cases]
-        return np.reshape(found, (*loads.shape[:-1], *np.shape(found)[1:]))
+        loads = self.force(pose)
+        return neck_stresses(self.stage, self.solved, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
 
     @cached_property
     def band(self) -> Array:

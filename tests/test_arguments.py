@@ -30,6 +30,7 @@ BAD = [  # function of the API, arguments, options, what is said
     ("summary", [STAGE], {"resolution": 4.5}, "resolution 4.5"),
     ("gravity", [STAGE], {"angle": 1e3}, "angle 1000.0"),
     ("gravity", [STAGE], {"payload": -1.0}, "payload -1.0"),
+    ("gravity", [STAGE], {"models": "analytic", "layers": 3}, "layers"),
     ("modes", [STAGE], {"drives": "on"}, "drives 'on', expected disengaged or engaged"),
     ("modes", [STAGE], {"payload": (NAN, 0)}, "payload nan 0, expected two numbers from 0"),
     ("modes", [STAGE], {"payload": (-1, 0)}, "payload -1 0, expected two numbers from 0"),

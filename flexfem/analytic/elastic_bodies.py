@@ -26,10 +26,9 @@ from flexfem.mechanism.bodies import (
     polyline,
     reverse,
 )
-from flexfem.mechanism.designs import CHAIN_TURN, Elastic, chain_rotation, elastic
+from flexfem.mechanism.designs import CHAIN_TURN, Elastic, chain_rotation
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
-from flexfem.mechanism.stage_file import Plane
 
 PLACES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])  # of the nodes in an element from -1 to 1: Gauss's, none at a corner
 SHARES = np.array([5.0, 8.0, 5.0]) / 18  # their weights, per length of the element
@@ -309,16 +308,12 @@ RADII = 32  # Gauss points across a curved bar, in the logarithm of the radius
 
 
 @once
-def body_compliance(stage: Stage, plane: Plane | None = None) -> Array:
+def body_compliance(stage: Stage) -> Array:
     """Compliance (9, 9) that pads, links and platform add to the three chains: x, y, theta of chain 1, 2 and 3.
-
-    Parameters
-    ----------
-    plane : of the bodies; None takes the stage's own.
 
     Raises BadInput when they cannot be drawn.
     """
-    material = elastic(plane or stage.model, stage.material.youngs_modulus, stage.material.poissons_ratio)
+    material = stage.elastic
     bars = np.zeros((3, 3, 3, 3))
     for chain in CHAINS:
         each = [bar_density(stage, material, segment)[0] for line in centrelines(stage, chain) for segment in line]
@@ -387,8 +382,7 @@ def edge_motions(stage: Stage, wider: float = 1.0) -> Array:
     differ from a rigid motion by a strain of 1, Re z, Im z and a bow of `-(e eta)^2/2` and `i (e eta)^2/2`. The neck at
     the end of the pad bears nothing and goes along as a rigid body.
     """
-    width, metal = stage.chain.link_width, stage.material
-    nu = float(elastic(stage.model, metal.youngs_modulus, metal.poissons_ratio).poissons_ratio)
+    width, nu = stage.chain.link_width, float(stage.elastic.poissons_ratio)
     hinges = [stage.hinge(chain, "base") for chain in CHAINS]
     found = {each: _of_pad(each.model_copy(update={"neck": wider * each.neck}), width, nu) for each in set(hinges)}
     motions = np.zeros((3, 3, 3))

@@ -350,6 +350,11 @@ class Missed(NamedTuple):
     terms: Array
 
 
+def outwards(places: Array) -> tuple[Index, Index]:
+    """Where ascending places are on either side of rest, from rest outwards."""
+    return np.flatnonzero(places > 0), np.flatnonzero(places < 0)[::-1]
+
+
 def along(commanded: Array, axis: int) -> Array:
     """Poses (..., 3) of commands (...) along one axis."""
     return np.asarray(commanded[..., None] * np.eye(3)[axis])

@@ -175,6 +175,16 @@ def at_rest(designs: Designs, hinges: Compliance, freedoms: Freedoms, bodies: Ar
     return PlatformAtRest(found.matrix, wrench, stress, np.max(turning, axis=1))
 
 
+def stiffness_with_necks(
+    stage: Stage, necks: Array, formula: str, freedoms: Freedoms, bodies: Array | None = None
+) -> Array:
+    """Stiffness (n, 3, 3) of a stage with other necks (n, 3, 3), mm, its bodies as they are; nan off a chart."""
+    designs = lower(stage).repeated(len(necks))
+    designs.neck[:] = necks
+    with np.errstate(all="ignore"):
+        return at_rest(designs, hinge_compliances(designs, formula), freedoms, bodies).stiffness
+
+
 def analyse(
     stage: Stage, mobility: int | None = None, formula: str = DEFAULT_FORMULA, links: bool = False
 ) -> AnalyticResult:
@@ -268,10 +278,7 @@ def _require_like_necks(stage: Stage, formula: str, freedoms: Freedoms, bodies: 
     design = lower(stage)
     chain, position = np.unravel_index(np.argmin(design.neck[0]), (3, 3))
     least = WIDER[(np.min(design.neck) < WIDER) & (np.max(design.neck) > WIDER)]
-    widened = design.repeated(len(least))
-    np.maximum(widened.neck, least[:, None, None], out=widened.neck)
-    with np.errstate(all="ignore"):
-        K = at_rest(widened, hinge_compliances(widened, formula), freedoms, bodies).stiffness
+    K = stiffness_with_necks(stage, np.maximum(design.neck, least[:, None, None]), formula, freedoms, bodies)
     answered = least[~np.isnan(inverse(K)).any(axis=(1, 2))]
     if len(answered):
         name = HINGE_NAMES[position]

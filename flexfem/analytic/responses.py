@@ -35,7 +35,6 @@ from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
 MOVING = 7  # bodies: the platform and two links of every chain
-ON_BODIES = 3 * (MOVING - 1)  # twists of links
 FREEDOMS = 3 * MOVING
 ROUND_OFF = 1e-12  # of the places of two ends of stations
 

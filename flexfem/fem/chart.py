@@ -43,21 +43,20 @@ from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises, widening
-from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.structure import NONE, Structure, edge_force, nodes_on, structure
+from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.structure import NONE, Structure, edge_force, structure
 from flexfem.files.writing import write_atomically
+from flexfem.hinges.chart import FREEDOMS, SHEAR_CORRECTION
 
 PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
 RATIOS = (0.02, 1.2)  # t/R, of all charts
 STRESSES = ("bending", "tension")
-FREEDOMS = ("rotation", "axial", "shear")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
 LENGTH = 2.0  # of a block, per height: what reaches its end has faded to e^-8.4; and at least b, to even out over b
 ORDER = 4  # of the compliance in the size of quadratic triangles
 ROWS, EDGE = 2, 5  # rows of the base grid, and its columns along the edge of a block
 LEAST_ARC = 8  # columns of the base grid along an arc
 FLUSH = 1e-6  # relative; a wall shorter than this is no wall
-SHEAR_FACTOR = 1.2  # 6/5: exact for the parabolic shear stress in the blocks
 THICK_LEVELS = (2, 3, 4)  # refinements, coarse to fine
 LEAST_THICK_ARC = 3  # columns of the base grid along an arc
 THICK_EDGE = 2  # its columns along a block two heights long
@@ -206,7 +205,7 @@ def block_compliance(hinge: SingleHinge) -> Array:
     """Compliances (3,) of the two blocks as beams from the ends of the notch, x = R, to their own, about the centre."""
     high, length = hinge.block
     bending = 8 * ((1 + length) ** 3 - 1) / high**3  # 2 int x^2 dx/(E I)
-    shear = SHEAR_FACTOR * 2 * (1 + hinge.poissons_ratio) * 2 * length / high
+    shear = SHEAR_CORRECTION * 2 * (1 + hinge.poissons_ratio) * 2 * length / high
     return np.array([24 * length / high**3, 2 * length / high, bending + shear])
 
 

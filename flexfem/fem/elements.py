@@ -154,10 +154,13 @@ class ElementBatch(NamedTuple):
             part = slice(start, start + size)
             yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part], self.phi)
 
-    def gathering(self, nodes: int) -> sp.csc_array:
-        """Matrix (nodes, 6 e) that adds up values at the corners and middles of the triangles."""
-        every = np.arange(self.triangles.size + 1)
-        return sp.csc_array((np.ones(every[-1]), self.triangles.ravel(), every), shape=(nodes, every[-1]))
+    def gathering(self, nodes: int) -> tuple[Index, sp.csc_array]:
+        """The triangles' own nodes (c,) of so many, and the matrix (c, 6 e) that adds up values at their nodes."""
+        used = np.zeros(nodes, dtype=bool)
+        used[self.triangles] = True
+        own, every = np.flatnonzero(used), np.arange(self.triangles.size + 1)
+        rows = (np.cumsum(used) - 1)[self.triangles].ravel()
+        return own, sp.csc_array((np.ones(every[-1]), rows, every), shape=(len(own), every[-1]))
 
     def slopes(self, line: Layers, fields: Array) -> Array:
         """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
@@ -178,8 +181,9 @@ class ElementBatch(NamedTuple):
         nodal = np.einsum("kecbqz,eibq,mz->eikmc", weighted[:, :, :, :2], self.gradients, line.values, optimize=True)
         if line.axes == 3:
             nodal = nodal + np.einsum("kecqz,iq,mz->eikmc", weighted[:, :, :, 2], self.phi, line.slopes, optimize=True)
-        gathered = self.gathering(forces.shape[1]) @ nodal.reshape(self.triangles.size, -1)
-        forces += np.moveaxis(gathered.reshape(forces.shape[1], len(forces), *forces.shape[2:]), 1, 0)
+        own, gathering = self.gathering(forces.shape[1])
+        gathered = gathering @ nodal.reshape(self.triangles.size, -1)
+        forces[:, own] += np.moveaxis(gathered.reshape(len(own), len(forces), *forces.shape[2:]), 1, 0)
 
     def stiffness(self, plate: Plate, axes: int) -> Array:
         """Coefficients (e, 6, 6, l, d, d) of the stiffness of two nodes of the plane, for the line's l matrices.
@@ -305,7 +309,8 @@ def nodal_stress(
         part = triangles[start : start + CACHED]
         batch = ElementBatch(part, gradients(mesh.nodes[part], NODES)[0], np.empty((len(part), 0)), np.eye(6))
         stress = stress_tensor(plate, batch.slopes(line, every)).reshape(k, -1, d, d, 6, m)
-        total += batch.gathering(n) @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
+        own, gathering = batch.gathering(n)
+        total[own] += gathering @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
     around = np.bincount(triangles.ravel(), minlength=n)[chosen]
     mean = np.moveaxis((total[chosen] / around[:, None]).reshape(len(chosen), k, -1), 1, 0)
     return np.asarray(mean.reshape(*fields.shape[: -2 if layers is None else -3], len(chosen), *[m] * (d == 3), d, d))

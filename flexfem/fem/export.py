@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.refused import BadInput
 
@@ -36,7 +36,7 @@ def write_deck(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
 def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
     centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
-    ground, hub = np.unique(mesh.edges["ground"]), np.unique(mesh.edges["hub"])
+    ground, hub = nodes_on(mesh, "ground"), nodes_on(mesh, "hub")
     yield from ("*HEADING", "flexure-hinge stage by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
     yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
     yield from ("*NODE, NSET=platform", f"{centre}, 0, 0, 0", f"{rotation}, 0, 0, 0")

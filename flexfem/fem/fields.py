@@ -35,10 +35,15 @@ class LoadCase(NamedTuple):
     neck_stress: Array
 
 
+def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
+    """Von Mises stress (n,), MPa, at all nodes of a plane displacement (n, 2), mm."""
+    return von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
+
+
 def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution, force: Array) -> LoadCase:
     """Combine the unit responses in the plane to one load (3,), N, N and N mm, at the platform centre."""
     field = np.tensordot(force, response.fields, axes=1)
-    stress = von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
+    stress = plane_stress(stage, mesh, field)
     return LoadCase(
         pose=response.compliance @ force,
         field=field,

@@ -102,6 +102,11 @@ class StageMesh(NamedTuple):
     edges: dict[str, Index]
 
 
+def nodes_on(mesh: StageMesh, label: str) -> Index:
+    """Nodes of the edges with this label."""
+    return np.unique(mesh.edges[label])
+
+
 def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
     """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two).
 
@@ -263,9 +268,9 @@ def mesh_sectors(
     return sectors
 
 
-def build_mesh(stage: Stage, resolution: int = RESOLUTION, time_limit: float | Limit = TIME_LIMIT) -> StageMesh:
+def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
     """The whole stage as `mesh_sectors` meshes it. Alike chains share one mesh, turned: it is exactly symmetric."""
-    return welded(mesh_sectors(stage, resolution, time_limit))[0]
+    return welded(mesh_sectors(stage, resolution))[0]
 
 
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
@@ -375,6 +380,6 @@ def _sector(made: Made, drawn: float) -> Sector:
     mesh = curved(made)
     check_triangles(mesh, drawn)
     edges = mesh.edges
-    hub = np.unique(edges["hub"])
+    hub = nodes_on(mesh, "hub")
     behind, ahead = (outwards(mesh.nodes, edges[f"cut {side}"]) for side in ("behind", "ahead"))
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])

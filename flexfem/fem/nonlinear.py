@@ -98,19 +98,20 @@ class LargeStructure:
     def _slopes(self, field: Array) -> list[Array]:
         return [batch.slopes(self.of.line, field[None])[0] for batch in self.of.batches]
 
-    def nodal(self, state: State) -> Array:
-        """Nodal forces (n, 2), N, that balance the stress of a state."""
+    def nodal(self, state: State, slopes: list[Array]) -> Array:
+        """Nodal forces (n, 2), N, that balance the stress of a state with displacement gradients by batch."""
         forces = np.zeros((1, *state.field.shape))
-        for batch, slopes, stress in zip(self.of.batches, self._slopes(state.field), state.stress, strict=True):
-            first = stress + np.einsum("eacq,ecbq->eabq", slopes, stress)  # P = F S
+        for batch, H, stress in zip(self.of.batches, slopes, state.stress, strict=True):
+            first = stress + np.einsum("eacq,ecbq->eabq", H, stress)  # P = F S
             batch.add_forces(forces, self.of.line, first[None])
         return np.asarray(forces[0])
 
     def held(self, state: State) -> Held:
         """Forces, energy and strain of the state's displacements, whatever its stress."""
-        of, strains = self.of, [green_lagrange(slopes) for slopes in self._slopes(state.field)]
+        of, slopes = self.of, self._slopes(state.field)
+        strains = [green_lagrange(H) for H in slopes]
         own = state._replace(stress=[stress_tensor(of.plate, strain) for strain in strains])
-        forces = self.nodal(own)
+        forces = self.nodal(own, slopes)
         on_hub = forces[of.hub].ravel() @ self.rates(state.pose)
         parts = zip(strains, own.stress, of.batches, strict=True)
         energy = sum(float(np.sum(e * s * batch.weights[:, None, None])) for e, s, batch in parts) * of.plate.thickness
@@ -119,10 +120,13 @@ class LargeStructure:
 
     def tangent(self, state: State) -> sp.csr_array:
         """Lower triangle (2f + 3, 2f + 3) of the change of the forces on the unknowns, with the state's own stress."""
-        of, parts = self.of, zip(self.of.batches, self._slopes(state.field), state.stress, strict=True)
-        blocks = (tangent_blocks(batch, of.plate, slopes, stress) for batch, slopes, stress in parts)
+        of, slopes = self.of, self._slopes(state.field)
+        parts = zip(of.batches, slopes, state.stress, strict=True)
+        blocks = (tangent_blocks(batch, of.plate, H, stress) for batch, H, stress in parts)
         K = of.tied(assembled(self.pairs, blocks, of.line), self.rates(state.pose))
-        K.data[-1] -= np.sum(self.nodal(state)[of.hub] * self.turned(state.pose)[1])  # levers of the hub's forces
+        K.data[-1] -= np.sum(
+            self.nodal(state, slopes)[of.hub] * self.turned(state.pose)[1]
+        )  # levers of the hub's forces
         return K
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, integration, nodal_stress
 from flexfem.fem.factor import Solve, factorise
-from flexfem.fem.mesh import Sector, StageMesh, welded
+from flexfem.fem.mesh import Sector, StageMesh, nodes_on, welded
 from flexfem.fem.structure import NONE, Mass, Structure, structure
 from flexfem.fem.symmetry import by_sectors, under_loads, whole_fields
 from flexfem.mechanism.actuators import HINGE_NAMES
@@ -79,7 +79,7 @@ def settle(
     turns = [chain_rotation(chain) for chain in range(3)] if alike else [np.eye(loads.shape[1])]
     scale = np.ones(3)
     scale[of.turning[2:] if of.turning[0] == 0 else of.turning[:2]] = 1 / np.max(np.abs(of.mesh.nodes))  # rotations
-    pads = [np.unique(of.mesh.edges["ground"])] if alike else clamped_nodes(of.mesh)
+    pads = [nodes_on(of.mesh, "ground")] if alike else clamped_nodes(of.mesh)
     ground, motion = [of.rigid_fields(nodes).reshape(3, -1).T for nodes in pads], np.zeros_like(loads)
     imposed = np.zeros((loads.shape[1], len(of.mesh.nodes), *of.shape)) if given is None else given
 
@@ -129,7 +129,7 @@ def _imbalance(
 
 def clamped_nodes(mesh: StageMesh) -> list[Index]:
     """Nodes of the clamped edge of each chain's pad."""
-    chain_of, ground = np.full(len(mesh.nodes), -1), np.unique(mesh.edges["ground"])
+    chain_of, ground = np.full(len(mesh.nodes), -1), nodes_on(mesh, "ground")
     for chain in range(3):
         chain_of[mesh.triangles[mesh.bodies == 4 * chain]] = chain  # its pad
     return [ground[chain_of[ground] == chain] for chain in range(3)]
@@ -201,11 +201,9 @@ def unit_response(
     return Response(found.compliance, sectors, fields, found.reactions, found.energy, stage.unknowns, layers)
 
 
-def platform_response(
-    mesh: StageMesh, plate: Plate, degree: int | None = None, layers: Layers | None = None
-) -> StaticSolution:
+def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> StaticSolution:
     """As `unit_response`, of a whole mesh: the compliance is the pose block of `(T' K T)^-1`, hence symmetric."""
-    of = structure(mesh, plate, layers, degree)
+    of = structure(mesh, plate, degree=degree)
     return settle(of, factorise(of.lower()), _unit_loads(of))
 
 
@@ -280,7 +278,7 @@ def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
     for chain in range(3):
         for hinge, name in enumerate(HINGE_NAMES):
             part = structure(_part(mesh, 4 * chain + hinge), plate, held=NONE)
-            nodes = np.unique(mesh.edges[f"neck {chain + 1} {name}"])
+            nodes = nodes_on(mesh, f"neck {chain + 1} {name}")
             found[chain, hinge] = _resultants(mesh.nodes[nodes], part.forces(fields)[:, nodes])
     return found
 
@@ -347,7 +345,7 @@ def warm_whole(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> S
 
 def _imposed(of: Structure) -> Array:
     """Displacements (3 cases, n, ...): of the clamped faces as the frame beyond the material, zero elsewhere."""
-    ground = np.unique(of.mesh.edges["ground"])
+    ground = nodes_on(of.mesh, "ground")
     given = np.zeros((3, len(of.mesh.nodes), *of.shape))
     given[:, ground] = free_displacement(of.mesh.nodes[ground], of.layers)
     return given

@@ -35,7 +35,7 @@ from flexfem.fem.elements import (
     stress_tensor,
 )
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.mechanism.designs import out_of_plane
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
@@ -82,15 +82,21 @@ class Structure:
     """What equations are made of. Unknowns are those of the free nodes, node by node, then the pose (3) of the hub.
 
     layers : None of a plane structure; fields are (k, n, 2), of an extruded one (k, n, m, 3) at m heights.
+    degree : of the quadrature in the plane.
     free, hub : nodes of the plane (f,), and (h,) those that follow the pose; others are clamped.
     """
 
     mesh: StageMesh
     plate: Plate
     layers: Layers | None
-    batches: list[ElementBatch]
+    degree: int
     free: Index
     hub: Index
+
+    @cached_property
+    def batches(self) -> list[ElementBatch]:
+        """All triangles with what integration over them needs."""
+        return integration(self.mesh, self.degree)
 
     @cached_property
     def line(self) -> Layers:
@@ -219,16 +225,11 @@ def structure(
     held : clamped nodes of one that has no hub; None clamps the edges on the ground and makes those on the hub rigid.
     last : free nodes that are counted last.
     """
-    hub = np.unique(mesh.edges["hub"]) if held is None else NONE
+    hub = nodes_on(mesh, "hub") if held is None else NONE
     inside = np.ones(len(mesh.nodes), dtype=bool)
     inside[mesh.edges["ground"].ravel() if held is None else held] = inside[hub] = inside[last] = False
-    batches = integration(mesh, degree or (QUADRATURE if layers is None else SOLID_QUADRATURE))
-    return Structure(mesh, plate, layers, batches, np.concatenate([np.flatnonzero(inside), last]), hub)
-
-
-def nodes_on(mesh: StageMesh, label: str) -> Index:
-    """Nodes of the edges with this label."""
-    return np.unique(mesh.edges[label])
+    degree = degree or (QUADRATURE if layers is None else SOLID_QUADRATURE)
+    return Structure(mesh, plate, layers, degree, np.concatenate([np.flatnonzero(inside), last]), hub)
 
 
 def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:

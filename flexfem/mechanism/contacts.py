@@ -192,8 +192,7 @@ class Stack(NamedTuple):
     @property
     def across(self) -> Stack:
         """The same contact pushed along its face, a quarter turn counter-clockwise of its push: what friction does."""
-        t = 1j * self.direction
-        wrench = np.array([t.real, t.imag, (np.conj(self.point) * t).imag])
+        wrench = wrench_of(self.point, 1j * self.direction)
         pushed, carrier = self.pushes
         return self._replace(pushes=(pushed._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
 
@@ -207,6 +206,12 @@ class Stack(NamedTuple):
         return np.asarray(push.wrench @ chain_rotation(self.chain).T)
 
 
+def wrench_of(point: complex | AnyArray, push: complex | AnyArray) -> Array:
+    """Wrenches (..., 3) about the origin of forces `push` (...) at points (...), complex."""
+    force = np.asarray(push)
+    return np.stack([force.real, force.imag, (np.conj(point) * force).imag], axis=-1)
+
+
 def placed_stack(
     stage: StageContent, chain: int, between: tuple[Body, Body], point: complex, direction: float, ball: float = 0.0
 ) -> Stack:
@@ -214,8 +219,7 @@ def placed_stack(
 
     Both in the frame of chain 1. A link that carries the stack takes its other end at the section nearest to the point.
     """
-    d = np.exp(1j * direction)
-    wrench = np.array([d.real, d.imag, (np.conj(point) * d).imag])
+    wrench = wrench_of(point, np.exp(1j * direction))
     carrier, pushed = (BODY_NAMES.index(body) for body in between)
 
     def push(body: int, q: Array) -> Push:

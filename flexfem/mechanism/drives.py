@@ -23,7 +23,7 @@ from flexfem.mechanism.actuators import (
     series_stiffness,
 )
 from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector
-from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack
+from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrench_of
 from flexfem.mechanism.designs import CHAIN_TURN, Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
@@ -247,7 +247,7 @@ def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> tu
     own = Numbers(*(each[:, chain, index] for each in _numbers(designs)))
     if actuator.point is not None:
         nowhere = np.zeros(len(own.arm), dtype=bool)
-        return _wrench(own.x + 1j * own.y, np.exp(1j * own.direction)), nowhere, nowhere
+        return wrench_of(own.x + 1j * own.y, np.exp(1j * own.direction)), nowhere, nowhere
     first = BODY_NAMES.index(actuator.between[1]) - 1
     turn = np.exp(-1j * CHAIN_TURN * chain)
     centres = (designs.frames.centres[:, chain] @ np.array([1, 1j])) * turn
@@ -267,13 +267,8 @@ def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> tu
     inside = (np.minimum(s, opposite) > gap) & (np.maximum(s, opposite) < length - gap)
     outward = 1j * side * e
     middle = begin + own.arm * e if ahead else end - own.arm * e
-    wrench = _wrench(middle + outward * width / 2, -outward * np.exp(1j * tilt))
+    wrench = wrench_of(middle + outward * width / 2, -outward * np.exp(1j * tilt))
     return wrench, straight & inside, straight & ((s < -gap) | (s > length + gap))
-
-
-def _wrench(point: AnyArray, push: AnyArray) -> Array:
-    """As `contacts.placed_stack` has it, of points and directions (n,), complex."""
-    return np.stack([push.real, push.imag, (np.conj(point) * push).imag], axis=-1)
 
 
 def _draw(

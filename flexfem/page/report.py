@@ -16,6 +16,7 @@ from markupsafe import Markup
 from flexfem import studies
 from flexfem.analytic.responses import require_expansion
 from flexfem.design.result import Designed, is_design, read_design
+from flexfem.fem.fields import neck_maxima
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
@@ -376,7 +377,7 @@ def _stress(stage: Stage) -> PageSection:
         name, load = f"{SYMBOLS[axis]} = {AT[axis] * unit.factor:g} {unit}", model.force(pose)
         mesh = model.mesh
         shown[name] = Fields(mesh.nodes, mesh.triangles, mesh.bodies, model.displacement(load), model.stress(load))
-        necks[name] = model.neck_stress(pose)
+        necks[name] = neck_maxima(stage, mesh, shown[name].stress)
     rows = [
         [f"{hinge} hinge, chain {chain + 1}", *(significant(float(each[chain, k])) for each in necks.values())]
         for chain in range(3)

@@ -77,10 +77,6 @@ def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequen
                 style.log_ticks(axis, (low, high))
 
 
-def _thousands(count: int) -> str:
-    return f"{count:,}".replace(",", SPACE)
-
-
 # maps
 
 
@@ -151,7 +147,7 @@ def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
         boxes = [[(across[i + a], up[j + b]) for a, b in corners] for i, j in places]
         look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCHED, "linewidth": 0.0, "hatch": hatch}
         axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
-        entries.append(Patch(**look, label=f"{why}: {_thousands(len(boxes))}"))
+        entries.append(Patch(**look, label=f"{why}: {findings.thousands(len(boxes))}"))
     if min(values.shape) > 1 and masked.count() > 3:
         _draw_contours(axes, (xs, ys, masked), colours["norm"], shown, entries)
     return entries
@@ -166,7 +162,7 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     entries = []
     for mark, (why, which) in zip("x+123", missing.items(), strict=False):
         axes.plot(*points[which].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
-        label = f"{why}: {_thousands(int(which.sum()))}"
+        label = f"{why}: {findings.thousands(int(which.sum()))}"
         entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
     return entries
 
@@ -241,14 +237,18 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
     dots, n = shown.points, len(shown.points)
     if n > MOST_DOTS:
         dots = dots[np.random.default_rng(0).choice(n, MOST_DOTS, replace=False, shuffle=False)]
-    said = f"{_thousands(n)} designs" if n <= MOST_DOTS else f"{_thousands(MOST_DOTS)} of {_thousands(n)} designs"
+    said = (
+        f"{findings.thousands(n)} designs"
+        if n <= MOST_DOTS
+        else f"{findings.thousands(MOST_DOTS)} of {findings.thousands(n)} designs"
+    )
     size, alpha = (1.6 if n > DOTS else 2.8), float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
     look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
     ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > DOTS, zorder=1)
     if len(shown.undrawable):
-        name = f"{_thousands(len(shown.undrawable))} not on the front: cannot be drawn"
+        name = f"{findings.thousands(len(shown.undrawable))} not on the front: cannot be drawn"
         ax.plot(*shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2)
-    name = f"front: {_thousands(len(shown.front))} designs that no other beats"
+    name = f"front: {findings.thousands(len(shown.front))} designs that no other beats"
     line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
     ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
     for letter, chosen in zip(NAMED, shown.chosen, strict=False):

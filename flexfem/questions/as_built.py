@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import AnalyticResult, analyse, at_rest, hinge_compliances
+from flexfem.analytic.model import AnalyticResult, analyse, stiffness_with_necks
 from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
@@ -186,9 +186,7 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
 
 def _scattered(made: Stage, of: AnalyticResult, sd: Array) -> Array:
     """Diagonals (draws, 3) of the stiffness of stages whose necks are normally scattered."""
-    designs = lower(made).repeated(DRAWS)
-    designs.neck[:] += sd * np.random.default_rng(SEED).normal(size=(DRAWS, 3, 3))
+    necks = lower(made).neck + sd * np.random.default_rng(SEED).normal(size=(DRAWS, 3, 3))
     links = body_compliance(made)[None] if of.links else None
-    with np.errstate(all="ignore"):  # off a chart: no number
-        K = at_rest(designs, hinge_compliances(designs, of.formula), of.freedoms, links).stiffness
+    K = stiffness_with_necks(made, necks, of.formula, of.freedoms, links)
     return np.asarray(np.diagonal(K, axis1=1, axis2=2))

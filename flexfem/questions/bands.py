@@ -16,14 +16,14 @@ from scipy.linalg import eigh
 
 from flexfem import arguments
 from flexfem.arrays import Array
-from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION, mesh_sectors
+from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.setup import about, on_meshes, question, solved
+from flexfem.questions.setup import about, on_meshes, question, sectors_of, solved
 from flexfem.refused import BadInput
 from flexfem.results import COARSER as ON_COARSER
 from flexfem.results import Gate, Progress, Quantity, Result
@@ -321,7 +321,7 @@ class SolidLevels(NamedTuple):
 def solve_solid(stage: Stage, resolution: int = SOLID_RESOLUTION, layers: int = LAYERS) -> Response:
     """Mesh and solve a feasible stage in three dimensions. Raises BadInput, ComputationFailed."""
     check_feasible(stage)
-    return unit_response(mesh_sectors(stage, resolution), sheet_of(stage), layers_of(stage, layers))
+    return unit_response(sectors_of(stage, resolution), sheet_of(stage), layers_of(stage, layers))
 
 
 @once

@@ -16,7 +16,7 @@ from flexfem.arrays import Array
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.response import Response, unit_response
+from flexfem.fem.response import Response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -149,7 +149,7 @@ def _measured(stage: Stage, K: Array) -> tuple[Array, Array]:
 
     def change(resolution: int, layers: int) -> Array:
         solid = solve_solid(stage, resolution, layers)
-        flat = unit_response(solid.sectors, plate_of(stage)).compliance
+        flat = solved(stage, resolution).compliance
         lever = stage.chain.link_lengths[2]
         return error_matrix(K, solid.compliance, lever) - error_matrix(K, flat, lever)
 

@@ -13,11 +13,10 @@ from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
 from flexfem.analytic.responses import DrivenModel, driven_model
 from flexfem.arrays import Array
-from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.fields import neck_maxima
+from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
-from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
+from flexfem.fem.structure import plate_of
 from flexfem.mechanism.actuators import Body
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import CHAIN_TURN, lower, stage_frames
@@ -175,8 +174,7 @@ class DrivenElements(NamedTuple):
     def stress(self, load: Array, force: Array) -> Array:
         """As of `Commanding`."""
         field = np.tensordot(np.concatenate([load, force]), self.response.fields, axes=1)
-        nodal = nodal_stress(self.mesh, plate_of(self.stage), field)
-        return neck_maxima(self.stage, self.mesh, von_mises(nodal, out_of_plane_ratio_of(self.stage)))
+        return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
 @question
@@ -242,7 +240,7 @@ def drive(
     axes |= {"actuator": own.names, "stack": stack_names(own)}
     if mesh is not None:
         answering[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
-        values |= _open_loop(stage, elements, first, chosen, wanted, F, axes)
+        values |= _open_loop(stage, elements, first, wanted, F, axes)
     stress, friction = [], []
     for model in answering.values():
         pushed = [own.preload + moved(model.of, own, each, F).force for each in x]
@@ -379,7 +377,6 @@ def _open_loop(
     stage: Stage,
     elements: DrivenElements,
     first: Commanding,
-    chosen: ModelChoice,
     pose: Array,
     load: Array,
     axes: dict[str, tuple[str, ...]],

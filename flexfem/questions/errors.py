@@ -12,14 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from pydantic import BaseModel
 
-from flexfem.analytic.large import at_pose
+from flexfem.analytic.large import at_pose, outwards
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
 from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.fields import neck_maxima, neck_stresses
+from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of, structure
+from flexfem.fem.structure import plate_of, sheet_of, structure
 from flexfem.files.provenance import Assumptions, assumptions
 from flexfem.files.refusals import checked_path
 from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
@@ -29,7 +29,7 @@ from flexfem.questions import bands, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
-from flexfem.questions.imposed import elements, imposed, imposed_bands
+from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
 from flexfem.questions.setup import Answered, beside, question, solved
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
@@ -400,10 +400,8 @@ def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> 
 
 def _in_plane(stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array, Array]], **others: Any) -> Answer:
     """Finite elements by meshes, coarse to fine, with poses (3,) and displacements at full command."""
-    stresses, steps = [], np.array(levels(case.resolution), dtype=float)
-    for mesh, _, field in at_full:
-        nodal = nodal_stress(mesh, plate_of(stage), field)
-        stresses.append(von_mises(nodal, out_of_plane_ratio_of(stage)))
+    stresses = [plane_stress(stage, mesh, field) for mesh, _, field in at_full]
+    steps = np.array(levels(case.resolution), dtype=float)
     necks = [neck_maxima(stage, mesh, stress) for (mesh, *_), stress in zip(at_full, stresses, strict=True)]
     reached = [np.max(neck) / abs(pose[case.axis]) for (_, pose, _), neck in zip(at_full, necks, strict=True)]
     mesh, pose, field = at_full[-1]
@@ -422,10 +420,9 @@ def _exact(stage: Stage, curve: Curve, mesh: StageMesh, command: Array) -> tuple
     The loads are reached outwards from rest, on each side of it. Raises ComputationFailed when one is not reached.
     """
     force = at_pose(assemble(stage, curve.mobility, curve.formula), command).load
-    pose, along = np.zeros_like(command), np.sum(command, axis=1)
-    for side in (np.flatnonzero(along > 0), np.flatnonzero(along < 0)[::-1]):
-        if len(side):
-            pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
+    pose = np.zeros_like(command)
+    for side in outwards(np.sum(command, axis=1)):
+        pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
     return force, pose
 
 
@@ -445,14 +442,14 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     of_layers = np.where(silent, 0.0, bands.percentages(moved, 1.0, case.direction, lever))
     force = command @ K.T  # (18)
     mesh, field = response.mesh, np.tensordot(force[-1], response.fields, axes=1)
-    stress = nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)
+    highest = von_mises(nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)).max(axis=1)
     found = bands.command_errors(steps, many, K, case.direction, lever)
     return Answer(
         error=force @ response.compliance.T - command,
         force=force,
         pose=response.compliance @ force[-1],
-        neck_stress=neck_stresses(stage, response, force[-1:]).highest[0],
-        fields=Fields(mesh.nodes, mesh.triangles, mesh.bodies, field[:, 0, :2], von_mises(stress).max(axis=1)),
+        neck_stress=neck_maxima(stage, mesh, highest),
+        fields=Fields(mesh.nodes, mesh.triangles, mesh.bodies, field[:, 0, :2], highest),
         bands=tuple(
             each._replace(band=max(each.band, bands.mesh_band(steps, each.values)) + of)
             for each, of in zip(found, of_layers.tolist(), strict=True)
@@ -467,7 +464,8 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
 def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     """Finite elements with the rotations or strokes that a model computed for the commands, on three meshes."""
     joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
-    meshes = [elements(stage, n, case.drive, model.mobility) for n in levels(case.resolution)]
+    turned = turned_hinges(model.mobility) if case.drive == "joints" else ()
+    meshes = [elements(stage, n, turned) for n in levels(case.resolution)]
     commands, at_full = np.outer(case.commanded, joints.given[:, case.axis]), []
     for mesh, response in meshes:
         seen = joints.on(response.compliance)

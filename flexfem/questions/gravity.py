@@ -16,7 +16,7 @@ from flexfem.analytic.responses import under_weight
 from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima
-from flexfem.fem.mesh import build_mesh
+from flexfem.fem.mesh import welded
 from flexfem.fem.response import weight_response
 from flexfem.fem.structure import layers_of, mass_of, out_of_plane_ratio_of, plate_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
@@ -24,7 +24,18 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, answer, mesh_of, on_meshes, question
+from flexfem.questions.setup import (
+    DEFAULT,
+    Analytic,
+    Answered,
+    Mesh,
+    Models,
+    answer,
+    mesh_of,
+    on_meshes,
+    question,
+    sectors_of,
+)
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
@@ -81,7 +92,7 @@ def gravity(
     array([ -0.46, -13.85])
     """
     check_feasible(stage)
-    mesh = mesh_of("elements" if layers else models, resolution, layers)
+    mesh = mesh_of(models, resolution, layers)
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
     along = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
@@ -125,7 +136,7 @@ def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> Answered:
 
 def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int = 0) -> tuple[Array, Array]:
     """Pose and neck stress on one mesh under an acceleration (2,), mm/s^2: x and y, or with layers z alone."""
-    mesh, solid = build_mesh(stage, level), layers > 0
+    mesh, solid = welded(sectors_of(stage, level))[0], layers > 0
     through = layers_of(stage, layers, antisymmetric=True) if solid else None
     plate = sheet_of(stage) if solid else plate_of(stage)
     of = structure(mesh, plate, through)

@@ -20,7 +20,7 @@ from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
-from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
+from flexfem.fem.mesh import StageMesh, build_mesh, nodes_on
 from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, warm_half
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
@@ -232,13 +232,12 @@ def _in_three_dimensions(
     """
     own, frame = _expansions(stage)
     beyond, lever, plate = frame - own, stage.chain.link_lengths[2], sheet_of(stage)
-    sectors = {level: mesh_sectors(stage, level) for level in levels(mesh.resolution)}
 
     def half(antisymmetric: bool) -> tuple[Response, Array]:
         scale = np.array([1.0, lever if antisymmetric else 1.0, lever])[:, None]
 
         def solve(level: int, number: int) -> Response:
-            return warm_half(sectors[level], plate, layers_of(stage, number, antisymmetric))
+            return warm_half(setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric))
 
         band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, *mesh)
         return solve(*mesh), abs(beyond) * band / scale
@@ -251,7 +250,10 @@ def _in_three_dimensions(
     solid = Answered(
         {
             "pose": beyond * even.compliance.T[order],
-            "stress": [neck_stresses(stage, half, loads[[at]]).highest[0] for half, at in places],
+            "stress": [
+                *neck_stresses(stage, even, loads[order]).highest,
+                *neck_stresses(stage, odd, loads[2:]).highest,
+            ],
             "edges": [_clamped(stage, half, field) for half, _, field in warm],
             "tilt": beyond * odd.compliance[:, 2],
         },
@@ -275,7 +277,7 @@ def _clamped(stage: Stage, half: Response, field: Array) -> Array:
 
     A share `CORNER` of the length and of the half thickness along the borders is left out: stress has no bound there.
     """
-    ground, heights = np.unique(half.mesh.edges["ground"]), half.layers.heights
+    ground, heights = nodes_on(half.mesh, "ground"), half.layers.heights
     stress = np.zeros(field.shape[:2])
     stress[ground] = von_mises(nodal_stress(half.mesh, sheet_of(stage), field, ground, half.layers))
     return largest_within(heights / heights[-1], edge_maxima(half.mesh, stress).T, 0.0, 1 - CORNER)

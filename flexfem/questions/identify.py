@@ -13,11 +13,10 @@ from scipy.stats import chi2
 
 from flexfem import arguments
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import CALIBRATED, at_rest, best_model, hinge_compliances
+from flexfem.analytic.model import CALIBRATED, best_model, stiffness_with_necks
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.hinges.formulas import formula as known
-from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
@@ -74,7 +73,7 @@ class Identification(Result):
     region_fixture = Quantity("numbers of the map", "", ("map y",), FITTED, shown=False)
     region_above = Quantity("chi square above its least", "", ("map x", "map y"), FITTED, "all", shown=False)
     region_limit = Quantity("joint limit of chi square", shown=False)
-    finding: str = ""
+    finding = property(lambda of: of.notes[0], doc="What the data say.")
 
 
 class SlopeProblem(NamedTuple):
@@ -223,7 +222,7 @@ def identify(
     sentence = finding(best, dof, alone[1].x[0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within its interval."
-    found = Identification(
+    return Identification(
         about(stage, files={"measured": source}),
         {
             "slope": of_directions[:3].T,
@@ -248,8 +247,6 @@ def identify(
         warnings=warnings,
         notes=[sentence, "intervals by profile likelihood; unlimited where the data set no end"],
     )
-    found.finding = sentence
-    return found
 
 
 def _problem(
@@ -293,13 +290,13 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
         low, high = known(formula).valid
         ends = np.clip(ends, np.max(low * radius - neck), np.min(high * radius - neck))
     offsets = np.linspace(ends[0], ends[1], GRID)
-    designs = lower(stage).repeated(GRID)
-    designs.neck[:] += offsets[:, None, None]
-    found = at_rest(designs, hinge_compliances(designs, formula), freedoms_of(21), body_compliance(stage)[None])
-    kept = np.all(np.isfinite(found.stiffness), axis=(1, 2))
+    K = stiffness_with_necks(
+        stage, neck + offsets[:, None, None], formula, freedoms_of(21), body_compliance(stage)[None]
+    )
+    kept = np.all(np.isfinite(K), axis=(1, 2))
     if np.count_nonzero(kept) < GRID // 4:
         raise ComputationFailed(f"stage {stage.name!r}: no model has an answer for other necks")
-    return offsets[kept], inverse(found.stiffness[kept]), chosen.name
+    return offsets[kept], inverse(K[kept]), chosen.name
 
 
 def _region(of: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:

@@ -83,10 +83,13 @@ def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
 
 
 @once
-def elements(stage: Stage, resolution: int, drive: Drive, mobility: int) -> ImposedElements:
-    """Finite elements of a stage with its hinges or stacks as further loads. Raises BadInput, ComputationFailed."""
+def elements(stage: Stage, resolution: int, turned: tuple[int, ...]) -> ImposedElements:
+    """Finite elements with hinges at positions, or where there are none the stacks, as further loads.
+
+    Raises BadInput, ComputationFailed.
+    """
     plate, mesh = plate_of(stage), build_mesh(stage, resolution)
-    stacks = hinge_couples(stage, turned_hinges(mobility)) if drive == "joints" else drive_of(stage).stacks
+    stacks = hinge_couples(stage, turned) if turned else drive_of(stage).stacks
     return ImposedElements(mesh, driven_response(mesh, plate, stacks))
 
 

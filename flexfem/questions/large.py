@@ -12,11 +12,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.large import along, at_pose, missed, summed_loads
+from flexfem.analytic.large import along, at_pose, missed, outwards, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
-from flexfem.arrays import Array, Index
-from flexfem.fem.fields import load_case
+from flexfem.arrays import Array
+from flexfem.fem.fields import neck_stresses
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import Response
 from flexfem.fem.structure import plate_of
@@ -113,7 +113,7 @@ def large(
     warnings = warning.of_result(stage, model)
     if elements is not None:
         for direction, force in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(far)).T, strict=True):
-            highest = float(np.max(load_case(stage, elements.mesh, elements, force).neck_stress))
+            highest = float(np.max(neck_stresses(stage, elements, force[None]).highest))
             warnings += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
     boxes = [missed(of, part * far, lever) for part in (STATED[2] / STEPS, 1.0)]
     ways = []
@@ -166,19 +166,14 @@ def _way(stage: Stage, of: PaperModel, elements: Response | None, direction: Dir
         return found
     plate, C, places = plate_of(stage), elements.compliance, STEPS + SOLVED
     held, compliance, strain = np.zeros((len(SOLVED), 3)), np.tile(C, (len(SOLVED), 1, 1)), np.zeros(len(SOLVED))
-    for side in _outwards(SOLVED):
+    for side in outwards(SOLVED):
         held_at = imposed(elements.mesh, plate, along(commanded[places[side]], axis))
         held[side], compliance[side], strain[side] = held_at.load, held_at.compliance, held_at.strain
     exact, pose = at.load[STEPS + STATED], np.zeros((len(STATED), 3))
-    for side in _outwards(STATED):
+    for side in outwards(STATED):
         pose[side] = equilibrium(elements.mesh, plate, exact[side]).pose
     slope = np.linalg.inv(compliance)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
     tangent[places, HELD], loads[places, HELD], found["strain"][places] = 100 * (slope - 1), held, strain
     errors[places, HELD] = missing(held @ C - along(commanded[places], axis), commanded[places])
     errors[STEPS + STATED, LOADED] = missing(exact @ C - pose, pose[:, axis])
     return found
-
-
-def _outwards(places: Index) -> tuple[Index, Index]:
-    """Where ascending places are on either side of rest, from rest outwards."""
-    return np.flatnonzero(places > 0), np.flatnonzero(places < 0)[::-1]

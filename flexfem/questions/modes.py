@@ -16,7 +16,7 @@ from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_m
 from flexfem.analytic.responses import dynamics, engaged
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors
+from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.modes import Modes as ModesOfStructure
 from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
@@ -31,14 +31,13 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted, located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
-from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question
+from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question, sectors_of
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
-BASES = ("x", "y", "theta")
-ALL_BASES = (*BASES, "z", "tilt x", "tilt y")
+ALL_BASES = (*DIRECTIONS, "z", "tilt x", "tilt y")
 KINDS = ("in plane", "out of plane")
 SOLID_RESOLUTION = 4  # triangles across every neck in three dimensions
 MOST, MOST_SOLID = 100, 40  # modes
@@ -83,7 +82,7 @@ class NaturalModes(Result):
     meshed_mass = Quantity("mass by the finite elements", "kg", gate=FRESH, shown=False)
     hub_mass = Quantity("mass of the hub", "kg")
     first_out_of_plane = Quantity("first natural frequency out of the plane", "hz", gate=Gate(FRESH.relative, 0.2))
-    labels: ClassVar = {"base": BASES, "tilt": ("x", "y")}
+    labels: ClassVar = {"base": DIRECTIONS, "tilt": ("x", "y")}
 
 
 class Channels(NamedTuple):
@@ -363,6 +362,8 @@ def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings
     """
     best, found = best_model(stage, warnings), {}
     for one in (ModelChoice(stage, None, DEFAULT_FORMULA, False), best._replace(stage=stage), best):
+        if one.name in found:
+            continue
         of = dynamics(one.stage, analyse(*one), payload, *(() if drive is None else (drive.stacks,)))
         found[one.name] = (of if drive is None else engaged(of, drive.stiffness)).frequencies
     return found
@@ -410,14 +411,15 @@ def _in_three_dimensions(
 ) -> tuple[dict[str, Answered], dict[str, Any], Vibration]:
     """The lowest modes of both kinds together; bands are shares of the frequency on the meshes that they are from."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
-    meshes = {level: mesh_sectors(stage, level) for level in levels(mesh.resolution)}
     loads = bodies.carried(stage, payload), bodies.carried_out_of_plane(stage, payload)
 
     def by_kind(kind: int) -> tuple[ModesOfStructure, Array]:
         """Modes of one kind, and their frequencies with both bands (3, k)."""
 
         def solve(level: int, number: int) -> ModesOfStructure:
-            return stage_modes(meshes[level], plate, layers_of(stage, number, kind == 1), density, loads[kind], count)
+            return stage_modes(
+                sectors_of(stage, level), plate, layers_of(stage, number, kind == 1), density, loads[kind], count
+            )
 
         by_mesh, (few, many) = coarser(lambda *sizes: solve(*sizes).frequencies, *mesh)
         of = solve(*mesh)

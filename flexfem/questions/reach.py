@@ -26,7 +26,6 @@ from flexfem.questions.driven import (
     limits_of,
     limits_of_necks,
     linear_program,
-    neck_forces,
     per_command,
     sections_of,
 )
@@ -213,12 +212,11 @@ def limits_of_commands(first: Commanding, of: Driven, drive: StageDrive, load: A
     first : the model whose necks carry what the stacks of `of` push with; they bear `YIELD_MARGIN` less than the yield
         strength. The preloads of a pair bear on each other; that of a single stack stresses the necks.
     """
-    stage, frames, necks = first.stage, stage_frames(first.stage), first.model.necks
+    stage, frames = first.stage, stage_frames(first.stage)
     force = drive.preload - of.Y @ of.C[3:, :3] @ load
-    carried = neck_forces(frames, (necks @ np.concatenate([load, force]))[..., None])
     strength = stage.material.yield_strength * (1 - warning.YIELD_MARGIN[stage.model])
     at = sections_of(lower(stage))[:, 0]
-    yields = limits_of_necks(at, per_command(of, frames, necks), carried[..., 0], strength)
+    yields = limits_of_necks(at, per_command(of, frames, first.model.necks), first.carried(load, force), strength)
     own = limits_of(of, drive, load)
     every = [*(own[kind] for kind in LIMITS), yields]
     names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]

@@ -15,7 +15,7 @@ from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, StageMesh, mesh_sectors
+from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh, mesh_sectors
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Sourced, assumptions
@@ -118,9 +118,15 @@ def mesh_of(
 
 
 @once
+def sectors_of(stage: Stage, resolution: int) -> tuple[Sector, ...]:
+    """A feasible stage, meshed once."""
+    return mesh_sectors(stage, resolution)
+
+
+@once
 def solved(stage: Stage, resolution: int) -> Response:
     """Plane finite elements of a feasible stage, solved once. Raises BadInput for a model that is not plane."""
-    return unit_response(mesh_sectors(stage, resolution), plate_of(stage))
+    return unit_response(sectors_of(stage, resolution), plate_of(stage))
 
 
 def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Found], progress: Progress | None = None) -> list[Found]:

@@ -215,10 +215,9 @@ def _in_plane(
 
 
 def element_stress(stage: Stage, response: Response) -> Array:
-    """Highest stress (3 chains, 3 hinges, 3 directions) at each neck per displacement, by plane finite elements."""
-    K = np.linalg.inv(response.compliance)
-    cases = [load_case(stage, response.mesh, response, force) for force in K.T]
-    return np.stack([case.neck_stress for case in cases], axis=-1)
+    """Highest stress (3 chains, 3 hinges, 3 directions) at each neck per displacement, by finite elements."""
+    K = np.asarray(np.linalg.inv(response.compliance))
+    return np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1)
 
 
 def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict[str, Answered], MeshFields | None]:
@@ -226,8 +225,7 @@ def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict
     response = solve_solid(stage, *mesh)
     plane, thickness = solid_bands(solid_levels(stage, *mesh), mesh.resolution)
     K, C, total = np.asarray(np.linalg.inv(response.compliance)), response.compliance, plane + thickness
-    stress = np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1)
-    values, bands = _at_rest(stage, C, stress, total)
+    values, bands = _at_rest(stage, C, element_stress(stage, response), total)
     values |= {"band_plane": plane, "band_thickness": thickness}
     sheet, strain = (_at_rest(stage, each) for each in bounding(stage, response))
     force, fields = loaded(K), None

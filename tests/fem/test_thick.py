@@ -10,8 +10,8 @@ import pytest
 from flexfem.fem.chart import THICK, SingleHinge, layers, make, section_mesh, thick_answer, thick_sample
 from flexfem.fem.chart import sample as plane_sample
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, integration, layered
-from flexfem.fem.mesh import jacobians, least_scaled_jacobian, mapped
-from flexfem.fem.structure import NONE, edge_force, nodes_on, structure
+from flexfem.fem.mesh import jacobians, least_scaled_jacobian, mapped, nodes_on
+from flexfem.fem.structure import NONE, edge_force, structure
 
 NU, FREEDOMS = 0.29, ("rotation", "axial")
 EXACT = 1e-9  # relative: the solution is in the space of the elements, round-off is left

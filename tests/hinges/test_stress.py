@@ -10,7 +10,8 @@ import pytest
 from flexfem.analytic.model import at_necks
 from flexfem.fem.chart import SingleHinge, hinge_mesh
 from flexfem.fem.elements import Plate, nodal_stress
-from flexfem.fem.structure import edge_force, nodes_on
+from flexfem.fem.mesh import nodes_on
+from flexfem.fem.structure import edge_force
 from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames
 

@@ -12,9 +12,9 @@ from scipy.sparse.linalg import spsolve
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
-from flexfem.fem.mesh import StageMesh, mapped
+from flexfem.fem.mesh import StageMesh, mapped, nodes_on
 from flexfem.fem.mesher import Cone
-from flexfem.fem.structure import NONE, Structure, mass_of, nodes_on, structure
+from flexfem.fem.structure import NONE, Structure, mass_of, structure
 from flexfem.mechanism.bodies import Face, Segment
 
 from .fields import FieldErrors, Function, clamp, meshed, on_chords, size_of, solve

@@ -8,9 +8,9 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, nodal_stress
-from flexfem.fem.mesh import StageMesh, mapped
+from flexfem.fem.mesh import StageMesh, mapped, nodes_on
 from flexfem.fem.mesher import Cone
-from flexfem.fem.structure import edge_force, nodes_on
+from flexfem.fem.structure import edge_force
 from flexfem.mechanism.bodies import Face, Segment
 
 from .fields import clamp, meshed, nearest_node, on_chords, pressure, solve, uniform

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
-from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.structure import edge_force, nodes_on
+from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.structure import edge_force
 
 from .fields import FieldErrors, Function, Solution, Support, body_force, errors, size_of, solve, traction_of
 

@@ -9,8 +9,8 @@ import pytest
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import integration
-from flexfem.fem.mesh import StageMesh, mapped
-from flexfem.fem.structure import edge_force, nodes_on
+from flexfem.fem.mesh import StageMesh, mapped, nodes_on
+from flexfem.fem.structure import edge_force
 
 from . import consistency, plane
 from .fields import body_force, clamp, errors, on_chords, pressure, solve, uniform

@@ -11,9 +11,9 @@ from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
-from flexfem.fem.mesh import Sector, StageMesh, mapped, outwards
+from flexfem.fem.mesh import Sector, StageMesh, mapped, nodes_on, outwards
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
-from flexfem.fem.structure import nodes_on, structure
+from flexfem.fem.structure import structure
 from flexfem.mechanism.designs import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle

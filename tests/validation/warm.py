@@ -6,9 +6,9 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import ElementBatch, Plate, integration, stress_tensor
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.response import free_displacement
-from flexfem.fem.structure import NONE, nodes_on, structure
+from flexfem.fem.structure import NONE, structure
 from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
 
