@@ -240,12 +240,12 @@ def von_mises(stress: Array, pull: float = 0.0, across: Array | float = 0.0) -> 
 
     To these belongs a stress across the plane of `pull` (xx + yy) + `across`; in plane strain `pull` is nu.
     """
+    xx, yy, shear = stress[..., 0, 0], stress[..., 1, 1], stress[..., 0, 1] ** 2
     if stress.shape[-1] == 2:
-        zz = pull * np.trace(stress, axis1=-2, axis2=-1) + across
-        stress = np.pad(stress, [*[(0, 0)] * (stress.ndim - 2), (0, 1), (0, 1)])
-        stress[..., 2, 2] = zz
-    deviator = stress - np.trace(stress, axis1=-2, axis2=-1)[..., None, None] / 3 * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * np.sum(deviator**2, axis=(-2, -1))))
+        zz = pull * (xx + yy) + across
+    else:
+        zz, shear = stress[..., 2, 2], shear + stress[..., 0, 2] ** 2 + stress[..., 1, 2] ** 2
+    return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * shear))
 
 
 class Pairs(NamedTuple):
@@ -270,10 +270,10 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
     """
     first, parts = 0, list[Array]()
     for each in blocks:
-        parts.append(each[pairs.chosen[first : first + len(each)]])
+        chosen, shape = pairs.chosen[first : first + len(each)], each.shape[3:]
+        parts.append(each.reshape(chosen.size, -1)[np.flatnonzero(chosen)])  # four times faster than by the mask
         first += len(each)
-    shape = parts[0].shape[1:]
-    plane = (pairs.gathering @ np.concatenate(parts).reshape(-1, int(np.prod(shape)))).reshape(-1, *shape)
+    plane = (pairs.gathering @ np.concatenate(parts)).reshape(-1, *shape)
     parts.clear()  # their memory is free
     psi, slope, weights = line.values, line.slopes, line.weights
     products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if line.axes == 2 else 4]
@@ -301,8 +301,9 @@ def nodal_stress(
     """
     line, n = (layers or sheet(plate.thickness)).at_nodes, len(mesh.nodes)
     m, d = len(line.heights), line.axes
-    chosen = np.arange(n) if chosen is None else chosen
-    triangles = mesh.triangles[np.isin(mesh.triangles, chosen).any(axis=1)]
+    chosen, near = np.arange(n) if chosen is None else chosen, np.zeros(n, dtype=bool)
+    near[chosen] = True
+    triangles = mesh.triangles[near[mesh.triangles].any(axis=1)]
     every = fields.reshape(-1, n, m * d)
     k, total = len(every), np.zeros((n, len(every) * m * d * d))
     for start in range(0, len(triangles), CACHED):
