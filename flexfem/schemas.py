@@ -6,25 +6,32 @@ that of a stored result is of its declaration.
 
 from __future__ import annotations
 
+import ast
+import inspect
 import json
 import re
 from collections.abc import Iterator
 from importlib import import_module
+from itertools import pairwise
 from operator import methodcaller
 from pathlib import Path
 from pkgutil import iter_modules
+from textwrap import dedent
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel
+from pydantic.json_schema import GenerateJsonSchema
 
 from flexfem import questions
 from flexfem.design.requirements import Requirements
 from flexfem.files.inputs import require_unread
 from flexfem.files.quantities import UNIT
 from flexfem.files.refusals import SHOWN, as_toml, one_line
+from flexfem.files.toml import Table
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.mechanism.materials import Entry
 from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import Override
 from flexfem.questions.as_built import Necks
 from flexfem.questions.case import Case
 from flexfem.questions.fixture import Fixture, Measurement
@@ -173,13 +180,32 @@ def schema_of(name: str) -> dict[str, Any]:
     if name not in FORMATS:
         return results()[name].schema()
     of = FORMATS[name]
-    raw = of.model.model_json_schema(by_alias=True)
+    raw = of.model.model_json_schema(by_alias=True, schema_generator=_Described)
     whole = _plain(raw, raw.get("$defs", {}))
     _state_units(whole, "")
     if of.named:
         entry = whole | {"description": f"The numbers of one {of.named}"}
         whole = {"type": "object", "additionalProperties": entry}
     return {"$schema": DRAFT, "title": f"flexfem: {of.title.lower()}", **whole, "description": of.about}
+
+
+class _Described(GenerateJsonSchema):
+    """Keys with the text below their attributes, which pydantic would read at the start of every command."""
+
+    def model_schema(self, schema: Any) -> dict[str, Any]:
+        found, model, texts = super().model_schema(schema), schema["cls"], dict[str, str]()
+        for each in (*getattr(model, "described_by", ()), *reversed(model.__mro__)):
+            if not issubclass(each, Table) or each is Override:  # which is made without a source
+                continue
+            tree: Any = ast.parse(dedent(inspect.getsource(each))).body[0]
+            for one, below in pairwise(tree.body):
+                match one, below:
+                    case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+                        texts[name] = inspect.cleandoc(text)
+        for name, field in model.model_fields.items():
+            if name in texts and (key := field.alias or name) in found["properties"]:
+                found["properties"][key]["description"] = texts[name]
+        return found
 
 
 def _plain(given: Any, known: dict[str, Any]) -> Any:

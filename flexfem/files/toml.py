@@ -161,12 +161,11 @@ class Table(BaseModel):
     """A table of a file: strict, frozen, no unknown keys, no nan or inf; its arrays are tuples.
 
     Field aliases are the keys of the file, with the unit as suffix; attributes carry no suffix and hold N-mm-MPa-rad.
-    `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them.
+    `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them. The text below
+    an attribute describes its key in the schema of the file.
     """
 
-    model_config = ConfigDict(
-        strict=True, frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True
-    )
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
     @model_validator(mode="before")
     @classmethod

@@ -187,6 +187,8 @@ def scopes_of(doubted: Iterable[str]) -> str:
 class _About(Dimensioned):
     """The part of an override that says what it is about."""
 
+    described_by: ClassVar = (Hinge, Actuator)
+
     chain: int = Field(ge=1, le=3, examples=[2])
     """The chain that it is about"""
     hinge: HingeName | None = None
@@ -229,7 +231,7 @@ def _optional(table: type[BaseModel], name: str) -> Any:
     of = table.model_fields[name]
     kind: Any = Annotated[of.annotation, *of.metadata] if of.metadata else of.annotation
     extra: dict[str, Any] = {"json_schema_extra": of.json_schema_extra} if of.json_schema_extra else {}
-    return kind | None, Field(default=None, alias=of.alias, description=of.description, examples=of.examples, **extra)
+    return kind | None, Field(default=None, alias=of.alias, examples=of.examples, **extra)
 
 
 _FIELDS: dict[str, Any] = {name: _optional(Hinge, name) for name in OF_HINGES}
