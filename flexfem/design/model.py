@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -27,7 +26,6 @@ from flexfem.study.factors import Column
 from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.units import UNITS
 
-CHUNK = 2048  # designs at a time
 MISSED = 1e30  # merit of a design that misses requirements, and more
 REFUSED_MERIT = 100 * MISSED  # of one that has no answer, or cannot be drawn
 ROUND_OFF = 1e-9  # of a size: less is not missed
@@ -129,16 +127,14 @@ class Found(NamedTuple):
 class Model:
     """The corrected analytic model of requirements; every evaluation is counted.
 
-    `corrections` are by column; `shifts`, by column, its value of other scattered stages over that of those searched.
-    `guard` (m,) says by how much of its size each requirement is to be met beyond its end; `objective` which one is to
-    be best while `bounds` are values, with their signs, that others must not exceed. A `yielding` requirement is not
-    asked: its miss is what is to be small instead of the objective.
+    `corrections` are by column. `guard` (m,) says by how much of its size each requirement is to be met beyond its end;
+    `objective` which one is to be best while `bounds` are values, with their signs, that others must not exceed. A
+    `yielding` requirement is not asked: its miss is what is to be small instead of the objective.
     """
 
     loaded: LoadedRequirements
     corrections: Mapping[str, Correction] = field(default_factory=dict)
-    shifts: Mapping[str, float] = field(default_factory=dict)
-    guard: Array | None = None
+    guard: Array | float = 0.0
     objective: int = 0
     bounds: Mapping[int, float] = field(default_factory=dict)
     yielding: int | None = None
@@ -155,7 +151,7 @@ class Model:
         self.sizes = np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
         self.room = BETWEEN * (self.high - self.low)  # infinite where there is one end
 
-    @cached_property
+    @property
     def scatter(self) -> NeckScatter | None:
         """Scatter of the nine necks, where a coupling under it is asked."""
         of = self.loaded.requirements
@@ -163,10 +159,6 @@ class Model:
 
     def found(self, values: Array) -> Found:
         """Answer designs (n, d) in file units."""
-        parts = [self._found(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
-        return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
-
-    def _found(self, values: Array) -> Found:
         columns, reason = self.columns(values)
         quantities = np.where((reason == "")[:, None], self.quantities(self.corrected(columns)), np.nan)
         reason[(reason == "") & ~np.isfinite(quantities).all(axis=1)] = "a quantity without a finite value"
@@ -192,7 +184,7 @@ class Model:
                 freedoms = freedoms_of(of.mobility, designs.prismatic)
                 couplings = self.scatter.quantiles(designs, of.formula, freedoms)
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
-                found |= {n: self.shifts.get(n, 1.0) * each for n, each in zip(SCATTERED, couplings.T, strict=True)}
+                found |= dict(zip(SCATTERED, couplings.T, strict=True))
         return found, reason
 
     def _masses(self, values: Array, reason: AnyArray) -> Array:
@@ -222,7 +214,7 @@ class Model:
     @property
     def ends(self) -> tuple[Array, Array]:
         """Least and greatest values (m,) that count, guards included; infinite where there is none."""
-        guard = np.minimum(0.0 if self.guard is None else self.guard * self.sizes, self.room)
+        guard = np.minimum(self.guard * self.sizes, self.room)
         return self.low + guard, self.high - guard
 
     def signed(self, quantities: Array) -> Array:

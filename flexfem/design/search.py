@@ -86,15 +86,13 @@ class _Search:
 
     def everywhere(self, near: Array | None, say: Say) -> Array:
         """The best design (d,), as if steps were none, of differential evolution over all from a Sobol sample."""
-        d, best = self.space.size, np.inf
+        d = self.space.size
         own = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
         u = np.vstack([self.space.to_unit(np.array(own)), self._sample()])
 
         def merit(u: Array) -> Array:
-            nonlocal best
             found = self.merit(self.space.from_unit(u))
-            best = min(best, float(found.min()))
-            self.note(best)
+            self.note(float(found.min()))
             *_, (evaluations, objective, _) = self.history
             shown = "none that meets all" if objective is None else f"{objective:.6g}"
             say(f"{evaluations:,} designs by the analytic model, best {shown}")

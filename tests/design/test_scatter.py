@@ -11,7 +11,7 @@ from scipy.special import ndtr
 import flexfem
 from flexfem.design import outcome
 from flexfem.design.model import Model
-from flexfem.design.proof import Meshed, ProposedElements, proof, scattered_stages
+from flexfem.design.proof import ProposedElements, proof, scattered_stages
 from flexfem.design.scatter import OTHERS, REFUSED, stated
 
 from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, best, require, tolerance
@@ -84,7 +84,7 @@ class Uneven(ProposedElements):
     def of(self, values, say=print):
         columns, _ = Model(self.loaded).columns(values[None])
         own = {name: float(columns[name][0]) for name in self.loaded.study.outputs}
-        return Meshed((4, 6, 8), [own, own, own])
+        return [own, own, own]
 
     def scattered(self, values, off, say=print):
         stage = self.loaded.stage.replace(neck={"elbow": values[0], "platform": values[0]})
