@@ -13,10 +13,10 @@ from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
-from flexfem.design.proof import Proof, ProposedElements, Round, mapped, proof, searched
+from flexfem.design.proof import Proof, Proposal, ProposedElements, Store, mapped, proof, searched
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
 from flexfem.design.scatter import OTHERS, deviations
-from flexfem.design.search import Say, optimum, silent
+from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, path_of
 from flexfem.hinges.strength import required_law
@@ -44,22 +44,22 @@ APART = 1e-3  # of the spans of a front, within which two designs are one
 SHARED = 2000  # stages with scattered necks that the share is of
 
 
-def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> record.Designed:
+def designed(loaded: LoadedRequirements, elements: ProposedElements) -> record.Designed:
     """The best stage that meets requirements, or the one that misses least.
 
     Raises ComputationFailed where finite elements of a proposed design fail, BadInput where no design has an answer.
     """
-    rounds, agreed = mapped(Model(loaded, counts=elements.counts), elements, say)
+    rounds, agreed = mapped(Model(loaded, counts=elements.counts, say=elements.say), elements)
     _, best, last = rounds[-1]
     model, of = rounds[-1].model, loaded.requirements
-    say("sensitivities")
+    elements.say("sensitivities")
     kept, stage, space = _requirements(rounds[-1]), made(loaded, last.values), model.space
     alternatives, front = list[record.SoleRelaxation](), list[record.FrontDesign]()
     if best.merit >= MISSED and any(each.verdict == "missed" for each in kept):
         alternatives = relaxations(replace(model, guard=0.0), last.values)
     if model.objectives > 1 and best.merit < MISSED:
-        designs = front_of(model, best.relaxed, of.front, elements, say)
-        front = [_front_design(model, proof(model, elements, each, say)) for each in designs]
+        designs = front_of(model, best.relaxed, of.front, elements.store)
+        front = [_front_design(model, proof(model, elements, each)) for each in designs]
     places = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
     history = rounds[0].best.history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
@@ -164,10 +164,10 @@ def _quantity(model: Model, of: Proof, place: int, asked: Objective | Require) -
     }
 
 
-def _requirements(last: Round) -> list[record.Requirement]:
+def _requirements(last: Proposal) -> list[record.Requirement]:
     proposing, model, kept = last.proposing, last.model, list[record.Requirement]()
     tight = 100 * np.minimum(proposing.guard, model.room / model.sizes)
-    slack = proposing.margins(proposing.found(last.best.relaxed[None]).quantities)[0]
+    slack = proposing.margins(proposing.found(last.best.relaxed[None]))[0]
     for k, each in enumerate(model.loaded.requirements.require):
         about = _quantity(model, last.proof, model.objectives + k, each)
         value, band, size = about["value"], about["band"] or 0.0, float(model.sizes[k])
@@ -183,7 +183,6 @@ def _requirements(last: Round) -> list[record.Requirement]:
             band_percent=None if about["band"] is None else 100 * band / size,
             verdict=verdict,
             active=bool(abs(slack[k]) <= ACTIVE),
-            relax_to=value if verdict == "missed" else None,
             tightened_percent=float(tight[k]),
         )
         kept.append(requirement)
@@ -195,17 +194,17 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
     found = list[record.SoleRelaxation]()
     for k, each in enumerate(model.loaded.requirements.require):
         alone = replace(model, yielding=k)
-        best = optimum(alone, model.loaded.requirements.seed, near)
+        best = optimum(alone, near)
         relax_to = percent = None
         if best.merit < MISSED:
-            quantities = alone.found(best.values[None]).quantities
+            quantities = alone.found(best.values[None])
             relax_to, missed = float(quantities[0, model.objectives + k]), float(alone.wanted(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
         found.append(record.SoleRelaxation(requirement=each.title, relax_to=relax_to, percent=percent))
     return found
 
 
-def front_of(model: Model, first: Array, count: int, elements: ProposedElements, say: Say = silent) -> list[Array]:
+def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array]:
     """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
 
     Notes
@@ -214,15 +213,14 @@ def front_of(model: Model, first: Array, count: int, elements: ProposedElements,
     (1971) 296-297), in the middle of the widest gap so far; for every bound all is searched, because bodies that
     overlap part what can be made.
     """
-    seed, store = model.loaded.requirements.seed, elements.store
-    last = searched(replace(model, objective=1), first, store, say=say)
+    last = searched(replace(model, objective=1), first, store)
     if last.merit >= MISSED:
         return []
-    designs = [_in_turn(model, each, seed) for each in (optimum(model, seed, first, False).values, last.values)]
+    designs = [_in_turn(model, each) for each in (optimum(model, first, False).values, last.values)]
     closed = set[float]()
     while len(designs) < count:
         designs = _best_of(model, designs)
-        both = model.signed(model.found(np.array(designs)).quantities)
+        both = model.signed(model.found(np.array(designs)))
         span = np.ptp(both, axis=0)
         gaps = np.linalg.norm(np.diff(both, axis=0) / np.where(span > 0, span, 1.0), axis=1)
         bounds = (both[1:, 1] + both[:-1, 1]) / 2
@@ -232,19 +230,19 @@ def front_of(model: Model, first: Array, count: int, elements: ProposedElements,
         k = int(open_gaps[0])
         closed.add(float(bounds[k]))
         near = designs[k + 1]
-        between = searched(replace(model, bounds={1: float(bounds[k])}), near, store, say=say)
+        between = searched(replace(model, bounds={1: float(bounds[k])}), near, store)
         if between.merit < MISSED:
             designs.append(between.values)
-        say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
+        model.say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
     return _best_of(model, designs)
 
 
-def _in_turn(model: Model, values: Array, seed: int) -> Array:
+def _in_turn(model: Model, values: Array) -> Array:
     """The design (d,) beside `values` that is best in one objective after the other while the other is kept."""
     for k in range(model.objectives):
-        own = model.signed(model.found(values[None]).quantities)[0]
+        own = model.signed(model.found(values[None]))[0]
         bounded = replace(model, objective=k, bounds={j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k})
-        best = optimum(bounded, seed, values, False)
+        best = optimum(bounded, values, False)
         if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
             values = best.values
     return values
@@ -252,7 +250,7 @@ def _in_turn(model: Model, values: Array, seed: int) -> Array:
 
 def _best_of(model: Model, designs: list[Array]) -> list[Array]:
     """Those of some designs that no other beats in both objectives, in the order of the first."""
-    both = model.signed(model.found(np.array(designs)).quantities)
+    both = model.signed(model.found(np.array(designs)))
     different, first = np.unique(both, axis=0, return_index=True)
     return [designs[k] for k in first[non_dominated(-different)]]
 
@@ -275,7 +273,7 @@ def sensitivities(model: Model, values: Array) -> Array:
     Central, and where one side has no answer, as at bodies that touch, by the other.
     """
     d, steps = len(values), np.diag(DIFFERENCE * values)
-    around = model.found(np.vstack([values - steps, values + steps, values[None]])).quantities
+    around = model.found(np.vstack([values - steps, values + steps, values[None]]))
     below, above, own = around[:d], around[d : 2 * d], around[-1]
     with np.errstate(all="ignore"):
         both, up, down = (above - below) / 2, above - own, own - below
@@ -327,7 +325,7 @@ def share_kept(model: Model, of: Proof, tolerance: Tolerance) -> float:
     return float(np.mean((rows.status == "ok") & np.all(margins >= -ROUND_OFF, axis=1)))
 
 
-def _warnings(loaded: LoadedRequirements, rounds: list[Round], agreed: bool) -> list[str]:
+def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:
     """What to know of the result: rounds that end apart, answers out of their range, couplings that are not checked."""
     last, warnings = rounds[-1].proof, list[str]()
     of, columns = loaded.requirements, last.columns

@@ -16,12 +16,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
-from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, correction_of
+from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, Say, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
 from flexfem.design.scatter import ScatteredStages, stated
-from flexfem.design.search import BestDesign, Say, optimum, silent
+from flexfem.design.search import BestDesign, optimum
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
@@ -109,28 +108,29 @@ class ProposedElements:
         counts: Counter[str],
         workers: Workers | None = None,
         store: Store | None = None,
+        say: Say = silent,
     ) -> None:
-        self.loaded, self.counts, self.workers, self.store = loaded, counts, workers, store or Store()
+        self.loaded, self.counts, self.workers, self.store, self.say = loaded, counts, workers, store or Store(), say
         self._counted = set[str]()
         plane = tuple((level, 2) for level in levels(loaded.requirements.resolution))
         self.meshes = SOLID if loaded.solid else plane  # triangles across every neck and layers, coarse to fine
 
-    def of(self, values: Array, say: Say = silent) -> list[dict[str, float]]:
+    def of(self, values: Array) -> list[dict[str, float]]:
         """Columns of a design (d,) by name on every mesh. Raises ComputationFailed."""
         stage = stage_of(self.loaded.study, values)
         stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
         studies = [self._study(*mesh) for mesh in self.meshes]
-        rows = self._solved([(study, stage) for study in studies], say)
+        rows = self._solved([(study, stage) for study in studies])
         return [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
 
-    def scattered(self, values: Array, off: Array, say: Say = silent) -> list[Array]:
+    def scattered(self, values: Array, off: Array) -> list[Array]:
         """Couplings (3, stages) of a design whose necks deviate by `off` (stages, 3, 3), mm, on each mesh."""
         stage, found = stage_of(self.loaded.study, values), list[Array]()
         places = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
         necks = [{at: {"neck": stage.hinge(*at).neck + float(each[k, n])} for k, n, at in places} for each in off]
         for resolution in SCATTER:
             study = _asking(self._study(resolution, 2), dict.fromkeys(("drive", "frequencies", "life", "drift")))
-            rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks], say))
+            rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks]))
             found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
         return found
 
@@ -146,7 +146,7 @@ class ProposedElements:
             changes |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
         return _asking(study, changes)
 
-    def _solved(self, tasks: list[tuple[LoadedStudy, Stage]], say: Say) -> list[list[float]]:
+    def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
         """Rows of outputs, in the order of the tasks; what is known is not solved again."""
         questions = [_asked_of(task) for task in tasks]
         self._counted |= {digest(question) for question in questions}
@@ -160,7 +160,7 @@ class ProposedElements:
             if isinstance(row, Failure):
                 raise ComputationFailed(f"finite elements of a proposed design: {row.reason}")
             self.store.keep(_asked_of(task), row)
-            say(f"finite elements: {done} of {len(waiting)} solutions")
+            self.say(f"finite elements: {done} of {len(waiting)} solutions")
         return [self.store.answer(question) for question in questions]
 
 
@@ -194,7 +194,7 @@ class Proof(NamedTuple):
     scattered: ScatteredStages | None
 
 
-class Round(NamedTuple):
+class Proposal(NamedTuple):
     """One round of the loop: the best design, the model that proposed it, and what finite elements say of it."""
 
     proposing: Model
@@ -207,7 +207,7 @@ class Round(NamedTuple):
         return replace(self.proposing, corrections=self.proof.corrections)
 
 
-def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> tuple[list[Round], bool]:
+def mapped(model: Model, elements: ProposedElements) -> tuple[list[Proposal], bool]:
     """Search, solve, correct, until the model agrees with finite elements at its optimum and all ends are kept there.
 
     Returns every round, and whether they came to agree. Requirements are tightened by the bands, and where dimensions
@@ -215,13 +215,13 @@ def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> tuple
     """
     accuracy, steps_alone = model.loaded.requirements.accuracy_percent / 100, not model.space.continuous.any()
     room, unguarded = (0.0,) if steps_alone else ROOM, np.zeros(len(model.sizes))
-    rounds, guards, bands = list[Round](), [unguarded], unguarded
+    rounds, guards, bands = list[Proposal](), [unguarded], unguarded
     near, everywhere = None, True
     for _ in range(ROUNDS):
-        model, best = _guarded(model, guards, elements.store, near, everywhere, say)
-        last, near = proof(model, elements, best.values, say), best.values
+        model, best = _guarded(model, guards, elements.store, near, everywhere)
+        last, near = proof(model, elements, best.values), best.values
         side = -1.0 if rounds and not np.any(model.guard) else 1.0
-        rounds.append(Round(model, best, last))
+        rounds.append(Proposal(model, best, last))
         everywhere = last.gap > LOCAL or best.merit >= MISSED
         if last.gap <= accuracy and (best.merit >= MISSED or is_kept(model, last, side)):
             return rounds, True
@@ -232,13 +232,13 @@ def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> tuple
 
 
 def _guarded(
-    model: Model, guards: list[Array], store: Store, near: Array | None, everywhere: bool, say: Say
+    model: Model, guards: list[Array], store: Store, near: Array | None, everywhere: bool
 ) -> tuple[Model, BestDesign]:
     """The optimum with the widest of `guards` that leave a design, with the first where none does, and its model."""
     tried = list[tuple[Model, BestDesign]]()
     for guard in guards:
         guarded = replace(model, guard=guard)
-        tried.append((guarded, searched(guarded, near, store, everywhere, say)))
+        tried.append((guarded, searched(guarded, near, store, everywhere)))
         if tried[-1][1].merit < MISSED:
             return tried[-1]
         near = tried[-1][1].values
@@ -251,14 +251,15 @@ def is_kept(model: Model, of: Proof, side: float = 1.0) -> bool:
     return bool(np.all((q - band >= model.low) & (q + band <= model.high)))
 
 
-def searched(model: Model, near: Array | None, store: Store, everywhere: bool = True, say: Say = silent) -> BestDesign:
+def searched(model: Model, near: Array | None, store: Store, everywhere: bool = True) -> BestDesign:
     """`search.optimum`, from what is kept where the same was searched before. Raises BadInput: none has an answer."""
-    seed = model.loaded.requirements.seed
 
     def search() -> list[Any]:
-        of = optimum(model, seed, near, everywhere, say)
+        of = optimum(model, near, everywhere)
         if of.merit >= REFUSED_MERIT:
-            reason = model.found(of.values[None]).reason[0] or "its bodies cannot be drawn"
+            finite = np.isfinite(model.found(of.values[None])).all()
+            why = "its bodies cannot be drawn" if finite else "a quantity without a finite value"
+            reason = model.columns(of.values[None])[1][0] or why
             raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
         return [of.values.tolist(), of.relaxed.tolist(), of.merit, [list(each) for each in of.history]]
 
@@ -274,9 +275,9 @@ def question_of(model: Model) -> list[Any]:
     return [files, np.asarray(model.guard).tolist(), corrections, model.objective, sorted(model.bounds.items())]
 
 
-def proof(model: Model, elements: ProposedElements, values: Array, say: Say = silent) -> Proof:
+def proof(model: Model, elements: ProposedElements, values: Array) -> Proof:
     """Finite elements of a design (d,), and the corrections that make the model agree with them there."""
-    meshed, scattered = elements.of(values, say), scattered_stages(model, elements, values, say)
+    meshed, scattered = elements.of(values), scattered_stages(model, elements, values)
     own = {name: float(column[0]) for name, column in model.columns(values[None])[0].items()}
     found = meshed[-1] | ({} if scattered is None else named(scattered.elements[-1]))
 
@@ -297,7 +298,7 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = si
         if len(scattered.factors) > 1:
             scattering = quantities(*map(named, scattered.elements))
             bands = np.maximum(bands, [_mesh_band(np.array(SCATTER, dtype=float), each) for each in scattering])
-    predicted = model.found(values[None]).quantities[0]
+    predicted = model.found(values[None])[0]
     size = np.maximum(np.abs(q), np.concatenate([np.zeros(model.objectives), model.sizes]))
     off = np.abs(predicted - q)
     zero = np.maximum(np.abs(q), off) <= bands  # an objective that meshes do not tell from zero, nor the model
@@ -316,19 +317,16 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = si
     )
 
 
-def scattered_stages(
-    model: Model, elements: ProposedElements, values: Array, say: Say = silent
-) -> ScatteredStages | None:
+def scattered_stages(model: Model, elements: ProposedElements, values: Array) -> ScatteredStages | None:
     """Couplings of a design (d,) whose nine necks scatter; None where that is not asked. Raises ComputationFailed."""
     scatter, of = model.scatter, model.loaded.requirements
     if scatter is None or of.tolerance is None:
         return None
-    designs = designs_of(model.loaded.study, values[None])
-    about = designs, of.formula, freedoms_of(of.mobility, designs.prismatic)
+    about = designs_of(model.loaded.study, values[None]), of.formula, of.mobility
     others = scatter.couplings(*about, scatter.others)
     model.counts["analytic with scattered necks"] += others.shape[-1]
     checked = 0 if model.loaded.solid else of.tolerance.checked
-    meshes = elements.scattered(values, scatter.others[:checked], say) if checked else []
+    meshes = elements.scattered(values, scatter.others[:checked]) if checked else []
     return stated(scatter.quantiles(*about)[0], others, meshes)
 
 

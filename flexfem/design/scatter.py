@@ -15,7 +15,7 @@ from numpy.polynomial.chebyshev import chebvander
 from scipy.special import ndtri
 
 from flexfem.analytic.model import chain_compliance, hinge_compliances
-from flexfem.analytic.paper import Freedoms
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
 from flexfem.hinges.chart import Compliance
@@ -76,18 +76,18 @@ class NeckScatter:
         found = chebvander(2 * (off - low) / (high - low) - 1, NODES - 1) @ LAGRANGE
         return np.ascontiguousarray(np.moveaxis(found, 0, -1).reshape(3, 3 * NODES, len(off)))
 
-    def quantiles(self, designs: Designs, formula: str, freedoms: Freedoms) -> Array:
+    def quantiles(self, designs: Designs, formula: str, mobility: int | None) -> Array:
         """The 95 % values (n, 4) of n designs in the stages that are searched with; nan where a hinge has no answer."""
-        at_nodes = self._at_nodes(designs, formula, freedoms)
+        at_nodes = self._at_nodes(designs, formula, mobility)
         return np.array([_quantiles(_couplings(each @ self._searched_basis)) for each in at_nodes]).reshape(-1, 4)
 
-    def couplings(self, designs: Designs, formula: str, freedoms: Freedoms, off: Array) -> Array:
+    def couplings(self, designs: Designs, formula: str, mobility: int | None, off: Array) -> Array:
         """Couplings (3, stages) of one design whose necks deviate by `off` (stages, 3, 3)."""
-        (at_nodes,) = self._at_nodes(designs, formula, freedoms)
+        (at_nodes,) = self._at_nodes(designs, formula, mobility)
         blocks = [off[k : k + BLOCK] for k in range(0, len(off), BLOCK)]
         return np.concatenate([_couplings(at_nodes @ self._basis(block)) for block in blocks], axis=-1)
 
-    def _at_nodes(self, designs: Designs, formula: str, freedoms: Freedoms) -> Array:
+    def _at_nodes(self, designs: Designs, formula: str, mobility: int | None) -> Array:
         """What each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges x NODES), or nan."""
         n = len(designs.thickness)
         many = designs.chosen(np.repeat(np.arange(n), NODES))
@@ -96,7 +96,7 @@ class NeckScatter:
         hinges = hinge_compliances(many, formula)
         each = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
         frames = Frames(*(part[:, None, None] for part in designs.frames))
-        found = chain_compliance(frames, each, freedoms)[..., *UPPER]
+        found = chain_compliance(frames, each, freedoms_of(mobility, designs.prismatic))[..., *UPPER]
         found[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
         return np.ascontiguousarray(found.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 

@@ -130,13 +130,13 @@ def loop(load, monkeypatch):
     def run(free, proofs, merit=-400.0):
         starts = []
 
-        def searched(model, near, store, everywhere, say):
+        def searched(model, near, store, everywhere):
             starts.append((None if near is None else near.tolist(), everywhere))
             return BestDesign(np.array([0.5 + 0.01 * len(starts)]), np.array([0.5]), merit, [])
 
         each = iter([*proofs, *[proofs[-1]] * 10])
         monkeypatch.setattr(module, "searched", searched)
-        monkeypatch.setattr(module, "proof", lambda model, elements, values, say: proof_of(values, *next(each)))
+        monkeypatch.setattr(module, "proof", lambda model, elements, values: proof_of(values, *next(each)))
         loaded = load(free, require("kxx_n_per_mm", 60.0, 80.0), RANGE, head=HEAD + "accuracy_percent = 0.4\n")
         return *mapped(Model(loaded), SimpleNamespace(store=None)), starts
 
