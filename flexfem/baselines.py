@@ -20,7 +20,6 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
-from flexfem.arrays import AnyArray
 from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
@@ -47,7 +46,8 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import EXACT, Progress, Result, versions
 from flexfem.studies import collect_study, run_study
 from flexfem.study import table
-from flexfem.units import DIRECTIONS, unit_of
+from flexfem.study.columns import ERRORS, sizes_of
+from flexfem.units import DIRECTIONS
 
 COARSE = 2  # triangles across the necks of a kept mesh
 ON_KEPT = 1e-8  # of the diagonal: what a compliance on it may move by
@@ -376,23 +376,12 @@ def _of_study(path: Path) -> Iterator[tuple[str, tuple[float, float, float, floa
         found = table(collect_study(path, folder).path, as_arrow=True)
     every = {name: found[name].to_numpy() for name in found.column_names}
     columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
+    sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # of others the largest number of the column
     model = str(read_toml(path).data.get("model"))
     for name, values in columns.items():
         relative = STUDY_GATES.get(model) or STUDY_GATES.get(name.partition("_")[0], COARSER_TABLE)
-        for k, value in enumerate(values.tolist()):
-            if not np.isnan(value):
-                yield f"{name}.{k}", _number(value, relative * _size(columns, name, k))
-
-
-def _size(columns: Mapping[str, AnyArray], name: str, row: int) -> float:
-    """What a change in a column is relative to: its largest number, of couplings the stiffnesses that they couple."""
-    kind = name.partition("_")[0]
-    if len(kind) == 3 and kind[0] == "k" and kind[1] != kind[2]:
-        own = [
-            next(values[row] for key, values in columns.items() if key.startswith(f"k{axis}{axis}_"))
-            for axis in kind[1:]
-        ]
-        return float(np.sqrt(abs(own[0] * own[1])))
-    if unit_of(name).name in ("", "%") and kind in ("coupling", "error", "cross"):
-        return 100.0 if unit_of(name).name == "%" else 1.0
-    return float(np.nanmax(np.abs(columns[name])))
+        known = ~np.isnan(values)
+        largest = np.max(np.abs(values), initial=0.0, where=known)
+        accepted = relative * np.broadcast_to(sizes.get(name, largest), values.shape)
+        for k in np.flatnonzero(known):
+            yield f"{name}.{k}", _number(float(values[k]), float(accepted[k]))
