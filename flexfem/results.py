@@ -25,7 +25,7 @@ from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for, unit_of, without_unit
+from flexfem.units import BY_DIRECTION, DIRECTIONS, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
@@ -39,17 +39,6 @@ AXES = {
     "component": DIRECTIONS,
     "chain": ("chain 1", "chain 2", "chain 3"),
     "hinge": ("base", "elbow", "platform"),
-}
-UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
-BY_DIRECTION: dict[object, UnitNames] = {  # short names of units in x, y and theta
-    "motion": ("mm", "mm", "rad"),
-    "wrench": ("n", "n", "n_mm"),
-    "percents": ("percent",) * 3,
-    "stiffness": ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
-    "compliance": ("mm_per_n", "mm_per_n", "rad_per_n_mm"),
-    "stress per motion": ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
-    "stiffness matrix": (("n_per_mm", "n_per_mm", "n"),) * 2 + (("n", "n", "n_mm_per_rad"),),
-    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
 }
 Progress: TypeAlias = Callable[[str], object]
 Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
@@ -574,7 +563,7 @@ def number(value: float, band: float = np.nan) -> str:
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
         return f"{value:.5g}" if value else "0"
-    places = min(max(1 - int(np.floor(np.log10(band))), 0), 12)
+    places = int(min(max(1 - np.floor(np.log10(band)), 0), 12))
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"
     text = f"{value:z.{places}f}"
