@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,6 +18,7 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
@@ -302,7 +302,7 @@ class LoadedRequirements:
         return np.array(found)
 
 
-def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
+def load_requirements(path: PathLike) -> LoadedRequirements:
     """Read a requirements file and its base stage.
 
     Raises BadInput for a file that is refused, and for objectives that no free dimension changes: one line with file,

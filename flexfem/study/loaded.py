@@ -20,6 +20,7 @@ from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.provenance import Assumptions, is_assumed
 from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
@@ -115,7 +116,7 @@ class LoadedStudy:
         return digest(content)
 
 
-def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
+def load_study(path: PathLike) -> LoadedStudy:
     """Read a study file and its base stage.
 
     Raises BadInput as `toml.validate`, or where the base stage cannot be read or made: one line with file, line, key.
@@ -132,7 +133,7 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
     return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, given)
 
 
-def base_stage(path: str | os.PathLike[str], study: Study) -> Stage:
+def base_stage(path: PathLike, study: Study) -> Stage:
     """The stage that a study, or another file that asks as one, names. Raises BadInput where it is none for it."""
     try:
         stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
@@ -160,7 +161,7 @@ def base_stage(path: str | os.PathLike[str], study: Study) -> Stage:
 
 
 def columns_of_file(
-    path: str | os.PathLike[str], array: str, factors: Sequence[Factor], stage: Stage, unasked: frozenset[str]
+    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage, unasked: frozenset[str]
 ) -> tuple[Column, ...]:
     """The columns of the factors in an array of a file, as `columns_on`. Raises BadInput naming file, line and key."""
     columns = list[Column]()
@@ -173,7 +174,7 @@ def columns_of_file(
 
 
 def require_key_values(
-    path: str | os.PathLike[str], expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage
+    path: PathLike, expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage
 ) -> None:
     """Raise BadInput where an expression of a file asks for a key that the stage leaves to a default."""
     for place, expression in expressions.items():
