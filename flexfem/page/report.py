@@ -241,13 +241,14 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
 
 
 def _study(path: Path, folder: Path) -> Subject:
-    status = studies.study_status(path, folder)
+    parts_on_disk = studies.parts_of(path, folder)
+    status = studies.status_facts(parts_on_disk)
     if status["open"]:
         raise BadInput(
             f"{place_of(path)}: {status['open']} of {status['designs']} designs are open in "
             f"{place_of(status['folder'])}, expected all done by flexfem study run"
         )
-    found = studies.study_findings(path, folder)
+    found = studies.findings_of(parts_on_disk)
     loaded = found.source.loaded
     texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
