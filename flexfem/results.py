@@ -25,12 +25,14 @@ from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import BY_DIRECTION, DIRECTIONS, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
+from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
+DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes of a stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
+SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # likewise, of the plane problem beside three dimensions
@@ -112,7 +114,7 @@ class Quantity:
             name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
         elif isinstance(name, tuple):
             name = name[place[-2]][place[-1]]
-        return UNITS[name] if name else Unit(1.0, "")
+        return UNITS[name] if name else NONE
 
     def factors(self, shape: tuple[int, ...]) -> Array:
         """Factors from inside units to those of the declaration, as an array of a shape."""
@@ -346,7 +348,7 @@ class Result:
             "versions": {"type": "object", "additionalProperties": text},
         }
         whole = _table_schema(f"flexfem: {cls.title}", properties, "digest")
-        return {"$schema": "http://json-schema.org/draft-07/schema#", **whole}
+        return {"$schema": DRAFT, **whole}
 
     @classmethod
     def reference(cls) -> TextTable:
@@ -555,6 +557,11 @@ def _said(value: Any, unit: str = "") -> str:
     if isinstance(value, list | tuple):
         return f"{', '.join(map(_said, value))} {unit}".rstrip()
     return f"{round(value, 12) + 0.0:.8g} {unit}".rstrip() if isinstance(value, float) else str(value)
+
+
+def thousands(count: int) -> str:
+    """A count with its thousands apart."""
+    return f"{count:,}".replace(",", SPACE)
 
 
 def number(value: float, band: float = np.nan) -> str:
