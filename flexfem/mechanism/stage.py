@@ -91,10 +91,10 @@ link, expected < chain.link_width_mm = 9
     def _holding(self, content: dict[str, Any]) -> Stage:
         """A stage of this content; what was the provenance of this one's keys that are gone goes too."""
         sources = content.pop("provenance", {})
-        made = self.from_names(content)
+        made = Stage(**content)
         gone = {key for key in sources if key in self.provenance} - set(key_paths(made))
         kept = {key: source for key, source in sources.items() if key not in gone}
-        return self.from_names(content | {"provenance": kept}) if kept else made
+        return Stage(**content, provenance=kept) if kept else made
 
     def _sources_of(self, changed: Stage) -> dict[str, str]:
         """The provenance of a changed stage: values that differ have no source of this one's."""

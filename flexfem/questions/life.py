@@ -24,10 +24,8 @@ from flexfem.hinges.strength import (
     Basquin,
     BasquinFit,
     Wrench,
-    amplitude_at,
     checked_law,
     counted,
-    cycles_at,
     equivalent,
     fit_basquin,
     required_law,
@@ -147,10 +145,10 @@ class Lives(NamedTuple):
 def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
     """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
     coefficient, exponent, walker = fatigue.T
-    highest = np.max(of.equivalent(walker[:, None]), axis=-1)
-    factor = amplitude_at(asked.wanted, coefficient, exponent) / highest
+    law, highest = Basquin(coefficient, exponent), np.max(of.equivalent(walker[:, None]), axis=-1)
+    factor = law.amplitude(asked.wanted) / highest
     return Lives(
-        cycles_at(highest, coefficient, exponent),
+        law.cycles(highest),
         factor[:, None] * np.abs(asked.amplitude),
         yield_strength / np.max(of.peak, axis=-1),
         tuple((asked.amplitude != 0).tolist()),
