@@ -272,12 +272,11 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     at = [float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)]
     low, high, spread = slope - half, slope + half, float(np.sum((x - x.mean()) ** 2))
     # Fieller: the x at one reversal where the line of all slopes and heights within theirs may meet it
-    centre = float(np.log10(ONE_REVERSAL) - y.mean())
-    a, b, c = slope**2 - half**2, -slope * centre, centre**2 - half**2 * spread / n
     ends = None
-    if a > 0 and b * b >= a * c:
-        first, last = (float(10.0 ** (x.mean() + (-b - sign * np.sqrt(b * b - a * c)) / a)) for sign in (1, -1))
-        ends = first, last
+    if high < 0:
+        centre, a = float(np.log10(ONE_REVERSAL) - y.mean()), low * high
+        middle, wide = x.mean() + slope * centre / a, half * np.sqrt(centre**2 + a * spread / n) / a
+        ends = float(10.0 ** (middle - wide)), float(10.0 ** (middle + wide))
     return BasquinFit(
         coefficient=at[0],
         exponent=1.0 / slope,

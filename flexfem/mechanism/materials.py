@@ -16,7 +16,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_m
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import key_path, place_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, read_toml, validate
+from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, bad_key, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
@@ -290,14 +290,14 @@ def read_materials(path: Path) -> dict[str, Registered]:
 
     Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not possible.
     """
-    data, lines = read_toml(path)
+    data = read_toml(path).data
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
     made = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
     found = {}
     for name, entry in zip(data, (getattr(made, field) for field in fields), strict=True):
         if "name" in data[name]:
             said = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
-            raise BadInput(f"{place_of(path, lines.line((name, 'name')))}: {said}")
+            raise bad_key(path, (name, "name"), said)
         content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
         found[name] = Registered(Material(**content), entry.source, entry.sources)
     return found

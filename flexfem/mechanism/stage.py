@@ -6,12 +6,11 @@ import os
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions, key_paths, values_by_key
-from flexfem.files.refusals import Problem, key_path, needed
+from flexfem.files.refusals import Problem, checked_path, key_path, needed
 from flexfem.files.toml import Lines, Path, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.actuators import Actuator
@@ -114,8 +113,9 @@ link, expected < chain.link_width_mm = 9
 
     def save(self, path: Path) -> None:
         """Write `to_toml` to a file. Raises BadInput when its folder is not there or does not take it."""
-        check_file(FilePath(path))
-        write_atomically(FilePath(path), lambda file: file.write(self.to_toml().encode()))
+        target = checked_path(path)
+        check_file(target)
+        write_atomically(target, lambda file: file.write(self.to_toml().encode()))
 
     def __getstate__(self) -> dict[Any, Any]:
         """Fields and origin: what was computed is computed again elsewhere."""
