@@ -31,6 +31,7 @@ PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
 LARGEST_FILE = 2**26  # bytes of a stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
+SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # likewise, of the plane problem beside three dimensions
@@ -566,6 +567,11 @@ def _said(value: Any, unit: str = "") -> str:
     if isinstance(value, list | tuple):
         return f"{', '.join(map(_said, value))} {unit}".rstrip()
     return f"{round(value, 12) + 0.0:.8g} {unit}".rstrip() if isinstance(value, float) else str(value)
+
+
+def thousands(count: int) -> str:
+    """A count with its thousands apart."""
+    return f"{count:,}".replace(",", SPACE)
 
 
 def number(value: float, band: float = np.nan) -> str:

@@ -240,6 +240,7 @@ def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool,
         return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula
     formulas.formula(name)
+    freedoms_of(21 if links else mobility, lower(stage).prismatic)
     return ModelChoice(stage, mobility, name, links)
 
 

@@ -218,5 +218,6 @@ def test_the_command_prints_and_writes_the_answer_with_a_fit(unlike, tmp_path, c
     for row, said in (("948, 0", "cycles = 0"), ("948", "1 values"), ("x, 1", "stress_mpa = x")):
         bad = tmp_path / "bad.csv"
         bad.write_text(f"{points.read_text()}\n{row}\n")
-        with pytest.raises(flexfem.BadInput, match=rf"bad\.csv, line 9: {re.escape(said)}"):
+        with pytest.raises(flexfem.BadInput, match=rf"bad\.csv, line 9: {re.escape(said)}") as refused:
             cli.app([*command[:-1], str(bad)], standalone_mode=False)
+        assert str(refused.value).count("bad.csv") == 1
