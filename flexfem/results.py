@@ -25,10 +25,11 @@ from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for, unit_of, without_unit
+from flexfem.units import DIRECTIONS, NONE, UNITS, Unit, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
+DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes of a stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
 SPACE = "\N{NO-BREAK SPACE}"
@@ -124,7 +125,7 @@ class Quantity:
             name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
         elif isinstance(name, tuple):
             name = name[place[-2]][place[-1]]
-        return UNITS[name] if name else Unit(1.0, "")
+        return UNITS[name] if name else NONE
 
     def factors(self, shape: tuple[int, ...]) -> Array:
         """Factors from inside units to those of the declaration, as an array of a shape."""
@@ -358,7 +359,7 @@ class Result:
             "versions": {"type": "object", "additionalProperties": text},
         }
         whole = _table_schema(f"flexfem: {cls.title}", properties, "digest")
-        return {"$schema": "http://json-schema.org/draft-07/schema#", **whole}
+        return {"$schema": DRAFT, **whole}
 
     @classmethod
     def reference(cls) -> TextTable:
