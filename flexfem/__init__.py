@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
+    from flexfem.cad import export as export
     from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
@@ -76,7 +77,6 @@ if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.studies import run_study as run_study
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_status as study_status
-    from flexfem.workshop import export as export
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
     from flexfem.workshop import new_stage as new_stage

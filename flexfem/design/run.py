@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -16,13 +15,13 @@ from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
 from flexfem.design.search import silent
 from flexfem.files.refusals import checked_path
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed
+from flexfem.study import MOST_WORKERS
 from flexfem.study.workers import Workers
 
-PathLike = str | os.PathLike[str]
-MOST_WORKERS = 1024
 STAGE = "{}-stage.toml"
 FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
