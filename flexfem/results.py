@@ -25,12 +25,14 @@ from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for, unit_of, without_unit
+from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
+DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes of a stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
+SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # likewise, of the plane problem beside three dimensions
@@ -39,17 +41,6 @@ AXES = {
     "component": DIRECTIONS,
     "chain": ("chain 1", "chain 2", "chain 3"),
     "hinge": ("base", "elbow", "platform"),
-}
-UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
-BY_DIRECTION: dict[object, UnitNames] = {  # short names of units in x, y and theta
-    "motion": ("mm", "mm", "rad"),
-    "wrench": ("n", "n", "n_mm"),
-    "percents": ("percent",) * 3,
-    "stiffness": ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
-    "compliance": ("mm_per_n", "mm_per_n", "rad_per_n_mm"),
-    "stress per motion": ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
-    "stiffness matrix": (("n_per_mm", "n_per_mm", "n"),) * 2 + (("n", "n", "n_mm_per_rad"),),
-    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
 }
 Progress: TypeAlias = Callable[[str], object]
 Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
@@ -123,7 +114,7 @@ class Quantity:
             name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
         elif isinstance(name, tuple):
             name = name[place[-2]][place[-1]]
-        return UNITS[name] if name else Unit(1.0, "")
+        return UNITS[name] if name else NONE
 
     def factors(self, shape: tuple[int, ...]) -> Array:
         """Factors from inside units to those of the declaration, as an array of a shape."""
@@ -357,7 +348,7 @@ class Result:
             "versions": {"type": "object", "additionalProperties": text},
         }
         whole = _table_schema(f"flexfem: {cls.title}", properties, "digest")
-        return {"$schema": "http://json-schema.org/draft-07/schema#", **whole}
+        return {"$schema": DRAFT, **whole}
 
     @classmethod
     def reference(cls) -> TextTable:
@@ -568,13 +559,18 @@ def _said(value: Any, unit: str = "") -> str:
     return f"{round(value, 12) + 0.0:.8g} {unit}".rstrip() if isinstance(value, float) else str(value)
 
 
+def thousands(count: int) -> str:
+    """A count with its thousands apart."""
+    return f"{count:,}".replace(",", SPACE)
+
+
 def number(value: float, band: float = np.nan) -> str:
     """A number with as many digits as its band carries, five significant ones without a band; "" for nan."""
     if not np.isfinite(value):
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
         return f"{value:.5g}" if value else "0"
-    places = min(max(1 - int(np.floor(np.log10(band))), 0), 12)
+    places = int(min(max(1 - np.floor(np.log10(band)), 0), 12))
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"
     text = f"{value:z.{places}f}"

@@ -36,11 +36,10 @@ from flexfem.questions.as_built import Necks
 from flexfem.questions.case import Case
 from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
-from flexfem.results import Result
+from flexfem.results import DRAFT, Result
 from flexfem.study.plan import Study
 from flexfem.units import unit_of
 
-DRAFT = "http://json-schema.org/draft-07/schema#"
 FILE = "flexfem-{}.schema.json"
 NUMBERS = ("number", "integer")
 WORDS = {"string": "text", "number": "number", "integer": "integer", "boolean": "true or false", "object": "table"}

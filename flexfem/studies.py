@@ -17,17 +17,16 @@ from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
 from flexfem.files.refusals import checked_path
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
 from flexfem.study import MOST_WORKERS, REPORTS, run
-from flexfem.study.answer import nominal, unseen
+from flexfem.study.answer import nominal
 from flexfem.study.collect import Collected, collect, counted_warnings, read_table, table_path
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
 from flexfem.study.run import Counts, Parts, Progress
 from flexfem.study.workers import Workers
-
-PathLike = str | os.PathLike[str]
 
 
 class StudyFindings(NamedTuple):
@@ -132,8 +131,7 @@ def collect_study(
     Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
     """
     parts = parts_of(study, output)
-    target = checked_path(to) if to is not None else table_path(parts)
-    check_folder(target.parent)
+    target = table_path(parts) if to is None else checked_path(to)
     if to is not None:
         check_file(target)
     return collect(parts, target, partial)
@@ -141,8 +139,13 @@ def collect_study(
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
     """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
-    made, loaded = collect_study(study, output, partial=partial), parts_of(study, output).loaded
-    source = Source(loaded, read_table(made.path), nominal(loaded), unseen(loaded))
+    return findings_of(parts_of(study, output), partial)
+
+
+def findings_of(parts: Parts, partial: bool = False) -> StudyFindings:
+    """As `study_findings`."""
+    made = collect(parts, table_path(parts), partial)
+    source = Source(parts.loaded, read_table(made.path), nominal(parts.loaded), parts.unseen)
     return StudyFindings(made, source, findings(source))
 
 
@@ -171,7 +174,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "refused": by_status["refused"],
         "failed": sum(by_status[status] for status in run.RETRIED),
         "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
-        "warnings": [*unseen(loaded), *counted_warnings(_reasons(counts, "ok"))],
+        "warnings": [*parts.unseen, *counted_warnings(_reasons(counts, "ok"))],
         "open": designs - by_status.total(),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),

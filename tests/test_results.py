@@ -95,7 +95,7 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
 
 NUMBERS = [
     (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0.00 ± 0.10"), (3.14159265, np.nan, "3.1416"),
-    (7181.54, 3.9, "7181.5 ± 3.9"), (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"),
+    (7181.54, 3.9, "7181.5 ± 3.9"), (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"),
 ]  # fmt: skip
 
 

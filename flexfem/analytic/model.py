@@ -127,7 +127,7 @@ def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, ND
 def on_thickness_chart(designs: Designs) -> NDArray[np.bool_]:
     """Whether each hinge (n, 3, 3) is on the chart of three-dimensional hinges."""
     b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
-    return chart.on_thickness_chart(designs.radius, designs.neck, b, nu)
+    return chart.thickness_chart().covers(designs.neck / designs.radius, b / designs.neck, nu)
 
 
 def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
@@ -240,6 +240,7 @@ def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool,
         return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula
     formulas.formula(name)
+    freedoms_of(21 if links else mobility, lower(stage).prismatic)
     return ModelChoice(stage, mobility, name, links)
 
 

@@ -30,6 +30,7 @@ from flexfem.commands.console import Json, Wanted, show, usable
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest, use_own
+from flexfem.study import MOST_WORKERS
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
@@ -125,7 +126,7 @@ app.add_typer(study.app, name="study")
 def design(
     requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
     output: Wanted = None,
-    workers: Annotated[int, typer.Option(min=1, max=1024, help="Processes for finite elements; 1 is this one.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="For finite elements; 1 is this process.")] = 1,
     json: Json = False,
 ) -> None:
     """Find the best stage that meets requirements, and check it by finite elements; exit code 1 where none does."""

@@ -44,16 +44,14 @@ def run(
 ) -> None:
     """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
     from flexfem import studies
-    from flexfem.study.answer import unseen
 
     share = studies.shard_of(shard)
     parts = studies.parts_of(study, output)
-    said = unseen(parts.loaded)  # before a run that may take days; not again after it
-    _warn(said)
+    _warn(parts.unseen)  # before a run that may take days; not again after it
     with _resumable(parts) as watch:
         studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
-    later = [text for text in facts["warnings"] if text not in said]
+    later = [text for text in facts["warnings"] if text not in parts.unseen]
     where = [] if output == REPORTS else ["--output", str(output)]
     wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])

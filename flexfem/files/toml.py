@@ -281,11 +281,12 @@ def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
     """Content of a regular file of at most `most` bytes, a whole number of MiB. Raises BadInput for any other."""
     path = checked_path(path)
     try:
-        _require_small_regular(path, os.stat(path), most)
-        # never wait, should a pipe have taken the file's place since
-        with open(os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:
-            _require_small_regular(path, os.fstat(file.fileno()), most)
-            data = file.read(most + 1) or b""
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode):
+            found = "a directory" if stat.S_ISDIR(mode) else "a pipe, socket or device"
+            raise BadInput(f"{place_of(path)}: {found}, expected a regular file")
+        with open(path, "rb") as file:
+            data = file.read(most + 1)
     except FileNotFoundError:
         raise BadInput(f"{place_of(path)}: no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
@@ -294,15 +295,6 @@ def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
     if len(data) > most:
         raise BadInput(f"{place_of(path)}: more than {most} bytes, expected at most {most >> 20} MiB")
     return data
-
-
-def _require_small_regular(path: Path, status: os.stat_result, most: int) -> None:
-    if stat.S_ISDIR(status.st_mode):
-        raise BadInput(f"{place_of(path)}: a directory, expected a file")
-    if not stat.S_ISREG(status.st_mode):
-        raise BadInput(f"{place_of(path)}: a pipe, socket or device, expected a regular file")
-    if status.st_size > most:
-        raise BadInput(f"{place_of(path)}: {status.st_size} bytes, expected at most {most >> 20} MiB")
 
 
 def _frozen(value: Any) -> Any:

@@ -106,7 +106,7 @@ def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[
 def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
     found = {place_of_override(each): each for each in held}
     for place, values in given.items():
-        about = place if isinstance(place, tuple) else (None, place)
+        about = tuple(plain(place)) if isinstance(place, tuple) else (None, place)
         match about:
             case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
                 named: dict[str, Any] = {"chain": chain, "hinge": hinge}

@@ -12,10 +12,10 @@ from markupsafe import Markup
 from flexfem.files.provenance import is_assumed
 from flexfem.page.section import PageSection, facts, notes, shown_figure, table
 from flexfem.plot.study import page_of
-from flexfem.plot.text import SPACE, significant
-from flexfem.results import TextTable
+from flexfem.plot.text import significant
+from flexfem.results import SPACE, TextTable, thousands
 from flexfem.study.factors import Column, Factor, columns_of
-from flexfem.study.findings import Record, Refused, Source, drawn_words, factor, model_words, thousands
+from flexfem.study.findings import Record, Refused, Source, drawn_words, factor, model_words
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
@@ -82,7 +82,7 @@ def asked_section(source: Source, status: dict[str, Any]) -> PageSection:
         TextTable(["reason", "status", "designs"], [[text, state, thousands(n)] for text, state, n in reasons], 2,
                   "Designs without an answer"),
     ]  # fmt: skip
-    html = [facts(_asked(loaded)), notes([*source.unseen, *status["warnings"]]), *map(table, tables)]
+    html = [facts(_asked(loaded)), notes(status["warnings"]), *map(table, tables)]
     return PageSection("study-asked", "What the study asks", Markup("\n").join(html))
 
 

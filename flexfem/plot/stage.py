@@ -26,10 +26,10 @@ from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
 from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
-from flexfem.plot.text import SPACE, minus, round_factor
+from flexfem.plot.text import minus, round_factor
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
-from flexfem.results import Fields
+from flexfem.results import SPACE, Fields, thousands
 from flexfem.units import DEGREE, LENGTH
 
 Point = Sequence[float] | Array
@@ -231,11 +231,10 @@ def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
 
 def mesh_size(model: CurveModels) -> str:
     """Size of the mesh, in words."""
-    triangles, unknowns = (f"{count:,}".replace(",", SPACE) for count in (model.triangles, model.unknowns))
     layers = f", {model.layers} layers in half the thickness" if model.layers else ""
     return (
-        f"{triangles} curved quadratic triangles, {unknowns} unknowns, {model.resolution} triangles across every "
-        f"neck{layers}."
+        f"{thousands(model.triangles)} curved quadratic triangles, {thousands(model.unknowns)} unknowns, "
+        f"{model.resolution} triangles across every neck{layers}."
     )
 
 

@@ -20,8 +20,9 @@ from flexfem.arrays import Array, wide
 from flexfem.plot import style
 from flexfem.plot.stage import draw_to_one_scale
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, below_header, in_house_style, panels
-from flexfem.plot.text import SPACE, minus, significant
+from flexfem.plot.text import minus, significant
 from flexfem.plot.write import write_each
+from flexfem.results import SPACE, thousands
 from flexfem.study import findings
 from flexfem.study.findings import (
     AxisText,
@@ -71,7 +72,7 @@ def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequen
             axis = axes.xaxis if which == "x" else axes.yaxis
             axes.set(**{f"{which}scale": "log" if quantity.log else "linear"})
             after = f"  ({wanted} is better)" if wanted else ""
-            axis.set_label_text(quantity.label + after, parse_math=bool(quantity.symbol))
+            axis.set_label_text(quantity.label + after)
             if quantity.log:
                 low, high = axis.get_view_interval()
                 style.log_ticks(axis, (low, high))
@@ -147,7 +148,7 @@ def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
         boxes = [[(across[i + a], up[j + b]) for a, b in corners] for i, j in places]
         look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCHED, "linewidth": 0.0, "hatch": hatch}
         axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
-        entries.append(Patch(**look, label=f"{why}: {findings.thousands(len(boxes))}"))
+        entries.append(Patch(**look, label=f"{why}: {thousands(len(boxes))}"))
     if min(values.shape) > 1 and masked.count() > 3:
         _draw_contours(axes, (xs, ys, masked), colours["norm"], shown, entries)
     return entries
@@ -162,7 +163,7 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     entries = []
     for mark, (why, which) in zip("x+123", missing.items(), strict=False):
         axes.plot(*points[which].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
-        label = f"{why}: {findings.thousands(int(which.sum()))}"
+        label = f"{why}: {thousands(int(which.sum()))}"
         entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
     return entries
 
@@ -193,7 +194,7 @@ def levels(norm: Normalize, marks: Sequence[float]) -> Array:
 
 def _draw_bar(axes: Axes, drawn: Any, shown: StudyMap) -> None:
     """What the colours mean, with the contours that matter."""
-    axes.figure.colorbar(drawn, cax=axes).set_label(shown.value.label, parse_math=bool(shown.value.symbol))
+    axes.figure.colorbar(drawn, cax=axes).set_label(shown.value.label)
     low, high = axes.get_ylim()
     if isinstance(drawn.norm, LogNorm):
         style.log_ticks(axes.yaxis, (low, high))
@@ -237,18 +238,14 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
     dots, n = shown.points, len(shown.points)
     if n > MOST_DOTS:
         dots = dots[np.random.default_rng(0).choice(n, MOST_DOTS, replace=False, shuffle=False)]
-    said = (
-        f"{findings.thousands(n)} designs"
-        if n <= MOST_DOTS
-        else f"{findings.thousands(MOST_DOTS)} of {findings.thousands(n)} designs"
-    )
+    said = f"{thousands(n)} designs" if n <= MOST_DOTS else f"{thousands(MOST_DOTS)} of {thousands(n)} designs"
     size, alpha = (1.6 if n > DOTS else 2.8), float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
     look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
     ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > DOTS, zorder=1)
     if len(shown.undrawable):
-        name = f"{findings.thousands(len(shown.undrawable))} not on the front: cannot be drawn"
+        name = f"{thousands(len(shown.undrawable))} not on the front: cannot be drawn"
         ax.plot(*shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2)
-    name = f"front: {findings.thousands(len(shown.front))} designs that no other beats"
+    name = f"front: {thousands(len(shown.front))} designs that no other beats"
     line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
     ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
     for letter, chosen in zip(NAMED, shown.chosen, strict=False):
@@ -351,7 +348,7 @@ def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes
         ax.barh(places + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
     style.name_rows(ax, factors, 3.0)
     ax.set_xlabel(f"share of the variance\n(first order sums to {found.first.sum():.2f})")
-    ax.set_title(share.quantity.symbol or share.quantity.name, parse_math=bool(share.quantity.symbol), loc="left")
+    ax.set_title(share.quantity.name, loc="left")
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.tick_params(axis="y", length=0)

@@ -6,14 +6,13 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from flexfem.results import number
+from flexfem.results import SPACE, number
 
 if TYPE_CHECKING:
     from flexfem.questions.errors import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
-SPACE = "\N{NO-BREAK SPACE}"
 SYMBOLS = ("X", "Y", "θ")
 
 

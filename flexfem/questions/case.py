@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files import quantities
@@ -89,11 +90,11 @@ class Case(Sourced):
     resolution: int = Field(
         default=RESOLUTION,  # two coarser levels follow from it
         ge=4,
-        le=64,
+        le=FINEST,
         description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
         "meshes are made for the error bars",
     )
-    layers: int = Field(default=LAYERS, ge=3, le=16)
+    layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS)
     """In half the thickness, with `three_dimensional`; two smaller numbers are computed for the bands"""
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
     """A curve of the figure: a stage, and the analytic model that commands it"""

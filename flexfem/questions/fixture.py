@@ -23,11 +23,12 @@ from pydantic import Field, model_validator
 from flexfem.arrays import Array, Index
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import checked_path, refusal
+from flexfem.files.refusals import checked_path, place_of, refusal
 from flexfem.files.toml import KINDS, Label, read_toml, validate
 from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
 from flexfem.mechanism.designs import direction
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
+from flexfem.refused import BadInput
 
 SHEAR = 10 / 9  # of a round section: energy of the parabolic shear stress of beam theory
 POINTS = 100_000  # readings of one direction, repeats included
@@ -39,13 +40,6 @@ MEASURED = (
     "Measured slopes, one or more, each with its standard deviation where that is known. They are compared with the "
     "reciprocal of the compliance: a push leaves the other directions free"
 )
-
-
-class Slopes(NamedTuple):
-    """Measured slopes (3,) in x, y, theta and their standard deviations, nan where not given: N/mm, N mm/rad."""
-
-    value: Array
-    sd: Array
 
 
 def _slope(key: str, description: str, example: float) -> Any:
@@ -67,7 +61,7 @@ class MeasuredSlopes(Dimensioned):
     @model_validator(mode="after")
     def _each_with_what_it_is_of(self) -> MeasuredSlopes:
         keys = ("kxx_n_per_mm", "kyy_n_per_mm", "ktt_n_mm_per_rad")
-        if np.all(np.isnan(self.slopes.value)):
+        if np.all(np.isnan(self.slopes[0])):
             raise refusal(f"one or more of {', '.join(keys)}")
         for key, value, sd in zip(keys, *self.slopes, strict=True):
             if not (np.isnan(sd) or sd < value):
@@ -76,10 +70,10 @@ class MeasuredSlopes(Dimensioned):
         return self
 
     @property
-    def slopes(self) -> Slopes:
-        """Slopes and standard deviations, order x, y, theta."""
+    def slopes(self) -> Array:
+        """Slopes in x, y, theta and their standard deviations (2, 3), nan where not given: N/mm, N mm/rad."""
         found = [[getattr(self, f"{name}{end}") for name in ("kxx", "kyy", "ktt")] for end in ("", "_sd")]
-        return Slopes(*np.array(found, dtype=float))
+        return np.array(found, dtype=float)
 
 
 class Pole(Dimensioned):
@@ -207,12 +201,17 @@ def fixture_of(source: Path | Fixture) -> Fixture:
 
 
 def measured_of(source: Path | Fixture | Measurement) -> Fixture | Measurement:
-    """What gives measured slopes, or that of a file of either kind. Raises BadInput, naming file, line and key."""
+    """What gives measured slopes, or that of a file of either kind. Raises BadInput, also where there are none."""
     if isinstance(source, Fixture | Measurement):
-        return source
-    path = checked_path(source)
-    described = set(read_toml(path).data) & set(KINDS["fixture file"])
-    return validate(Fixture, path) if described else validate(Measurement, path)
+        found = source
+    else:
+        path = checked_path(source)
+        described = set(read_toml(path).data) & set(KINDS["fixture file"])
+        found = validate(Fixture, path) if described else validate(Measurement, path)
+    if found.measured is None:
+        place = found.name if found is source else place_of(path)
+        raise BadInput("no [measured] slopes, expected kxx_n_per_mm, kyy_n_per_mm or ktt_n_mm_per_rad", place)
+    return found
 
 
 class Pushes(NamedTuple):

@@ -22,20 +22,10 @@ from flexfem.fem.structure import layers_of, mass_of, out_of_plane_ratio_of, pla
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import (
-    DEFAULT,
-    Analytic,
-    Answered,
-    Mesh,
-    Models,
-    answer,
-    mesh_of,
-    on_meshes,
-    question,
-    sectors_of,
-)
+from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, on_meshes
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
@@ -60,7 +50,7 @@ class Gravity(Result):
     mass = Quantity("mass, pads, hub and payload too", "kg")
 
 
-@question
+@setup.question
 def gravity(
     stage: Stage,
     *,
@@ -92,13 +82,14 @@ def gravity(
     array([ -0.46, -13.85])
     """
     check_feasible(stage)
-    mesh = mesh_of(models, resolution, layers)
+    mesh = setup.mesh_of(models, resolution, layers)
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
     along = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     warnings, name, found = list(warning.of_stage(stage)), None, dict[str, Answered]()
-    if models != "elements" and not layers:
-        chosen = analytic.chosen(stage, warnings)
+    in_plane = models != "elements" and not layers
+    chosen = analytic.chosen(stage, warnings if in_plane else [])
+    if in_plane:
         pose, stress = under_weight(chosen.stage, analyse(*chosen), load, along)
         found[ANALYTIC], name = Answered({"pose": pose, "stress": stress}, {}), chosen.name
     if mesh is not None and mesh.layers:
@@ -112,7 +103,7 @@ def gravity(
     plate = "horizontal" if layers else f"upright, gravity at {angle:g} degrees"
     settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": name}
     mass = drawn_inertia(stage)[0, 0] + load.mass
-    return answer(Gravity, stage, found, mesh, settings, {"mass": mass}, warnings=warnings)
+    return setup.answer(Gravity, stage, found, mesh, settings, {"mass": mass}, warnings=warnings)
 
 
 def _upright(stage: Stage, load: Payload, along: Array, resolution: int, progress: Progress | None) -> Answered:
@@ -136,7 +127,7 @@ def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> Answered:
 
 def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int = 0) -> tuple[Array, Array]:
     """Pose and neck stress on one mesh under an acceleration (2,), mm/s^2: x and y, or with layers z alone."""
-    mesh, solid = welded(sectors_of(stage, level))[0], layers > 0
+    mesh, solid = welded(setup.sectors_of(stage, level))[0], layers > 0
     through = layers_of(stage, layers, antisymmetric=True) if solid else None
     plate = sheet_of(stage) if solid else plate_of(stage)
     of = structure(mesh, plate, through)

@@ -137,8 +137,8 @@ def drift(
     found, values, name = dict[str, Answered](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
+    chosen = analytic.chosen(stage, [] if models == "elements" else warnings)
     if models != "elements":
-        chosen = analytic.chosen(stage, warnings)
         found[ANALYTIC], name = _by_network(chosen, alpha), chosen.name
         if stage.chains_alike and (unlike := _unlike(chosen)):
             values["unlike"] = np.full((len(cases), 3), np.nan)  # the analytic model has no gradient in depth

@@ -16,6 +16,7 @@ from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import CALIBRATED, best_model, stiffness_with_necks
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
+from flexfem.files.refusals import place_of
 from flexfem.hinges.formulas import formula as known
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -196,7 +197,8 @@ def identify(
     check_feasible(stage)
     level = arguments.between("confidence", confidence, 50.0, 99.9) / 100
     source, warnings = measured_of(measured), list(warning.of_stage(stage))
-    problem, numbers, model = _problem(stage, source, unknown, warnings)
+    place = source.name if isinstance(measured, Fixture | Measurement) else place_of(measured)
+    problem, numbers, model = _problem(stage, source, place, unknown, warnings)
     best, count = fit(problem, {}), len(problem.ends)
     low, high = np.transpose([interval(problem, best, k, level) for k in range(count)])
     dropped = (range(count), range(1, count), range(1))  # for each of `CAUSES`
@@ -248,25 +250,24 @@ def identify(
 
 
 def _problem(
-    stage: Stage, measured: Fixture | Measurement, unknown: Unknown | None, warnings: list[str]
+    stage: Stage, measured: Fixture | Measurement, place: str, unknown: Unknown | None, warnings: list[str]
 ) -> tuple[SlopeProblem, list[str], str]:
-    """The problem, names of the fixture's numbers, and of the analytic model."""
-    if measured.measured is None:
-        raise BadInput("no [measured] slopes, expected kxx_n_per_mm, kyy_n_per_mm or ktt_n_mm_per_rad", measured.name)
+    """The problem, names of the fixture's numbers, and of the analytic model; `place` is where the slopes are."""
+    assert measured.measured is not None, "of `measured_of`"
     value, sd = measured.measured.slopes
     axes = np.flatnonzero(~np.isnan(value))
     keys = ("kxx_sd_n_per_mm", "kyy_sd_n_per_mm", "ktt_sd_n_mm_per_rad")
     if missing := [f"measured.{keys[k]}" for k in axes if np.isnan(sd[k])]:
-        raise BadInput(f"{', '.join(missing)}: expected, for without it no interval can be given", measured.name)
+        raise BadInput(f"{', '.join(missing)}: expected, for without it no interval can be given", place)
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
     offsets, C, model = _stages(stage, warnings)
     own, pole, bar = pushes.shares(C)
     described = bool(np.any(pole[axes] > 0))
     if unknown == "pole" and not described:
-        raise BadInput('unknown "pole", expected springs: no pole is in these readings', measured.name)
+        raise BadInput('unknown "pole", expected springs: no pole is in these readings', place)
     read = (own + bar)[:, axes]
     if not np.all(read > 0):
-        raise ComputationFailed(f"{measured.name}: a slope of this stage on a rigid fixture is not positive")
+        raise ComputationFailed(f"{place}: a slope of this stage on a rigid fixture is not positive")
     spline = CubicSpline(offsets, np.log(read))
     adds = (
         {"pole": pole[axes]} if described and unknown != "springs" else {"translation": axes < 2, "rotation": axes == 2}

@@ -19,21 +19,8 @@ from flexfem.fem.response import Response
 from flexfem.fem.structure import out_of_plane_ratio_of
 from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
-from flexfem.hinges.strength import (
-    KEY,
-    Basquin,
-    BasquinFit,
-    Wrench,
-    amplitude_at,
-    checked_law,
-    counted,
-    cycles_at,
-    equivalent,
-    fit_basquin,
-    required_law,
-    stress_raised,
-    surface_stress,
-)
+from flexfem.hinges import strength
+from flexfem.hinges.strength import Basquin, BasquinFit, Wrench, equivalent
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
@@ -49,7 +36,6 @@ from flexfem.units import COMMANDS
 LARGEST_FACTOR = 1e9  # by which an amplitude is multiplied in search of a life
 LARGEST_POSE = 1e2  # mm, rad
 LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
-UNKNOWN = (math.nan, math.nan)  # how far the true stress may be off, from and to
 NECK = ("model", "chain", "hinge")
 COLUMNS = ["stress_mpa", "cycles"]
 LEFT_OUT = (
@@ -108,9 +94,9 @@ class Strained(NamedTuple):
 
 def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
     """Both sides of every neck of n designs, by what the necks carry (n, 3, 3, 3)."""
-    bending, along = surface_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
+    bending, along = strength.surface_stress(wrench, designs.neck, designs.thickness, strength.stress_raised(designs))
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
-    part = np.repeat(counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
+    part = np.repeat(strength.counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
     return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.amplitude), sides @ of.mean, part)
 
 
@@ -123,7 +109,7 @@ def by_model(stage: Stage, result: AnalyticResult, of: Repeated) -> Strained:
 def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
     """The nodes in every notch, by finite elements in the plane."""
     pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
-    part = counted(design.neck[0] / design.radius[0], of.sensitivity)
+    part = strength.counted(design.neck[0] / design.radius[0], of.sensitivity)
     loads = np.array([of.amplitude, of.mean]) @ stiffness.T
     parts = []
     for (chain, hinge), stress in notch_fields(stage, response, loads):
@@ -136,24 +122,22 @@ def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
 
 class Lives(NamedTuple):
     """Of n designs: cycles (n,) at the amplitude, the size (n, 3) of that for the wanted life, mm, mm, rad, and safety
-    (n,), yield strength over the largest stress at a neck. moved : (3,), whether the amplitude has that direction."""
+    (n,), yield strength over the largest stress at a neck."""
 
     cycles: Array
     largest: Array
     safety: Array
-    moved: tuple[bool, ...]
 
 
 def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
     """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
     coefficient, exponent, walker = fatigue.T
-    highest = np.max(of.equivalent(walker[:, None]), axis=-1)
-    factor = amplitude_at(asked.wanted, coefficient, exponent) / highest
+    law, highest = Basquin(coefficient, exponent), np.max(of.equivalent(walker[:, None]), axis=-1)
+    factor = law.amplitude(asked.wanted) / highest
     return Lives(
-        cycles_at(highest, coefficient, exponent),
+        law.cycles(highest),
         factor[:, None] * np.abs(asked.amplitude),
         yield_strength / np.max(of.peak, axis=-1),
-        tuple((asked.amplitude != 0).tolist()),
     )
 
 
@@ -262,10 +246,10 @@ def life(
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     found, name = dict[str, Answered](), None
+    chosen = analytic.chosen(stage, [] if models == "elements" else warnings)
     if models != "elements":
-        chosen = analytic.chosen(stage, warnings)
         above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
-        error = UNKNOWN
+        error = math.nan, math.nan  # how far the true stress may be off, from and to
         if above is not None and chosen.formula == CALIBRATED:  # off its chart nothing was compared
             error = 1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1
         strained, name = by_model(chosen.stage, analyse(*chosen), asked), chosen.name
@@ -310,15 +294,17 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
         raise BadInput("fit and law, expected one of the two")
     source, notes = "given in Python", list[str]()
     if fit is not None:
+        points = _points(fit)
         try:
-            law = fit_basquin(*_points(fit))
+            law = strength.fit_basquin(*points)
         except BadInput as refusal:
             raise BadInput(f"{fit}: {refusal}") from None
         source, notes = f"fitted to the points of {fit}", [_fit_said(law)]
     if law is None:
-        taken, source = required_law(stage.material, ", or a fit of S-N points"), stage.sources.get(KEY) or "not stated"
+        taken = strength.required_law(stage.material, ", or a fit of S-N points")
+        source = stage.sources.get(strength.KEY) or "not stated"
     else:
-        taken = checked_law(law)
+        taken = strength.checked_law(law)
     if unlikely(taken.coefficient, stage.material.yield_strength):
         expected = UNLIKELY.format(*STRENGTHS, f"the yield strength of {stage.material.yield_strength:g} MPa")
         raise BadInput(f"law: coefficient {taken.coefficient:.4g} MPa, expected {expected}")
@@ -356,12 +342,12 @@ def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tu
 
 def _warnings(stage: Stage, asked: Repeated, law: Basquin, model: str, of: dict[str, Any]) -> list[str]:
     """Where a life is not what Basquin's law is for: beyond yield, and beyond the cycles that it was fitted to."""
-    (low, high), strength, found = law.range, stage.material.yield_strength, list[str]()
-    beyond = f"beyond the yield strength of {strength:.4g} MPa"
+    (low, high), limit, found = law.range, stage.material.yield_strength, list[str]()
+    beyond = f"beyond the yield strength of {limit:.4g} MPa"
     if of["safety"] < 1.0:
-        highest = f"{model}: the largest stress is {strength / of['safety']:.4g} MPa, {beyond}"
+        highest = f"{model}: the largest stress is {limit / of['safety']:.4g} MPa, {beyond}"
         found.append(f"{highest}: the life by elastic stress does not hold there")
-    if of["peak_at_largest"] > strength:
+    if of["peak_at_largest"] > limit:
         where = f"{model}: at the amplitude for {asked.wanted:g} cycles the largest stress is"
         found.append(f"{where} {of['peak_at_largest']:.4g} MPa, {beyond}: yield limits it")
     for what, cycles in ((f"{model}: the life", of["life"]), ("the wanted life", asked.wanted)):

@@ -28,7 +28,7 @@ from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import counted, located
+from flexfem.mechanism.stage_file import counted
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
 from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question, sectors_of
@@ -85,16 +85,6 @@ class NaturalModes(Result):
     labels: ClassVar = {"base": DIRECTIONS, "tilt": ("x", "y")}
 
 
-class Channels(NamedTuple):
-    """Names and units of inputs or outputs."""
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-
-
-OUTPUTS = Channels(tuple(f"pose {name}" for name in DIRECTIONS), tuple(map(str, POSES)))
-
-
 class StateSpace(NamedTuple):
     """`s' = A s + B u`, `y = C s + D u`: modal displacements and rates; D is what the modes left out do at rest."""
 
@@ -117,6 +107,7 @@ class DynamicModel(NamedTuple):
 
     frequencies : (k,), rad/s.   drive, read : (k, inputs) and (3, k), shapes at the inputs and of the pose.
     residual : (3, inputs), what the modes left out add at rest.   damping : of every mode, over critical; assumed.
+    inputs : their units by name.
     """
 
     frequencies: Array
@@ -124,9 +115,8 @@ class DynamicModel(NamedTuple):
     read: Array
     residual: Array
     damping: float
-    inputs: Channels
+    inputs: dict[str, str]
     craig_bampton: CraigBampton
-    outputs: Channels = OUTPUTS
 
     @property
     def state_space(self) -> StateSpace:
@@ -168,10 +158,10 @@ class DynamicModel(NamedTuple):
             "damping_ratio": self.damping,
             "K_cb_above_percent": self.truncation,
             "K_cb_note": self.truncation_note,
-            "inputs": self.inputs.names,
-            "input_units": self.inputs.units,
-            "outputs": self.outputs.names,
-            "output_units": self.outputs.units,
+            "inputs": list(self.inputs),
+            "input_units": list(self.inputs.values()),
+            "outputs": [f"pose {name}" for name in DIRECTIONS],
+            "output_units": list(map(str, POSES)),
             "units": "mm, N, tonne, s, rad",
         }
         return found | {name: np.array(each) for name, each in others.items()}
@@ -265,9 +255,6 @@ def modes(
     if drives == "engaged":
         if in_depth:
             raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
-        with located(stage):
-            if not stage.actuator:
-                raise BadInput("no [[actuator]]: the stage has no drive to engage")
         drive = drive_of(stage)
     warnings, notes = list(warning.of_stage(stage)), list[str]()
     drawn = bodies.drawn_inertia(stage) + load.matrix
@@ -494,16 +481,14 @@ def _reduced(of: VibratingStructure, modes: ModesOfStructure, damping: float, dr
     """The dynamics of a structure by some of its modes; the commands of an engaged drive are inputs, too."""
     size = of.structure.size
     loads = np.eye(size, 3, 3 - size)
-    names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
+    inputs = {f"load {name}": str(unit) for name, unit in zip(DIRECTIONS, FORCES, strict=True)}
     if drive is not None:
         loads = np.hstack([loads, of.pushes @ (of.rates[:, None] * drive.differential)])
-        names += [f"stroke {name}" for name in drive.names]
-        units += [str(LENGTH)] * len(drive.names)
+        inputs |= {f"stroke {name}": str(LENGTH) for name in drive.names}
     at_rest, shapes = of.space.solve(loads), modes.shapes[0]
     drives, read = shapes.T @ loads, shapes[-3:]
     residual = at_rest[-3:] - (read / modes.frequencies**2) @ drives
     reduced = _craig_bampton(of, at_rest[:, :3], loads, len(modes.frequencies))
-    inputs = Channels(tuple(names), tuple(units))
     return DynamicModel(modes.frequencies, drives, read, residual, damping, inputs, reduced)
 
 

@@ -136,8 +136,8 @@ def stiffness(
     def loaded(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
 
+    chosen = analytic.chosen(stage, [] if models == "elements" else warnings)
     if models != "elements":
-        chosen = analytic.chosen(stage, warnings)
         result = analyse(*chosen)
         found[ANALYTIC] = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
         if (F := loaded(result.stiffness)) is not None:

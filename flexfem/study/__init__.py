@@ -15,7 +15,7 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
 
     Parameters
     ----------
-    path : a file, Parquet or CSV, or the folder of a data set.
+    path : a file, Parquet or CSV, or a folder of Parquet files.
     as_arrow : a `pyarrow.Table` instead of a `pandas.DataFrame`, which needs pandas.
 
     Returns
@@ -28,14 +28,17 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     BadInput
         The file is missing, or no table of a study.
     """
-    from pyarrow import ArrowException, csv, dataset
+    from pyarrow import ArrowException, concat_tables, csv, parquet
 
     from flexfem.files.refusals import checked_path
     from flexfem.refused import BadInput
 
-    place = checked_path(path)
+    place, tables = checked_path(path), []
     try:
-        found = csv.read_csv(place) if place.suffix == ".csv" else dataset.dataset(place, format="parquet").to_table()
+        for each in sorted(place.glob("*.parquet")) if place.is_dir() else [place]:
+            with each.open("rb") as file:  # pyarrow takes no name that is not UTF-8
+                tables.append(csv.read_csv(file) if each.suffix == ".csv" else parquet.read_table(file))
+        found = concat_tables(tables)
     except (OSError, ArrowException) as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else "damaged, or neither Parquet nor CSV"
         raise BadInput(f"{place}: expected the table of a study: {reason}") from None

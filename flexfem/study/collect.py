@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +20,7 @@ import pyarrow.parquet as pq
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
-from flexfem.study.columns import FEASIBLE
+from flexfem.study.columns import DRIFTS, FEASIBLE, STIFFNESSES, sizes_of
 from flexfem.study.loaded import LoadedStudy, judge
 from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, read_part, survey
 
@@ -141,6 +142,13 @@ class StudyTable:
         """Designs that have an answer but break a constraint, bool (n,)."""
         return self.ok & ~self.kept
 
+    @cached_property
+    def round_off_sizes(self) -> dict[str, float]:
+        """Beside which size numbers of columns that symmetry can make zero are round-off, by medians of the others."""
+        beside = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in self.columns]
+        medians = [np.asarray(np.median(np.abs(values))) for values in self.answered(*beside)]
+        return {name: float(size) for name, size in sizes_of(dict(zip(beside, medians, strict=True))).items()}
+
     def answered(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
         return [self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names]
@@ -154,12 +162,13 @@ def counted_warnings(reasons: Counter[str]) -> list[str]:
 class _Stored(dict[str, Array]):
     """Columns of a Parquet file, read when they are asked for."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, names: Iterable[str]) -> None:
         super().__init__()
-        self._path, self._names = path, frozenset(pq.read_schema(path).names)
+        self._path, self._names = path, frozenset(names)
 
     def __missing__(self, name: str) -> Array:
-        return np.asarray(_column(self._path, name).to_numpy(), dtype=np.float64)
+        with _opened(self._path) as file:
+            return np.asarray(file.read([name], use_threads=False)[name].to_numpy(), dtype=np.float64)
 
     def __contains__(self, name: object) -> bool:
         return name in self._names
@@ -167,24 +176,28 @@ class _Stored(dict[str, Array]):
 
 def read_table(path: Path) -> StudyTable:
     """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
+    with _opened(path) as file:
+        names = file.schema_arrow.names
+        found = file.read([name for name in ("design", *TEXTS, FEASIBLE) if name in names], use_threads=False)
     texts = list[AnyArray]()
     for name in TEXTS:
-        column = _column(path, name).unify_dictionaries().combine_chunks()
+        column = found[name].unify_dictionaries().combine_chunks()
         texts.append(np.array(column.dictionary.to_pylist(), dtype=object)[column.indices.to_numpy()])
-    columns = _Stored(path)
     feasible = None
-    if FEASIBLE in columns:
-        feasible = np.asarray(pc.fill_null(_column(path, FEASIBLE), False).to_numpy(), dtype=bool)
+    if FEASIBLE in names:
+        feasible = np.asarray(pc.fill_null(found[FEASIBLE], False).to_numpy(), dtype=bool)
     status, reason = texts
-    return StudyTable(np.asarray(_column(path, "design").to_numpy()), status, reason, columns, feasible)
+    return StudyTable(found["design"].to_numpy(), status, reason, _Stored(path, names), feasible)
 
 
-def _column(path: Path, name: str) -> Any:
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """A Parquet file to read from, opened here: pyarrow takes no name that is not UTF-8."""
     try:
         with (
-            path.open("rb") as content,  # pyarrow takes no name that is not UTF-8
+            path.open("rb") as content,
             pq.ParquetFile(content, page_checksum_verification=True, read_dictionary=TEXTS) as file,
         ):
-            return file.read(columns=[name], use_threads=False)[name]
+            yield file
     except (OSError, ValueError, pa.ArrowException):
         raise BadInput(f"{path}: a damaged Parquet file; flexfem study collect writes it again") from None

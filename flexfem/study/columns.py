@@ -29,12 +29,12 @@ LONGEST = 200  # characters of a reason
 class Group(NamedTuple):
     """Columns that are found together.
 
-    labels : name by column, with a second text where an axis has a symbol.
+    labels : name by column.
     values : (n, columns) of the answers on n designs and the largest rotation of a base hinge, in inside units.
     asked : what a study asks to have them, "" where every study has them.
     """
 
-    labels: dict[str, str | tuple[str, str]]
+    labels: dict[str, str]
     meaning: str
     values: Callable[[Any, float], Array]
     asked: str = ""
@@ -45,7 +45,7 @@ class Group(NamedTuple):
         return tuple(self.labels)
 
 
-def _each(name: str, said: str, unit: str = "um", turned: str = "mrad") -> dict[str, str | tuple[str, str]]:
+def _each(name: str, said: str, unit: str = "um", turned: str = "mrad") -> dict[str, str]:
     """A column for each direction."""
     units = zip(DIRECTIONS, "XYθ", (unit, unit, turned), strict=True)
     return {f"{name}_{axis}_{ending}": said.format(letter) for axis, letter, ending in units}
@@ -54,21 +54,21 @@ def _each(name: str, said: str, unit: str = "um", turned: str = "mrad") -> dict[
 GROUPS = (
     Group(
         {
-            "kxx_n_per_mm": ("stiffness XX", r"stiffness $K_{xx}$"),
-            "kyy_n_per_mm": ("stiffness YY", r"stiffness $K_{yy}$"),
-            "ktt_n_mm_per_rad": ("stiffness θθ", r"stiffness $K_{\theta\theta}$"),
-            "kxy_n_per_mm": ("stiffness XY", r"stiffness $K_{xy}$"),
-            "kxt_n": ("stiffness Xθ", r"stiffness $K_{x\theta}$"),
-            "kyt_n": ("stiffness Yθ", r"stiffness $K_{y\theta}$"),
+            "kxx_n_per_mm": "stiffness XX",
+            "kyy_n_per_mm": "stiffness YY",
+            "ktt_n_mm_per_rad": "stiffness θθ",
+            "kxy_n_per_mm": "stiffness XY",
+            "kxt_n": "stiffness Xθ",
+            "kyt_n": "stiffness Yθ",
         },
         "stiffness of the platform, `K_ij`: along one direction with the other two held",
         lambda of, _: of.stiffness[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)],
     ),
     Group(
         {
-            "coupling_xy": ("coupling XY", r"coupling $K_{xy}/\sqrt{K_{xx}K_{yy}}$"),
-            "coupling_xt": ("coupling Xθ", r"coupling $K_{x\theta}/\sqrt{K_{xx}K_{\theta\theta}}$"),
-            "coupling_yt": ("coupling Yθ", r"coupling $K_{y\theta}/\sqrt{K_{yy}K_{\theta\theta}}$"),
+            "coupling_xy": "coupling XY",
+            "coupling_xt": "coupling Xθ",
+            "coupling_yt": "coupling Yθ",
         },
         "`K_ij / sqrt(K_ii K_jj)`",
         lambda of, _: of.coupling,
@@ -185,9 +185,7 @@ GROUPS = (
 ASKED = tuple(dict.fromkeys(group.asked for group in GROUPS if group.asked))
 LIFE_AMPLITUDES = LIVES[1:4]
 MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType({group.names: group.meaning for group in GROUPS})
-LABELS = {
-    name: (label, "") if isinstance(label, str) else label for group in GROUPS for name, label in group.labels.items()
-}
+LABELS = {name: label for group in GROUPS for name, label in group.labels.items()}
 CROSS = {  # stiffnesses between two directions, and those along them
     "kxy_n_per_mm": ("kxx_n_per_mm", "kyy_n_per_mm"),
     "kxt_n": ("kxx_n_per_mm", "ktt_n_mm_per_rad"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
@@ -17,26 +17,16 @@ from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.study.columns import (
-    CROSS,
-    DRIFTS,
-    LABELS,
-    PARTS,
-    RANGES,
-    STIFFNESSES,
-    STRESSES,
-    lasting,
-    sizes_of,
-)
+from flexfem.results import SPACE, thousands
+from flexfem.study.columns import LABELS, RANGES, STRESSES, lasting
 from flexfem.study.factors import Column
-from flexfem.study.loaded import LoadedStudy, sample, stage_of
-from flexfem.study.plan import Figure, Method, Study
+from flexfem.study.loaded import LoadedStudy, stage_of
+from flexfem.study.plan import Figure, Study, names_behind
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
 
-SPACE = "\N{NO-BREAK SPACE}"
 PER_CELL, MOST_CELLS = 12, 25  # designs in a cell of a map, about; cells along one side
 FEW = 3  # designs of a random sample, below which a mean says little
 CONFIDENCE = 0.95
@@ -48,14 +38,6 @@ ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be;
 SIZE = "envelope_mm"
 TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
 SAME = 1e-9  # part by which numbers of one design may differ
-METHODS: dict[Method, str] = {
-    "grid": "grid",
-    "latin_hypercube": "Latin hypercube",
-    "sobol": "Sobol",
-    "monte_carlo": "Monte Carlo",
-    "saltelli": "Saltelli",
-    "table": "a table of designs",
-}
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
 
@@ -63,17 +45,16 @@ WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio
 
 
 class AxisText(NamedTuple):
-    """The text of an axis: name, unit or nothing, symbol in mathematics or nothing; and whether it is logarithmic."""
+    """The text of an axis: name, unit or nothing; and whether it is logarithmic."""
 
     name: str
     unit: str = ""
-    symbol: str = ""
     log: bool = False
 
     @property
     def label(self) -> str:
-        """Symbol, else name, and unit."""
-        return f"{self.symbol or self.name} in {self.unit}" if self.unit else self.symbol or self.name
+        """Name and unit."""
+        return f"{self.name} in {self.unit}" if self.unit else self.name
 
     @property
     def after(self) -> str:
@@ -92,17 +73,17 @@ class Caption(NamedTuple):
 
 def output(column: str, study: Study | None = None) -> AxisText:
     """What an output column of a study is called, with the known error of a stress by finite elements."""
-    name, symbol = LABELS.get(column, (column, ""))
+    name = LABELS.get(column, column)
     if column in STRESSES and study is not None and study.stress_below:
         name = f"{name} ({study.stress_below})"
-    return AxisText(name, unit_of(column).name, symbol, column == "life_cycles")
+    return AxisText(name, unit_of(column).name, column == "life_cycles")
 
 
 def factor(column: Column) -> AxisText:
     """What a factor is called: by the label the study gives it, else in words by the keys it sets."""
     units = {unit_of(key).name for key in column.keys}
     name = column.factor.label or " = ".join(words(without_unit(key)) for key in column.keys)
-    return AxisText(name, units.pop() if len(units) == 1 else "", log=column.factor.scale == "log")
+    return AxisText(name, units.pop() if len(units) == 1 else "", column.factor.scale == "log")
 
 
 def words(key: str) -> str:
@@ -142,12 +123,9 @@ def drawn_words(loaded: LoadedStudy) -> str:
     if loaded.given is not None:
         return f"table {loaded.given.path.name}"
     sampling = loaded.study.sampling
-    return METHODS[sampling.method] + ("" if sampling.seed is None else f", seed {sampling.seed}")
-
-
-def thousands(count: int) -> str:
-    """A count with its thousands apart."""
-    return f"{count:,}".replace(",", SPACE)
+    if sampling.seed is None:
+        return sampling.method
+    return f"{sampling.method.replace('_', ' ').title()}, seed {sampling.seed}"
 
 
 def counted(counts: Mapping[str, int]) -> str:
@@ -181,23 +159,10 @@ class Source(NamedTuple):
             return AxisText(derived[name].label or name, derived[name].unit or "")
         return output(name, self.loaded.study)
 
-    def heading(self, name: str) -> str:
-        """What a column of a table is called, with its unit."""
-        return self.quantity(name)._replace(symbol="").label
-
     def cleared(self, name: str, values: ArrayLike) -> Any:
         """Numbers of a column to be printed, as a list or a number: round-off as 0."""
-        found = np.asarray(values, dtype=np.float64)
-        return np.where(np.abs(found) <= ROUND_OFF * (self.vanishing(name) or 0.0), 0.0, found).tolist()
-
-    def vanishing(self, name: str) -> float | None:
-        """Beside which size numbers of a column that symmetry can make zero are round-off, by medians of the others;
-        None of any other column."""
-        if name not in {*CROSS, *PARTS, *DRIFTS[:2]} or not self.table.ok.any():
-            return None
-        beside = [column for column in (*STIFFNESSES[:3], *DRIFTS) if column in self.table.columns]
-        medians = [np.median(np.abs(values), keepdims=True) for values in self.table.answered(*beside)]
-        return float(sizes_of(dict(zip(beside, medians, strict=True)))[name].max())
+        found, size = np.asarray(values, dtype=np.float64), self.table.round_off_sizes.get(name, 0.0)
+        return np.where(np.abs(found) <= ROUND_OFF * size, 0.0, found).tolist()
 
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """What stands above a figure, its own title where it has one."""
@@ -213,7 +178,7 @@ class Source(NamedTuple):
             said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
         said += [f"{text}." for text in table.warnings]
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
-        if study.used_by(name for name, _ in figure.columns.values()) & of_stress:
+        if names_behind((name for name, _ in figure.columns.values()), study.output) & of_stress:
             said.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.assumptions)
 
@@ -428,7 +393,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     numbers = np.column_stack([cells.values, cells.points])
     ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
     rows = [(word, *map(source.cleared, (value, x, y), numbers[place])) for word, place in ends]
-    head = {"end": "", **{name: source.heading(name) for name in (value, x, y)}}
+    head = {"end": "", **{name: source.quantity(name).label for name in (value, x, y)}}
     ends_of = FoundTable("Ends of the map", head, rows)
     marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
     caption = source.caption(figure, f"{shown.name} over {across.name} and {up.name}", *lines)
@@ -490,32 +455,31 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         raise source.refused("pareto", y, "no design keeps all constraints, expected some")
     points = np.column_stack([table.columns[name][rows] for name in (x, y)])
 
-    def stage_at(place: int) -> Stage | None:
-        design = int(table.design[rows[place]])
-        return drawable(loaded, sample(loaded, design, design + 1)[0])
-
-    def can_be_drawn(place: int) -> bool:
-        return stage_at(place) is not None
+    def stages_at(places: Index) -> Iterator[Stage | None]:
+        values = np.column_stack([table.columns[column.name][rows[places]] for column in loaded.columns])
+        return (drawable(loaded, each) for each in values)
 
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
-    front = drawable_front(points, larger, can_be_drawn, attempts)
+    front = drawable_front(points, larger, stages_at, attempts)
     best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
     along = np.stack([np.log(v) if name in log or wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
     called = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
     x_name, y_name = (name._replace(log=name.log or wide(values)) for name, values in called)
     names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
+    wanted = front.places[spread(along, figure.drawn)]
+    shown_of = np.column_stack([table.columns[name][rows[wanted]] for name in names]).tolist()
     chosen = [
-        Chosen(place, stage, [(source.quantity(name), float(table.columns[name][rows[place]])) for name in names])
-        for place in front.places[spread(along, figure.drawn)].tolist()
-        if (stage := stage_at(place)) is not None
+        Chosen(place, stage, [*zip(map(source.quantity, names), numbers, strict=True)])
+        for place, stage, numbers in zip(wanted.tolist(), stages_at(wanted), shown_of, strict=True)
+        if stage is not None
     ]
     without = {status: n for status, n in table.counts.items() if status != "ok"}
     without["that break a constraint"] = int(table.infeasible.sum())
     left_out = [f"not drawn: {counted(without)}"] if any(without.values()) else []
     if attempts and front.unchecked:
         left_out.append(f"{front.unchecked} on the front are not known to be drawable")
-    power, gain = power_of(best), _gain(source, figure, rows, can_be_drawn)
+    power, gain = power_of(best), _gain(source, figure, rows, front.undrawable, stages_at)
     said = list[str]()
     if power is not None:
         said.append(f"Along the front {y_name.name} goes as {x_name.name} to the power {power:.3g} (least squares).")
@@ -528,7 +492,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
             "The base stage lies beyond the front: no design of the study that can be drawn and keeps all constraints "
             "is as good, and it is none of them."
         )
-    head = {"design": "design", **{name: source.heading(name) for name in names}}
+    head = {"design": "design", **{name: source.quantity(name).label for name in names}}
     numbers = [source.cleared(name, table.columns[name][rows[front.places]]) for name in names]
     designs = map(str, table.design[rows[front.places]])
     shown = FoundTable("Designs of the front", head, list(zip(designs, *numbers, strict=True)))
@@ -562,20 +526,19 @@ def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> In
 
 
 def drawable_front(
-    points: Array, larger: tuple[bool, bool], can_be_drawn: Callable[[int], bool], attempts: int
+    points: Array, larger: tuple[bool, bool], drawn: Callable[[Index], Iterable[object]], attempts: int
 ) -> Front:
-    """The front of the designs that can be drawn: those that cannot make room for the ones behind them."""
-    alive, known, lost = np.arange(len(points)), set[int](), list[int]()
+    """The front of the designs that can be drawn: those that cannot, `drawn` None, make room for the ones behind."""
+    possible, known = np.ones(len(points), dtype=bool), np.zeros(len(points), dtype=bool)
     while True:
-        places = alive[non_dominated(points[alive], larger)]
-        fresh = [place for place in places.tolist() if place not in known]
-        tried = fresh[: attempts - len(known)]
-        if not tried:
-            return Front(places, np.array(sorted(lost), dtype=np.int64), len(fresh))
-        known.update(tried)
-        found = [place for place in tried if not can_be_drawn(place)]
-        lost += found
-        alive = alive[~np.isin(alive, found)]
+        left = np.flatnonzero(possible)
+        places = left[non_dominated(points[left], larger)]
+        fresh = places[~known[places]]
+        tried = fresh[: attempts - int(known.sum())]
+        if len(tried) == 0:
+            return Front(places, np.flatnonzero(~possible), len(fresh))
+        known[tried] = True
+        possible[tried] = [stage is not None for stage in drawn(tried)]
 
 
 def spread(points: Array, count: int) -> Index:
@@ -603,16 +566,20 @@ def power_of(points: Array) -> float | None:
     return float(np.polyfit(x, y, 1)[0])
 
 
-def _gain(source: Source, figure: Figure, rows: Index, can_be_drawn: Callable[[int], bool]) -> float | None:
-    """What the best drawable design gains in y over the base stage, at no cost in x and size."""
+def _gain(
+    source: Source, figure: Figure, rows: Index, undrawable: Index, drawn: Callable[[Index], Iterable[Stage | None]]
+) -> float | None:
+    """What the best design that can be drawn gains in y over the base stage, at no cost in x and size."""
     x, y, nominal = figure.x or "", figure.y or "", source.nominal
     if not {x, y, SIZE} <= nominal.keys() or nominal[y] == 0:
         return None
     reached, gained, size = (source.table.columns[name][rows] for name in (x, y, SIZE))
     sign = {"larger": 1.0, "smaller": -1.0}
-    fits = np.flatnonzero((sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE]))
-    ordered = fits[np.argsort(-sign[figure.y_better] * gained[fits], kind="stable")]
-    best = next((place for place in ordered[:ATTEMPTS].tolist() if can_be_drawn(place)), None)
+    fits = (sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE])
+    fits[undrawable] = False
+    places = np.flatnonzero(fits)
+    ordered = places[np.argsort(-sign[figure.y_better] * gained[places], kind="stable")][:ATTEMPTS]
+    best = next((place for place, stage in zip(ordered, drawn(ordered), strict=True) if stage is not None), None)
     return None if best is None else float(gained[best] / nominal[y])
 
 
@@ -642,9 +609,7 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
     return Distribution(source.caption(figure, "How the values scatter", line), scatters, found)
 
 
-def percentiles(
-    values: Array, percent: Sequence[float], draws: Index | None = None, confidence: float = CONFIDENCE
-) -> list[Percentile]:
+def percentiles(values: Array, percent: Sequence[float], draws: Index | None = None) -> list[Percentile]:
     """Percentiles, between 0 and 100, of a sample (n,), and intervals that hold the true ones with a probability.
 
     draws : (n,), number of the independent draw that each value belongs to, from 0; None when each is its own.
@@ -656,7 +621,7 @@ def percentiles(
     """
     from scipy.stats import binom, norm
 
-    ordered, n, tail = np.sort(values), len(values), (1 - confidence) / 2
+    ordered, n, tail = np.sort(values), len(values), (1 - CONFIDENCE) / 2
     found = []
     for p in percent:
         middle, share = float(np.percentile(ordered, p)), p / 100
@@ -717,7 +682,7 @@ def sensitivity(source: Source, value: str) -> Indices:
     (answers,) = table.answered(value)
     if len(answers) < LEAST and not saltelli:
         raise refused(f"{len(answers)} designs have an answer, expected at least {LEAST}")
-    if np.ptp(answers) <= FLAT * (source.vanishing(value) or np.abs(answers).max()):
+    if np.ptp(answers) <= FLAT * (table.round_off_sizes.get(value) or np.abs(answers).max()):
         raise refused("no factor changes it, expected a value that varies")
     if saltelli:
         return sobol_indices(answers, len(loaded.columns))

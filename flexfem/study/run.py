@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, drawn_one_by_one
+from flexfem.study.answer import answer, drawn_one_by_one, unseen
 from flexfem.study.columns import Rows, failed_row
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
@@ -63,6 +63,11 @@ class Parts:
     def versions(self) -> dict[str, str]:
         """Versions of what decides the results."""
         return dict(versions_of(self.meshed))
+
+    @cached_property
+    def unseen(self) -> list[str]:
+        """Warnings on factors that change nothing of what the study shows."""
+        return unseen(self.loaded)
 
     @cached_property
     def _key(self) -> str:

@@ -34,7 +34,7 @@ from ..design.recorded import recorded
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 FIXTURE = STAGE.parents[1] / "cases" / "fixture.toml"
 CAPTION = Caption("A title", ["a line"], [])
-X, Y = AxisText("across", "mm"), AxisText("up", "N/mm", "$K$")
+X, Y = AxisText("across", "mm"), AxisText("up", "N/mm")
 POINTS = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7]])
 STEPS = np.geomspace(1e-6, 1.0, 7)
 LOADS = np.array([0.0, 1.0, 3.0, 5.0, 10.0])

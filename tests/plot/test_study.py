@@ -21,8 +21,8 @@ from flexfem.plot.study import (
     pareto_figure,
     sensitivity_figure,
 )
-from flexfem.plot.text import SPACE
 from flexfem.refused import BadInput
+from flexfem.results import SPACE
 from flexfem.study.answer import nominal, own_values
 from flexfem.study.collect import StudyTable
 from flexfem.study.findings import (
@@ -202,7 +202,7 @@ def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend()
     np.testing.assert_array_equal(axes.patches[0].get_data().values, counts)
     assert [line.get_xdata()[0] for line in axes.get_lines()] == [39.8, 41.0, 42.2, 41.0123]
     assert "2.5 %: 39.800 N/mm (39.710 to 39.860)" in texts(figure) and "base stage: 41.012 N/mm" in texts(figure)
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness $K_{xx}$ in N/mm", "designs")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness XX in N/mm", "designs")
     spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches[2:]]
     assert spans == [pytest.approx(ends) for ends in ((39.71, 39.86), (40.97, 41.02), (42.1, 42.4))]
 
@@ -235,7 +235,7 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
         low, high = axes.get_xlim()
         assert low <= 0.0 and 0.64 < high < 0.7
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
-    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness $K_{xx}$", "range in Y at yield"]
+    assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness XX", "range in Y at yield"]
 
 
 def shown_front(folder: Path) -> ParetoFront:

@@ -31,8 +31,10 @@ def test_measured_slopes_are_read_with_a_set_up_or_alone(tmp_path):
     for name, kind in (("both", Fixture), ("alone", Measurement)):
         found = measured_of(tmp_path / f"{name}.toml")
         assert type(found) is kind
-        np.testing.assert_array_equal(found.measured.slopes.value, [37.0, np.nan, 3.9e4])
-        np.testing.assert_array_equal(found.measured.slopes.sd, [0.2, np.nan, np.nan])
+        np.testing.assert_array_equal(found.measured.slopes[0], [37.0, np.nan, 3.9e4])
+        np.testing.assert_array_equal(found.measured.slopes[1], [0.2, np.nan, np.nan])
+    with pytest.raises(BadInput, match=r"fixture\.toml: no \[measured\] slopes"):
+        measured_of(SHIPPED)
 
 
 BAD = [

@@ -62,6 +62,8 @@ def test_dowlings_example_is_fitted_to_the_digits_of_the_book():
     assert found.coefficient_interval == pytest.approx((1600, 1809), abs=1)
     assert found.law.cycles(found.law.amplitude(1e5)) == pytest.approx(1e5) and found.law.range == (222, 132150)
     assert found.scatter == pytest.approx(0.0549, abs=1e-4)
+    exact = flexfem.fit_basquin(found.law.amplitude(CYCLES), CYCLES)  # points on the line: an interval of no width
+    assert exact.coefficient_interval == pytest.approx((found.coefficient,) * 2, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -216,5 +218,6 @@ def test_the_command_prints_and_writes_the_answer_with_a_fit(unlike, tmp_path, c
     for row, said in (("948, 0", "cycles = 0"), ("948", "1 values"), ("x, 1", "stress_mpa = x")):
         bad = tmp_path / "bad.csv"
         bad.write_text(f"{points.read_text()}\n{row}\n")
-        with pytest.raises(flexfem.BadInput, match=rf"bad\.csv, line 9: {re.escape(said)}"):
+        with pytest.raises(flexfem.BadInput, match=rf"bad\.csv, line 9: {re.escape(said)}") as refused:
             cli.app([*command[:-1], str(bad)], standalone_mode=False)
+        assert str(refused.value).count("bad.csv") == 1

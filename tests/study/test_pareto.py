@@ -47,7 +47,9 @@ def test_what_cannot_be_drawn_makes_room_for_what_is_behind(
     points: np.ndarray, larger: tuple[bool, bool], data: st.DataObject
 ) -> None:
     possible = np.array(data.draw(st.lists(st.booleans(), min_size=len(points), max_size=len(points))))
-    found = drawable_front(points, larger, lambda place: bool(possible[place]), 1000)
+    found = drawable_front(
+        points, larger, lambda places: [place if possible[place] else None for place in places], 1000
+    )
     left = np.flatnonzero(possible)
     assert set(found.places) == set(left[non_dominated(points[left], larger)])
     assert found.unchecked == 0 and not possible[found.undrawable].any()
@@ -57,7 +59,12 @@ def test_what_cannot_be_drawn_makes_room_for_what_is_behind(
 
 def test_when_attempts_run_out_the_rest_is_counted_as_unchecked() -> None:
     asked, points = [], np.arange(10.0)[:, None] * [1, -1]
-    found = drawable_front(points, (True, True), lambda place: asked.append(place) or place % 2 == 0, 4)
+
+    def drawn(places: np.ndarray) -> list[int | None]:
+        asked.extend(places)
+        return [None if place % 2 else place for place in places]
+
+    found = drawable_front(points, (True, True), drawn, 4)
     assert asked == [9, 8, 7, 6]
     assert list(found.undrawable) == [7, 9] and list(found.places) == [8, 6, 5, 4, 3, 2, 1, 0]
     assert found.unchecked == 6
