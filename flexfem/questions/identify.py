@@ -195,8 +195,6 @@ def identify(
     of as many degrees as numbers were dropped.
     """
     check_feasible(stage)
-    if unknown not in (None, "pole", "springs"):
-        raise BadInput(f"unknown {unknown!r}, expected pole or springs")
     level = arguments.between("confidence", confidence, 50.0, 99.9) / 100
     source, warnings = measured_of(measured), list(warning.of_stage(stage))
     place = source.name if isinstance(measured, Fixture | Measurement) else place_of(measured)
