@@ -270,4 +270,4 @@ def as_toml(value: Any) -> str:
         return "{" + ", ".join(f"{as_key(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(as_toml, value)) + "]"
-    return repr(value)
+    return value.isoformat() if hasattr(value, "isoformat") else repr(value)
