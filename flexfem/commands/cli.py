@@ -147,7 +147,7 @@ def command(name: str) -> Any:
 def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     """A function with the options of a command as its signature, which runs it and shows what it gives."""
     options = [*_options(function), _parameter("json", Json, False)]
-    if all(each.name != "output" for each in options):  # else the function writes itself
+    if hasattr(get_type_hints(function)["return"], "quantities"):  # a result; others write nothing, or themselves
         options.append(_parameter("output", Wanted, None))
 
     def run(**given: Any) -> None:
