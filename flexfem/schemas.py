@@ -95,7 +95,7 @@ FORMATS = {
     "necks": Format(
         Necks,
         "Measured necks",
-        "The nine necks as measured, for `flexfem stiffness --necks`; a CSV file does, too.",
+        "The nine necks as measured, for `flexfem as-built`; a CSV file does, too.",
     ),
 }
 

@@ -259,7 +259,10 @@ def read_text(path: Path) -> str:
 def read_csv(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
     """Rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
     texts = {k: text for k, text in enumerate(read_text(path).splitlines(), 1) if text.strip() and text[0] != "#"}
-    rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
+    try:
+        rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
+    except csv.Error as error:
+        raise BadInput(f"{place_of(path)}: not CSV: {error}") from None
     line, head = rows.pop(0)
     if len(set(head)) < len(head) or not set(required) <= set(head) <= {*required, *optional}:
         columns = f"{one_line(', '.join(head), 60) or 'none'}, expected {', '.join(required)}"
