@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
+    from flexfem.cad import export as export
     from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
@@ -76,7 +77,6 @@ if TYPE_CHECKING:  # and where names are found when they are first used
     from flexfem.studies import run_study as run_study
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_status as study_status
-    from flexfem.workshop import export as export
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
     from flexfem.workshop import new_stage as new_stage
@@ -86,6 +86,7 @@ __version__ = "0.1.0"
 
 _IMPORTS = re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", Path(__file__).read_text(), re.MULTILINE)
 _HOMES: dict[str, str] = {name: home for home, name in _IMPORTS}
+FOLDERS = ("design", "plot", "study")
 __all__ = sorted(["__version__", *_HOMES])
 
 
@@ -97,10 +98,10 @@ def home_of(name: str) -> str:
 def __getattr__(name: str) -> Any:
     if home := home_of(name):
         return getattr(import_module(f"flexfem.{home}"), name)
-    if name in ("design", "plot", "study"):
+    if name in FOLDERS:
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "plot", "study"]
+    return [*__all__, *FOLDERS]

@@ -6,25 +6,28 @@ import cmath
 import io
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import ezdxf
 
+from flexfem import arguments
 from flexfem.fem.mesher import Extruded, run_mesher
-from flexfem.files.refusals import one_line, place_of
+from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.bodies import Segment, necks
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of
 from flexfem.mechanism.stage import CHAINS, Stage
-from flexfem.mechanism.stage_file import counted
+from flexfem.mechanism.stage_file import assumptions_said, of_stage
 from flexfem.refused import BadInput, ComputationFailed
 
 FORMATS = (".dxf", ".svg", ".step")
 TIME_LIMIT = 120.0  # s, for gmsh
+SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
+LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
+LARGEST_HOLE = 1e3  # mm
 SAME = 1e-9  # relative, of volume and box of a solid that was read back
 METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
@@ -67,51 +70,65 @@ class PartReport(NamedTuple):
     not_stated: list[str]
 
 
-def export_part(stage: Stage, path: Path, kerf: float | None, mounting: float | None) -> PartReport:
-    """Write a part by its file's extension; `kerf` and `mounting`, a diameter, in mm.
+def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: float | None = None) -> PartReport:
+    """Write a stage as a drawing or a solid for the workshop, in mm.
+
+    Parameters
+    ----------
+    output : path
+        File to write: .dxf, .svg or .step.
+    kerf : float, optional
+        Width of the wire's cut, mm: a drawing then also has the path of its middle.
+    holes : float, optional
+        Diameter of a mounting hole in every pad, mm; in no model.
 
     Raises
     ------
     BadInput
-        The stage cannot be made, a hole or kerf does not fit, the extension is not in `FORMATS`, or the file cannot be
-        written.
+        The stage cannot be made, kerf or holes do not fit it, or the file cannot be written.
     ComputationFailed
-        A solid that was read back is not the part.
+        A solid that was read back is not the part; it is not kept.
     """
-    if path.suffix not in FORMATS:
-        found = f"extension {path.suffix!r}" if path.suffix else "no extension"
-        raise BadInput(f"{place_of(path)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
-    check_file(path, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
-    if kerf is not None and path.suffix == ".step":
-        raise BadInput(f"{place_of(path)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
-    part, layers = part_of(stage, mounting), list[str]()
+    target = checked_path(output)
+    if target.suffix not in FORMATS:
+        found = f"extension {target.suffix!r}" if target.suffix else "no extension"
+        raise BadInput(f"{place_of(target)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
+    if kerf is not None and target.suffix == ".step":
+        raise BadInput(f"{place_of(target)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
+    kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
+    holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
+    check_file(target, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
+    part = part_of(stage, holes)
+    wire = None if kerf is None else cut_path(part, kerf)
     warnings = ["the models clamp the pads along their back edges alone, and fill the hub hole with a rigid disc"]
-    if mounting is not None:
+    if holes is not None:
         warnings.append("the mounting holes are in no model: they make the pads softer")
     if kerf is not None:
         warnings.append(f"the wire leaves sharp inner corners filled with a radius of {kerf / 2:g} mm")
-    if path.suffix == ".step":
-        write_step(stage, part, path)
+    layers = list[str]()
+    if target.suffix == ".step":
+        write_step(stage, part, target)
     else:
-        sheet = sheet_of(stage, part, kerf)
-        layers, text = sheet.layers, svg_text(sheet) if path.suffix == ".svg" else dxf_text(sheet)
-        write_atomically(path, lambda file: file.write(text.encode()))
+        notes = [*_notes(stage), *warnings]
+        if kerf is not None:
+            notes.append(f"{WIRE}: middle of a cut {kerf:.6g} mm wide, wire and spark gap together")
+        sheet = sheet_of(stage, part, wire, notes)
+        text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
+        write_atomically(target, lambda file: file.write(text.encode()))
+        layers = sheet.layers
     return PartReport(
-        stage.origin.path or "",
-        stage.name,
-        str(path),
-        "mm",
-        stage.thickness,
-        part.area,
-        part.area * stage.thickness,
-        part.length,
-        kerf,
-        None if kerf is None else cut_path(part, kerf).length,
-        mounting,
-        layers,
-        warnings,
-        list(stage.assumed),
-        list(stage.not_stated),
+        **of_stage(stage),
+        written=str(target),
+        units="mm",
+        thickness=stage.thickness,
+        area=part.area,
+        volume=part.area * stage.thickness,
+        cut=part.length,
+        kerf=kerf,
+        path=None if wire is None else wire.length,
+        mounting=holes,
+        layers=layers,
+        warnings=warnings,
     )
 
 
@@ -159,12 +176,9 @@ class Sheet(NamedTuple):
         return [name for name in COLOURS if name in self.paths or name in self.holes]
 
 
-def sheet_of(stage: Stage, part: Part, kerf: float | None = None) -> Sheet:
-    """The drawing of a stage's part, with the path of a wire that cuts `kerf` mm wide where that is given.
-
-    Raises BadInput for a kerf too wide for the part.
-    """
-    sizes, holes = dimensions_of(stage, part), {HUB: [part.hub]} | ({MOUNTING: part.mounting} if part.mounting else {})
+def sheet_of(stage: Stage, part: Part, wire: Part | None, notes: list[str]) -> Sheet:
+    """The drawing of a stage's part, with the path of a `wire` where there is one, and lines of text below."""
+    sizes = dimensions_of(stage, part)
     centres = [
         pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS for pose in necks(stage, chain)
     ]
@@ -176,33 +190,24 @@ def sheet_of(stage: Stage, part: Part, kerf: float | None = None) -> Sheet:
         MARKS: marks,
         SIZES: [[Segment(*each.line)] for each in sizes.labels],
     }
-    if kerf is not None:
-        path = cut_path(part, kerf)
-        paths[WIRE], holes[WIRE] = [path.outer], path.holes
+    holes = {HUB: [part.hub]} | ({MOUNTING: part.mounting} if part.mounting else {})
+    if wire is not None:
+        paths[WIRE], holes[WIRE] = [wire.outer], wire.holes
     ends = [each.start for each in part.outer]
     lowest = min(z.imag for z in [*ends, *(label.place for label in sizes.labels)])
     foot = complex(min(z.real for z in ends), lowest - 5 * sizes.height)
     texts = [(label.text, label.place, True) for label in sizes.labels]
-    notes = enumerate(notes_of(stage, part, kerf))
-    return Sheet(
-        paths, holes, sizes, texts + [(note, foot - 1.6j * line * sizes.height, False) for line, note in notes]
-    )
+    texts += [(note, foot - 1.6j * line * sizes.height, False) for line, note in enumerate(notes)]
+    return Sheet(paths, holes, sizes, texts)
 
 
-def notes_of(stage: Stage, part: Part, kerf: float | None) -> Iterator[str]:
-    """What a reader of the drawing must know, one line each."""
-    yield one_line(stage.name, LONGEST)
-    yield f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}"
+def _notes(stage: Stage) -> list[str]:
+    """What a reader of the drawing must know of the stage, its name first, one line each."""
+    said = [one_line(stage.name, LONGEST)]
+    said.append(f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}")
     if stage.chains_alike:
-        yield "chains 2 and 3 as chain 1, turned by 120 and 240 degrees"
-    for said, keys in (("ASSUMED", stage.assumed), ("NO STATED SOURCE", stage.not_stated)):
-        if keys:
-            yield f"{said}: {counted(len(keys), 'number', 'numbers')} of geometry and material"
-    yield "In the models: clamped along the back edges of the pads, the hub hole filled by a rigid disc."
-    if part.mounting:
-        yield "Not in the models: the mounting holes."
-    if kerf is not None:
-        yield f"{WIRE}: middle of a cut {kerf:.6g} mm wide, wire and spark gap together"
+        said.append("chains 2 and 3 as chain 1, turned by 120 and 240 degrees")
+    return said + assumptions_said(stage.assumed, stage.not_stated)
 
 
 # SVG

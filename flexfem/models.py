@@ -112,6 +112,11 @@ class ElementModel(PlatformModel):
         loads = self.force(pose)
         return neck_stresses(self.stage, self.solved, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
 
+    def fields(self, force: ArrayLike) -> Fields:
+        """Mesh, displacement and von Mises stress under one load (3,), as figures take them."""
+        mesh, load = self.mesh, forces("force", force, 1)
+        return Fields(mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load))
+
     @cached_property
     def band(self) -> Array:
         """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, by two coarser meshes."""
@@ -130,9 +135,7 @@ class ElementModel(PlatformModel):
         """
         from flexfem.plot.fields import plot_displacement
 
-        mesh, load = self.mesh, forces("force", force, 1)
-        fields = Fields(mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load))
-        return plot_displacement(ax, fields, factor=factor, hub_radius=self.stage.platform.hub_radius)
+        return plot_displacement(ax, self.fields(force), factor=factor, hub_radius=self.stage.platform.hub_radius)
 
 
 class Errors(NamedTuple):

@@ -1,4 +1,4 @@
-"""From nothing to a part: new files to start from, drawings, meshes and files for the workshop."""
+"""From nothing to a part: new files to start from, drawings, meshes, and what is known of hinge formulas."""
 
 from __future__ import annotations
 
@@ -16,10 +16,6 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_partly
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
-
-SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
-LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
-LARGEST_HOLE = 1e3  # mm
 
 
 class NewFiles(NamedTuple):
@@ -116,34 +112,6 @@ def view(file: Path, *, output: Path | None = None) -> View:
     return View(str(source), stage.name, missing, [str(each) for each in written], window, said, *found.assumptions)
 
 
-def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: float | None = None) -> Any:
-    """Write a stage as a drawing or a solid for the workshop, in mm.
-
-    Parameters
-    ----------
-    output : path
-        File to write: .dxf, .svg or .step.
-    kerf : float, optional
-        Width of the wire's cut, mm: a drawing then also has the path of its middle.
-    holes : float, optional
-        Diameter of a mounting hole in every pad, mm; in no model.
-
-    Raises
-    ------
-    BadInput
-        The stage cannot be made, kerf or holes do not fit it, or the file cannot be written.
-    ComputationFailed
-        A solid that was read back is not the part; it is not kept.
-    """
-    from flexfem.cad import export_part
-
-    target = checked_path(output)
-    kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
-    holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
-    check_feasible(stage)
-    return export_part(stage, target, kerf, holes)
-
-
 class MeshReport(NamedTuple):
     """A mesh and the file it was written to."""
 
@@ -213,12 +181,15 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
     """
     from flexfem.questions.check import hinge_review, known_formulas, thickness_review
 
-    written: list[Path] = []
+    written = list[Path]()
     if output is not None:
         from flexfem.plot.hinge import hinge_chart_figure, thickness_figure
-        from flexfem.plot.write import write_beside
+        from flexfem.plot.write import write_each
 
         check_folder(output)
-        written = write_beside(output / "hinge-chart.json", hinge_chart_figure(hinge_review()))
-        written += write_beside(output / "hinge-thickness.json", thickness_figure(thickness_review()))
+        figures = {
+            output / "hinge-chart.json": lambda: hinge_chart_figure(hinge_review()),
+            output / "hinge-thickness.json": lambda: thickness_figure(thickness_review()),
+        }
+        written = write_each(figures)
     return HingeFormulas(known_formulas(), [str(path) for path in written])

@@ -35,7 +35,7 @@ from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import stress_figure
 from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
-from flexfem.plot.write import write_design_figures, write_figures
+from flexfem.plot.write import write_figures
 from flexfem.questions.budget import budget
 from flexfem.questions.check import StageReport, check
 from flexfem.questions.errors import Verification
@@ -73,7 +73,7 @@ OF_DESIGNS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = { 
     "search": ("Search", None, ""),
 }
 WHERE = "Where the numbers come from"
-AT = (0.05, 0.05, 1e-3)  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
+AT = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
 KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # of assumptions, as pages say them
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
@@ -143,8 +143,7 @@ def report(
     check_file(target, *paths)
     subject = _subject(paths, wanted, amplitude, kept)
     require_unread(target)  # stages, studies and materials are read by now
-    said = assumptions_said(subject.assumed, [], "of the numbers behind this page ")
-    said += assumptions_said([], subject.not_stated, "" if said else "of its numbers ")
+    said = assumptions_said(subject.assumed, subject.not_stated, "of the numbers behind this page ")
     shown = []
     for name, make in subject.parts:
         if progress is not None:
@@ -192,15 +191,13 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     """
     check_folder(output)
     paths = [checked_path(each) for each in results]
-    designs = {path: read_design(path) for path in paths if is_design(path)}
-    found = [(path, Verification.read(path)) for path in paths if path not in designs]
-    if displacement and not found:
-        raise BadInput(f"{place_of(paths[0])}: --displacement with a design, expected results of flexfem verify")
+    designs = [(path.stem, read_design(path)) for path in paths if is_design(path)]
+    found = [(path, Verification.read(path)) for path in paths if not is_design(path)]
+    if not found and (displacement or not designs):
+        said = "--displacement with designs alone" if designs else "no file"
+        raise BadInput(f"{said}, expected results of flexfem verify")
     stored = [(result, result.read_fields(path)) for path, result in found]
-    written = write_figures(stored, output, displacement) if stored else []
-    for path, design in designs.items():
-        written += write_design_figures(design, output / path.name)
-    return Drawn([str(path) for path in written])
+    return Drawn([str(path) for path in write_figures(stored, output, displacement, designs)])
 
 
 def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...]:
@@ -352,7 +349,7 @@ def _curves(result: Verification, number: int) -> PageSection:
 
 def _sources(rows: Sequence[Sequence[str]], last: str) -> PageSection:
     """Where numbers come from: rows of a key, "assumed" or "source not stated", and its source or its records."""
-    counts = [sum(row[1] == kind for row in rows) for kind in ("assumed", "source not stated")]
+    counts = [sum(row[1] == kind for row in rows) for kind in KINDS.values()]
     opening = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
         counted(counts[0], "of these numbers is", "of these numbers are"), counted(counts[1], "has", "have")
     )
@@ -374,11 +371,9 @@ def _stress(stage: Stage) -> PageSection:
     """The stage by finite elements at 50 um in X and at 1 mrad, with its von Mises stress."""
     model, shown, necks = solve(stage), dict[str, Fields](), {}
     for axis in (0, 2):
-        pose, unit = np.array(AT) * np.eye(3)[axis], COMMANDS[axis]
-        name, load = f"{SYMBOLS[axis]} = {AT[axis] * unit.factor:g} {unit}", model.force(pose)
-        mesh = model.mesh
-        shown[name] = Fields(mesh.nodes, mesh.triangles, mesh.bodies, model.displacement(load), model.stress(load))
-        necks[name] = neck_maxima(stage, mesh, shown[name].stress)
+        name, pose = f"{SYMBOLS[axis]} = {AT[axis] * COMMANDS[axis].factor:g} {COMMANDS[axis]}", AT * np.eye(3)[axis]
+        shown[name] = model.fields(model.force(pose))
+        necks[name] = neck_maxima(stage, model.mesh, shown[name].stress)
     rows = [
         [f"{hinge} hinge, chain {chain + 1}", *(significant(float(each[chain, k])) for each in necks.values())]
         for chain in range(3)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TypeAlias
@@ -29,26 +29,27 @@ FORMS = ("png", "pdf")
 PAGE = "verification.md"
 
 
-def write_figures(results: list[Stored], folder: Path, displacement: bool = False) -> list[Path]:
-    """Draw every figure of stored verifications as PNG and PDF and write the page of text beside them.
+def write_figures(
+    results: list[Stored], folder: Path, displacement: bool = False, designs: Sequence[tuple[str, Designed]] = ()
+) -> list[Path]:
+    """Draw every figure of stored verifications, and of designs by name, as PNG and PDF.
 
-    `displacement` : show displacements in the commanded direction instead of errors. Raises BadInput when the folder
-    does not take a file.
+    A page of text on the verifications is written beside them. `displacement` : show displacements in the commanded
+    direction instead of errors. Raises BadInput when the folder does not take a file.
     """
-    drawn = plans(results, displacement)
+    drawn = plans(results, displacement, designs)
     require_unread(folder / PAGE)
     paths = write_each({folder / f"{name}.json": draw for name, draw in drawn.items()})
+    if not results:
+        return paths
     pictures = "\n".join(f"![{name}]({name}.png)" for name in drawn)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
 
 
 def write_design_figures(found: Designed, stored: Path) -> list[Path]:
-    """Draw a design, its sensitivity to each dimension and its front beside its record. Raises BadInput."""
-    drawn = {"": design_figure, "-sensitivity": sensitivity_figure} | ({"-front": front_figure} if found.front else {})
-    return write_each(
-        {stored.with_name(f"{stored.stem}{part}.json"): partial(draw, found) for part, draw in drawn.items()}
-    )
+    """Draw a design beside its record, see `plans`. Raises BadInput."""
+    return write_each({stored.with_name(f"{name}.json"): draw for name, draw in _of_design(stored.stem, found)})
 
 
 def write_each(figures: Mapping[Path, Draw]) -> list[Path]:
@@ -62,16 +63,27 @@ def write_beside(stored: Path, figure: Figure) -> list[Path]:
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 
-def plans(results: list[Stored], displacement: bool = False) -> dict[str, Draw]:
+def plans(
+    results: list[Stored], displacement: bool = False, designs: Sequence[tuple[str, Designed]] = ()
+) -> dict[str, Draw]:
     """What draws each figure, each stage once, by names of files that differ even where case does not matter."""
     named: dict[str, Draw] = {}
-    for wanted, draw in [*_of_cases(results, displacement), *_of_stages(results)]:
+    of_designs = [each for name, found in designs for each in _of_design(name, found)]
+    for wanted, draw in [*_of_cases(results, displacement), *_of_stages(results), *of_designs]:
         name, count, taken = wanted, 1, {each.casefold() for each in named}
         while name.casefold() in taken:
             count += 1
             name = f"{wanted}-{count}"
         named[name] = draw
     return named
+
+
+def _of_design(name: str, found: Designed) -> Iterator[tuple[str, Draw]]:
+    """A design, its sensitivity to each dimension and its front."""
+    yield name, partial(design_figure, found)
+    yield f"{name}-sensitivity", partial(sensitivity_figure, found)
+    if found.front:
+        yield f"{name}-front", partial(front_figure, found)
 
 
 def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, Draw]]:

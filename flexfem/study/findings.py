@@ -20,7 +20,7 @@ from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, lasting
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, stage_of
-from flexfem.study.plan import Figure, Study
+from flexfem.study.plan import Figure, Study, names_behind
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ class Source(NamedTuple):
             said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
         said += [f"{text}." for text in table.warnings]
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
-        if study.used_by(name for name, _ in figure.columns.values()) & of_stress:
+        if names_behind((name for name, _ in figure.columns.values()), study.output) & of_stress:
             said.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.assumptions)
 

@@ -8,7 +8,10 @@ import sys
 
 import pytest
 
+import flexfem
 from flexfem.plot.write import plans, write_figures
+
+from ..design.recorded import recorded
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
 
@@ -54,11 +57,18 @@ def test_a_stage_is_drawn_once_and_its_model_once_for_each_mobility(made):
     assert [name for name in found if name.startswith("model")] == ["model-one-mobility6", "model-one-mobility3"]
 
 
-def test_two_stages_of_one_file_name_do_not_clash(made):
+def test_two_stages_or_designs_of_one_file_name_do_not_clash(made):
     other = made.model(hash="fedcba" * 10, file="elsewhere/One.toml")
-    found = list(plans([stored(made, models={"one": made.model(), "two": other})]))
-    assert "stage-one" in found and "stage-One-2" in found
-    assert len({name.casefold() for name in found}) == len(found) == 2 + 2 * 4
+    designs = [("fig", recorded()), ("Fig", recorded())]
+    found = list(plans([stored(made, models={"one": made.model(), "two": other})], designs=designs))
+    assert {"stage-one", "stage-One-2", "fig", "fig-2", "Fig-3", "fig-front", "Fig-front-2"} < set(found)
+    assert len({name.casefold() for name in found}) == len(found) == 2 + 2 * 4 + 2 * 3
+
+
+def test_no_file_is_refused(tmp_path):
+    for displacement in (False, True):
+        with pytest.raises(flexfem.BadInput, match="no file, expected results of flexfem verify"):
+            flexfem.plot_results(output=tmp_path, displacement=displacement)
 
 
 @pytest.mark.parametrize("case", ["../escape", "/root", "..", "a b"])
