@@ -18,6 +18,7 @@ BAD = [  # function of the API, arguments, options, what is said
     ("load", [None], {}, "None, expected the path"),
     ("load", [b"a.toml"], {}, "expected the path"),
     ("check", [None], {}, "None, expected a flexfem.Stage"),
+    ("schema", ["stage"], {"output": 3}, "3, expected the path"),
     ("stiffness", [STAGE], {"force": (NAN, 0, 0)}, "force: expected finite"),
     ("stiffness", [STAGE], {"force": (1, 2)}, r"force of shape \(2,\)"),
     ("stiffness", [STAGE], {"force": "abc"}, "force: expected numbers"),

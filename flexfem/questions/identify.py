@@ -321,7 +321,7 @@ def _region(of: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:
 
 
 def unexplained(chi_square: float, dof: int) -> bool:
-    """Whether a fit is none: chance would hardly leave so much; without freedom only ends of ranges leave any."""
+    """Whether a fit is none: chance would hardly leave so much. Without one, one degree of freedom counts."""
     return bool(chi2.sf(chi_square, max(dof, 1)) < POOR)
 
 
