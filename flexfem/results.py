@@ -20,15 +20,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.refusals import place_of
+from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, UNITS, Unit, unit_for, unit_of, without_unit
+from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
+DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes of a stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
 SPACE = "\N{NO-BREAK SPACE}"
@@ -40,17 +41,6 @@ AXES = {
     "component": DIRECTIONS,
     "chain": ("chain 1", "chain 2", "chain 3"),
     "hinge": ("base", "elbow", "platform"),
-}
-UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
-BY_DIRECTION: dict[object, UnitNames] = {  # short names of units in x, y and theta
-    "motion": ("mm", "mm", "rad"),
-    "wrench": ("n", "n", "n_mm"),
-    "percents": ("percent",) * 3,
-    "stiffness": ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
-    "compliance": ("mm_per_n", "mm_per_n", "rad_per_n_mm"),
-    "stress per motion": ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
-    "stiffness matrix": (("n_per_mm", "n_per_mm", "n"),) * 2 + (("n", "n", "n_mm_per_rad"),),
-    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
 }
 Progress: TypeAlias = Callable[[str], object]
 Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
@@ -124,7 +114,7 @@ class Quantity:
             name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
         elif isinstance(name, tuple):
             name = name[place[-2]][place[-1]]
-        return UNITS[name] if name else Unit(1.0, "")
+        return UNITS[name] if name else NONE
 
     def factors(self, shape: tuple[int, ...]) -> Array:
         """Factors from inside units to those of the declaration, as an array of a shape."""
@@ -239,20 +229,22 @@ class Result:
 
     def at(self, quantity: str, **labels: str) -> Array:
         """The part of a quantity at labels of some of its axes; the others keep their order."""
-        return self._at(self.values[quantity], quantity, labels)
+        return self._part(self.values, quantity, labels)
 
     def band(self, quantity: str, **labels: str) -> Array:
         """Bands of that part; nan where there are none."""
-        bands = self.bands.get(quantity, np.full(self.values[quantity].shape, np.nan))
-        return self._at(bands, quantity, labels)
+        return self._part(self.bands, quantity, labels)
 
-    def _at(self, array: Array, quantity: str, labels: Mapping[str, str]) -> Array:
+    def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
+        if quantity not in self.values:
+            raise BadInput(f"{self.kind()}.{quantity} is not there, expected one of: {', '.join(self.values)}")
         over = self.quantities[quantity].over
         for axis, label in labels.items():
             if axis not in over or label not in self.axes[axis]:
                 known = ", ".join(self.axes.get(axis, over))
                 raise BadInput(f"{self.kind()}.{quantity}: {axis} {label!r}, expected one of: {known}")
         place = tuple(self.axes[a].index(labels[a]) if a in labels else slice(None) for a in over)
+        array = arrays[quantity] if quantity in arrays else np.full_like(self.values[quantity], np.nan)
         return np.asarray(array[place])
 
     def entries(self) -> Iterator[Number]:
@@ -311,7 +303,7 @@ class Result:
 
     def write(self, path: Path) -> Path:
         """Store the document as JSON with its digest, by which `read` sees a change; returns the path."""
-        return write_sealed(path, self.to_dict())
+        return write_sealed(checked_path(path), self.to_dict())
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -358,7 +350,7 @@ class Result:
             "versions": {"type": "object", "additionalProperties": text},
         }
         whole = _table_schema(f"flexfem: {cls.title}", properties, "digest")
-        return {"$schema": "http://json-schema.org/draft-07/schema#", **whole}
+        return {"$schema": DRAFT, **whole}
 
     @classmethod
     def reference(cls) -> TextTable:
@@ -580,7 +572,7 @@ def number(value: float, band: float = np.nan) -> str:
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
         return f"{value:.5g}" if value else "0"
-    places = min(max(1 - int(np.floor(np.log10(band))), 0), 12)
+    places = int(min(max(1 - np.floor(np.log10(band)), 0), 12))
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"
     text = f"{value:z.{places}f}"

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
 from flexfem.files.refusals import checked_path
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
 from flexfem.study import MOST_WORKERS, REPORTS, run
@@ -26,8 +27,6 @@ from flexfem.study.findings import ParetoFront, Record, Refused, Source, finding
 from flexfem.study.loaded import load_study
 from flexfem.study.run import Counts, Parts, Progress
 from flexfem.study.workers import Workers
-
-PathLike = str | os.PathLike[str]
 
 
 class StudyFindings(NamedTuple):

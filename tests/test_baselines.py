@@ -87,14 +87,17 @@ def test_a_file_without_a_baseline_beside_others_is_named(accepted, project):
     ("change", "said"),
     [
         (lambda made: made.write_text("{}"), "not a baseline of this version"),
-        (lambda made: made.unlink(), "no baseline; flexfem baseline"),
         (lambda made: made.write_text(made.read_text()[:-40]), "not a baseline of this version"),
     ],
 )
 def test_a_damaged_baseline_is_a_finding(accepted, change, said):
     _, made = accepted
     change(made)
-    assert said in regression(made).findings[0]
+    assert said in regression(made.parent).findings[0]
+    made.parent.joinpath("none").mkdir()
+    for named in (made, made.with_suffix(".gone"), made.parent / "none"):
+        with pytest.raises(BadInput):
+            regression(named)
 
 
 def test_a_reason_is_asked_for_and_kept(accepted):

@@ -127,7 +127,7 @@ def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, ND
 def on_thickness_chart(designs: Designs) -> NDArray[np.bool_]:
     """Whether each hinge (n, 3, 3) is on the chart of three-dimensional hinges."""
     b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
-    return chart.on_thickness_chart(designs.radius, designs.neck, b, nu)
+    return chart.thickness_chart().covers(designs.neck / designs.radius, b / designs.neck, nu)
 
 
 def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,20 +11,21 @@ import numpy as np
 from pydantic import ConfigDict, Field, ValidationError, model_validator
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.arguments import FINEST
 from flexfem.arrays import Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import OF_THE_KEY
-from flexfem.files.refusals import problem_of, refusal, shown
+from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
-from flexfem.files.writing import digest
+from flexfem.files.toml import Path as PathLike
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.study import plan
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, Column, Factor, Number, Step, columns_of
-from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file
+from flexfem.study.factors import MANY, NAMED, Column, Factor, Number, Step
+from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file, is_fixed, require_key_values
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -52,7 +52,7 @@ def _without_keys_of_studies(schema: dict[str, Any]) -> None:
 class Free(Factor):
     """A dimension that is free between two ends, or one of a list; all numbers in the units of the stage file."""
 
-    named: ClassVar[tuple[str, ...]] = ("key", "keys", "label", "step")
+    named: ClassVar[tuple[str, ...]] = (*NAMED, "step")
 
     model_config = ConfigDict(json_schema_extra=_without_keys_of_studies)
 
@@ -99,12 +99,8 @@ class Require(Table):
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Require:
-        low, high = self.at_least, self.at_most
-        if low is None and high is None:
-            raise refusal("at_least, at_most or both")
-        if low is not None and high is not None and low > high:
-            raise refusal(f">= {low:g}, the least", "at_most")
-        for key, end in (("at_least", low), ("at_most", high)):
+        plan.require_ends(self, "at_least", "at_most")
+        for key, end in (("at_least", self.at_least), ("at_most", self.at_most)):
             if 0 < abs(end or 0.0) < 1 / LARGEST:
                 raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are in parts of it", key)
         return self
@@ -184,7 +180,7 @@ class Requirements(Sourced):
     seed: int = Field(ge=0, lt=2**63, description="What the search draws from", examples=[2003])
     accuracy_percent: Accuracy = 0.1
     """Within which the corrected analytic model and finite elements are to agree at the optimum"""
-    resolution: int = Field(default=8, ge=8, le=64)
+    resolution: int = Field(default=8, ge=8, le=FINEST)
     """Triangles across every neck, of the finest of three meshes"""
     front: int = Field(default=7, ge=3, le=50, description="With two objectives: designs of their front")
     free: tuple[Free, ...] = Field(min_length=1, max_length=30)
@@ -216,22 +212,10 @@ class Requirements(Sourced):
 
     @model_validator(mode="after")
     def _expressions_name_columns(self) -> Requirements:
-        own, dimensions = {*MASS, *ERRORS, *SCATTERED}, set[str]()
-        for index, free in enumerate(self.free):
-            for column in columns_of([free]):
-                dimensions.add(column.name)
-                if column.name in own:
-                    raise refusal(f"a name of its own, not {shown(column.name)} again", "free", index, "label")
-        known = {*dimensions, *self.study.outputs, *(own if self.tolerance is not None else {*MASS, *ERRORS})}
-        for index, output in enumerate(self.output):
-            if output.name in known or output.name in keys():
-                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            plan.require_known(output.expression, known, "output", index, "expression")
-            known.add(output.name)
-        for index, require in enumerate(self.require):
-            plan.require_known(require.quantity, known, "require", index, "quantity")
-        for index, objective in enumerate(self.objective):
-            plan.require_known(objective.quantity, known, "objective", index, objective.key)
+        columns = (*self.study.outputs, *MASS, *ERRORS, *(() if self.tolerance is None else SCATTERED))
+        known = plan.require_own_names("free", self.free, self.output, columns, SCATTERED)
+        for place, expression in self.expressions.items():
+            plan.require_known(expression, known, *place)
         return self
 
     @model_validator(mode="after")
@@ -254,20 +238,25 @@ class Requirements(Sourced):
         return plan.Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
 
     @property
+    def expressions(self) -> dict[KeyPath, str]:
+        """Expressions by their key paths."""
+        found: dict[KeyPath, str] = {("output", k, "expression"): each.expression for k, each in enumerate(self.output)}
+        found |= {("require", k, "quantity"): each.quantity for k, each in enumerate(self.require)}
+        return found | {("objective", k, each.key): each.quantity for k, each in enumerate(self.objective)}
+
+    @property
     def quantities(self) -> tuple[str, ...]:
-        """All expressions: objectives, then requirements."""
+        """What is required or to be best: expressions of objectives, then of requirements."""
         return (*(each.quantity for each in self.objective), *(each.quantity for each in self.require))
 
     @cached_property
     def used(self) -> frozenset[str]:
         """Names that the quantities use, through derived outputs too."""
-        return frozenset().union(*map(self.names_of, self.quantities))
+        return self.names_of(*self.quantities)
 
-    def names_of(self, expression: str) -> frozenset[str]:
-        """Names that an expression uses, through derived outputs too."""
-        derived = {output.name: output.expression for output in self.output}
-        own = plan.names_in(expression)
-        return frozenset(own).union(*(self.names_of(derived[name]) for name in own if name in derived))
+    def names_of(self, *expressions: str) -> frozenset[str]:
+        """Names that expressions use, through derived outputs too."""
+        return plan.names_behind((name for each in expressions for name in plan.names_in(each)), self.output)
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -296,12 +285,6 @@ class LoadedRequirements:
         return self.stage.model == "corrected"
 
     @property
-    def hash(self) -> str:
-        """SHA-256 of all that a design depends on besides the code: no name, provenance, nor path."""
-        of = self.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
-        return digest([of, self.stage.model_dump(mode="json", exclude={"name", "provenance"})])
-
-    @property
     def base_values(self) -> Array:
         """The values (d,) of the base stage, those outside the range of a dimension brought to its nearer end."""
         found = []
@@ -312,7 +295,7 @@ class LoadedRequirements:
         return np.array(found)
 
 
-def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
+def load_requirements(path: PathLike) -> LoadedRequirements:
     """Read a requirements file and its base stage.
 
     Raises BadInput for a file that is refused, and for objectives that no free dimension changes: one line with file,
@@ -322,15 +305,10 @@ def load_requirements(path: str | os.PathLike[str]) -> LoadedRequirements:
     stage = base_stage(path, found.study)
     unused = found.study.unasked - found.used - ({DENSITY} if found.used & {*MASS} else set())
     columns = columns_of_file(path, "free", found.free, stage, unused)
-    set_by = {name for column in columns for name in column.keys}
-    fixed = {*keys(), *(output.name for output in found.output)} - set_by
+    require_key_values(path, found.expressions, columns, stage)
+    derived = {output.name for output in found.output}
     for index, objective in enumerate(found.objective):
-        if found.names_of(objective.quantity) <= fixed:
+        if all(is_fixed(name, columns, stage) for name in found.names_of(objective.quantity) - derived):
             place = f"objective[{index}].{objective.key} = {shown(objective.quantity)}"
             raise bad_key(path, ("objective", index, objective.key), f"{place}, expected what a free dimension changes")
-    for index, require in enumerate(found.require):
-        for name in plan.names_in(require.quantity):
-            if name in keys() and name not in set_by and keys()[name].value_in(stage) is None:
-                message = f"require[{index}].quantity: the stage has no {name} of its own"
-                raise bad_key(path, ("require", index), message)
     return LoadedRequirements(Path(path), found, stage, columns)

@@ -132,10 +132,10 @@ class Lives(NamedTuple):
 def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
     """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
     coefficient, exponent, walker = fatigue.T
-    highest = np.max(of.equivalent(walker[:, None]), axis=-1)
-    factor = strength.amplitude_at(asked.wanted, coefficient, exponent) / highest
+    law, highest = Basquin(coefficient, exponent), np.max(of.equivalent(walker[:, None]), axis=-1)
+    factor = law.amplitude(asked.wanted) / highest
     return Lives(
-        strength.cycles_at(highest, coefficient, exponent),
+        law.cycles(highest),
         factor[:, None] * np.abs(asked.amplitude),
         yield_strength / np.max(of.peak, axis=-1),
     )

@@ -251,8 +251,6 @@ def modes(
     count = arguments.integer("count", count, MOST_SOLID if in_depth else MOST)
     load = _payload(payload, tilting, in_depth)
     ratio = arguments.positive("damping", damping, MOST_DAMPING) / 100
-    if drives not in ("disengaged", "engaged"):
-        raise BadInput(f"drives {drives!r}, expected disengaged or engaged")
     drive = None
     if drives == "engaged":
         if in_depth:

@@ -28,7 +28,7 @@ from flexfem.analytic.responses import (
 )
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.mesher import Limit
+from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
@@ -46,7 +46,7 @@ from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
-from flexfem.study.plan import Study, names_in
+from flexfem.study.plan import Study, names_behind, names_in
 from flexfem.units import DENSITY
 
 
@@ -223,8 +223,6 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
-    from flexfem.fem.mesher import MeshTimeout
-
     (reason,) = refusals_of(loaded, values[None])
     try:
         if reason:
@@ -306,9 +304,9 @@ def unseen(loaded: LoadedStudy) -> list[str]:
     study = loaded.study
     if study.model != "analytic":
         return []
-    named = {name for figure in study.figure for name, _ in figure.columns.values()}
-    named |= {name for one in study.constraint for text in study.in_full(one.value) for name in names_in(text)}
-    named = study.used_by(named)
+    figured = {name for figure in study.figure for name, _ in figure.columns.values()}
+    limited = {name for one in study.constraint for name in names_in(one.value)}
+    named = names_behind(figured | limited, study.output)
     shown = [name for name in loaded.outputs if name in named] or list(loaded.outputs)
     found = []
     for name, changed in _changes(loaded).items():

@@ -19,7 +19,8 @@ from scipy.special import ndtr, ndtri
 from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.provenance import Assumptions, is_assumed
-from flexfem.files.refusals import key_path, one_line, place_of, shown, suggestion
+from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
+from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
@@ -30,7 +31,7 @@ from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
-from flexfem.study.plan import EXTENSIBLE, Study, names_in, normal_correlation, value_of
+from flexfem.study.plan import EXTENSIBLE, Study, names_behind, names_in, normal_correlation, value_of
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,8 @@ class LoadedStudy:
             content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
         followed = (o for o in stage.override if o.hinge or study.driven)
+        refusing = [each for each in study.constraint if study.is_given(each.value)]
+        derived = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
         content |= {
             "stage": stage.drive_hash if study.driven else stage.hash,
             "heat": stage.heat_hash if study.drift is not None else None,
@@ -107,16 +110,13 @@ class LoadedStudy:
                 [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
                 for name, keys, factor in self.columns
             ],
-            "refused": [
-                [study.in_full(each.value), each.least, each.most, each.said]
-                for each in study.constraint
-                if study.is_given(each.value)
-            ],
+            "refused": [[each.value, each.least, each.most, each.said] for each in refusing]
+            + [[output.name, output.expression] for output in study.output if output.name in derived],
         }
         return digest(content)
 
 
-def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
+def load_study(path: PathLike) -> LoadedStudy:
     """Read a study file and its base stage.
 
     Raises BadInput as `toml.validate`, or where the base stage cannot be read or made: one line with file, line, key.
@@ -129,12 +129,11 @@ def load_study(path: str | os.PathLike[str]) -> LoadedStudy:
             given = given_of(Path(path).parent / study.sampling.file, columns)
         except BadInput as error:
             raise bad_key(path, ("sampling", "file"), f"sampling.file: {error}") from None
-    loaded = LoadedStudy(Path(path), study, stage, columns, Path(path).stem, given)
-    _require_key_values(loaded)
-    return loaded
+    require_key_values(path, study.expressions, columns, stage)
+    return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, given)
 
 
-def base_stage(path: str | os.PathLike[str], study: Study) -> Stage:
+def base_stage(path: PathLike, study: Study) -> Stage:
     """The stage that a study, or another file that asks as one, names. Raises BadInput where it is none for it."""
     try:
         stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
@@ -162,7 +161,7 @@ def base_stage(path: str | os.PathLike[str], study: Study) -> Stage:
 
 
 def columns_of_file(
-    path: str | os.PathLike[str], array: str, factors: Sequence[Factor], stage: Stage, unasked: frozenset[str]
+    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage, unasked: frozenset[str]
 ) -> tuple[Column, ...]:
     """The columns of the factors in an array of a file, as `columns_on`. Raises BadInput naming file, line and key."""
     columns = list[Column]()
@@ -174,16 +173,23 @@ def columns_of_file(
     return tuple(columns)
 
 
-def _require_key_values(loaded: LoadedStudy) -> None:
-    """Raise BadInput where an expression asks for a key that no factor sets and the stage leaves to a default."""
-    study, columns = loaded.study, loaded.columns
-    named = {*study.every_output, *(name for column in columns for name in (column.name, *column.keys))}
-    places = [(output.expression, ("output", k, "expression")) for k, output in enumerate(study.output)]
-    places += [(constraint.value, ("constraint", k, "value")) for k, constraint in enumerate(study.constraint)]
-    for expression, place in places:
+def require_key_values(
+    path: PathLike, expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage
+) -> None:
+    """Raise BadInput where an expression of a file asks for a key that the stage leaves to a default."""
+    for place, expression in expressions.items():
         for name in names_in(expression):
-            if name not in named and keys()[name].value_in(loaded.stage) is None:
-                raise bad_key(loaded.path, place, f"{key_path(place)}: the stage has no {name} of its own")
+            if is_fixed(name, columns, stage) and keys()[name].value_in(stage) is None:
+                raise bad_key(path, place, f"{key_path(place)}: the stage has no {name} of its own")
+
+
+def is_fixed(name: str, columns: Sequence[Column], stage: Stage) -> bool:
+    """Whether a name is a key that no column sets, nor, of a hinge or actuator of one chain, the key of all chains."""
+    set_by = [path for column in columns for path in column.keys]
+    if name not in keys() or name in set_by:
+        return False
+    followed = keys()[name].places_in(stage) if name.startswith("override.") else []
+    return not any(place in keys()[path].places_in(stage) for path in set_by for place in followed)
 
 
 MOST_BYTES = {".csv": 2**26, ".parquet": 2**31}  # of a table of designs, which is held in memory
@@ -407,7 +413,7 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
         _set(changes, loaded.stage, key, key.check.validate_python(value))
     held = loaded.stage.model_dump(exclude_unset=True, exclude={"provenance"})
-    return Stage.from_names(merged_changes(held, changes))
+    return Stage(**merged_changes(held, changes))
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
@@ -497,7 +503,7 @@ def _of_key(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) -> Arr
         if path in column.keys:
             return columns[column.name]
     key = keys()[path]
-    if key.table[:1] != ("override",) or not loaded.columns:
+    if is_fixed(path, loaded.columns, loaded.stage):
         return np.full(1, key.value_in(loaded.stage), dtype=np.float64)
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, place),) = key.places_in(loaded.stage)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, reduce
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -14,11 +14,12 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 
 import flexfem
 from flexfem.analytic.model import DEFAULT_FORMULA
+from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
-from flexfem.files.refusals import key_path, refusal, shown, suggestion
+from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
 from flexfem.mechanism.keys import LASTING, keys, meant
 from flexfem.questions import warnings as warning
@@ -26,8 +27,7 @@ from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobi
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.factors import WAYS, Column, Factor, columns_of, require_keys
 
-LONGEST = 400  # characters
-DEEPEST = 50  # operations one inside the other
+LONGEST = 400  # characters, which also limits how deep operations stand one inside the other
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sqrt": np.sqrt,
@@ -92,30 +92,27 @@ def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
     return tree, tuple(names)
 
 
-def _value(node: ast.expr, known: Mapping[str, Array], depth: int = 1) -> Any:
+def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
     """Value of a tree; a number is one of numpy, of which no power takes for ever or raises."""
-    if depth > DEEPEST:
-        raise ValueError(f"at most {DEEPEST} operations one inside the other")
     match node:
         case ast.Constant(value=float() | int() as number):
             return np.float64(number)
         case ast.Name(id=name):
             return known[name]
         case ast.UnaryOp(op=sign, operand=inner):
-            return _OPERATIONS[type(sign)](_value(inner, known, depth + 1))
+            return _OPERATIONS[type(sign)](_value(inner, known))
         case ast.BinOp(left=left, op=sign, right=right):
-            return _OPERATIONS[type(sign)](_value(left, known, depth + 1), _value(right, known, depth + 1))
+            return _OPERATIONS[type(sign)](_value(left, known), _value(right, known))
         case ast.Call(func=ast.Name(id=name), args=[_, *others] as given, keywords=[]) if bool(others) == (
             name in ("min", "max")
         ):
-            return _FUNCTIONS[name](*(_value(each, known, depth + 1) for each in given))
+            return _FUNCTIONS[name](*(_value(each, known) for each in given))
     raise ValueError(_ALLOWED)
 
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; a design and 100 columns are a kilobyte
-MOST_HELD = 200_000  # designs of a method that holds the whole sample in memory
-HELD: tuple[Method, ...] = ("latin_hypercube",)
+MOST_HELD = 200_000  # designs of a Latin hypercube, which is held in memory as a whole
 EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more designs begin with the same ones
 FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
 Better: TypeAlias = Literal["larger", "smaller"]
@@ -160,7 +157,7 @@ class Sampling(Table):
         require_keys(self, f'method = "{self.method}"', _WANTED[self.method], ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
-        if self.method in HELD and (self.designs or 0) > MOST_HELD:
+        if self.method == "latin_hypercube" and (self.designs or 0) > MOST_HELD:
             raise refusal(f'at most {MOST_HELD} with method = "{self.method}", which holds all in memory', "designs")
         return self
 
@@ -190,6 +187,15 @@ class Output(Table):
     """In figures"""
 
 
+def require_ends(table: Table, least: str, most: str) -> None:
+    """Refuse a table without either of two ends, or with a greatest value below the least one."""
+    low, high = getattr(table, least), getattr(table, most)
+    if low is None and high is None:
+        raise refusal(f"{least}, {most} or both")
+    if low is not None and high is not None and low > high:
+        raise refusal(f">= {low:g}, the least", most)
+
+
 class Constraint(Table):
     """Ends between which an expression of columns and keys must lie for a design to count."""
 
@@ -206,10 +212,7 @@ class Constraint(Table):
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Constraint:
-        if self.least is None and self.most is None:
-            raise refusal("least, most or both")
-        if self.least is not None and self.most is not None and self.least > self.most:
-            raise refusal(f">= {self.least:g}, the least", "most")
+        require_ends(self, "least", "most")
         return self
 
     @property
@@ -428,9 +431,9 @@ class Study(Sourced):
         default=None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6]
     )
     links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; one design after the other, slower")
-    resolution: int = Field(default=4, ge=4, le=64)
+    resolution: int = Field(default=4, ge=4, le=FINEST)
     """Triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
-    layers: int = Field(default=2, ge=1, le=16)
+    layers: int = Field(default=2, ge=1, le=MOST_LAYERS)
     """In half the thickness, with `three_dimensional`: 2 is 0.2 % off on the reference stages, 2 s a design with alike
     chains, 6 s with unlike ones; 3 is 0.1 % off, 4 s and 10 s"""
     bands: bool = True
@@ -528,23 +531,13 @@ class Study(Sourced):
     @model_validator(mode="after")
     def _names_are_unlike(self) -> Study:
         """Two columns of one name, and a key that two factors set, are refused; expressions name what there is."""
-        names, set_by = {*RESERVED, FEASIBLE, *self.outputs}, dict[str, int]()
+        set_by = dict[str, int]()
         for index, factor in enumerate(self.factor):
-            for column in columns_of([factor]):
-                if column.name in names or (column.name in keys() and column.name not in column.keys):
-                    raise refusal(f"a column name of its own, not {shown(column.name)} again", "factor", index)
-                names.add(column.name)
             for path in factor.paths:
                 first = set_by.setdefault(path, index)
                 if first != index:
                     raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
-        known = names - {*RESERVED, FEASIBLE}
-        for index, output in enumerate(self.output):
-            if output.name in names or output.name in keys():
-                raise refusal(f"a name of its own, not {shown(output.name)} again", "output", index, "name")
-            require_known(output.expression, known, "output", index, "expression")
-            names.add(output.name)
-            known.add(output.name)
+        known = require_own_names("factor", self.factor, self.output, self.outputs, (*RESERVED, FEASIBLE))
         for index, constraint in enumerate(self.constraint):
             require_known(constraint.value, known, "constraint", index, "value")
             if self.sampling.method == "saltelli" and self.is_given(constraint.value):
@@ -574,7 +567,8 @@ class Study(Sourced):
 
     @model_validator(mode="after")
     def _figures_show_columns(self) -> Study:
-        factors, outputs = [column.name for column in self.factor_columns], self.every_output
+        factors = [column.name for column in self.factor_columns]
+        outputs = [*self.outputs, *(output.name for output in self.output)]
         for index, figure in enumerate(self.figure):
             if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
                 raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
@@ -644,30 +638,52 @@ class Study(Sourced):
         return "" if self.model == "analytic" else warning.stress_below(self.resolution)
 
     @property
-    def every_output(self) -> tuple[str, ...]:
-        """Names of the output columns and of the derived ones."""
-        return (*self.outputs, *(output.name for output in self.output))
+    def expressions(self) -> dict[KeyPath, str]:
+        """Expressions by their key paths."""
+        found: dict[KeyPath, str] = {("output", k, "expression"): each.expression for k, each in enumerate(self.output)}
+        return found | {("constraint", k, "value"): each.value for k, each in enumerate(self.constraint)}
 
     def is_given(self, expression: str) -> bool:
         """Whether an expression needs no answer of the model: factors and keys alone."""
-        return not any(name in self.outputs for text in self.in_full(expression) for name in names_in(text))
-
-    def in_full(self, expression: str) -> list[str]:
-        """An expression, and those of the derived outputs that it uses."""
-        derived = {output.name: output.expression for output in self.output}
-        used = (self.in_full(derived[name]) for name in names_in(expression) if name in derived)
-        return [expression, *(text for each in used for text in each)]
-
-    def used_by(self, names: Iterable[str]) -> set[str]:
-        """Columns and keys that some columns show: themselves, and what derived outputs among them are made of."""
-        names = set(names)
-        texts = [text for output in self.output if output.name in names for text in self.in_full(output.expression)]
-        return names | {name for text in texts for name in names_in(text)}
+        return names_behind(names_in(expression), self.output).isdisjoint(self.outputs)
 
     @property
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn, to see that none overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
+
+
+def names_behind(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:
+    """Some names, and those that the derived outputs among them are made of, each after those that it uses."""
+    found = set(names)
+    for output in reversed(outputs):
+        if output.name in found:
+            found |= {*names_in(output.expression)}
+    return frozenset(found)
+
+
+def require_own_names(
+    array: str, factors: Sequence[Factor], outputs: Sequence[Output], columns: Iterable[str], taken: Iterable[str]
+) -> set[str]:
+    """Names that expressions may use beside keys: `columns`, those of factors, and of derived outputs.
+
+    Refuses, at its key path, a factor in an `array` or a derived output whose name is there before, `taken` or a key,
+    and one whose expression names what is not there before it.
+    """
+    known, taken = set(columns), {*taken}
+
+    def add(name: str, own: tuple[str, ...], *at: str | int) -> None:
+        if name in known or name in taken or (name in keys() and name not in own):
+            raise refusal(f"a name of its own, not {shown(name)} again", *at)
+        known.add(name)
+
+    for index, factor in enumerate(factors):
+        for column in columns_of([factor]):
+            add(column.name, column.keys, array, index)
+    for index, output in enumerate(outputs):
+        require_known(output.expression, known, "output", index, "expression")
+        add(output.name, (), "output", index, "name")
+    return known
 
 
 def require_known(expression: str, known: Iterable[str], *at: str | int) -> None:

@@ -62,6 +62,8 @@ def test_dowlings_example_is_fitted_to_the_digits_of_the_book():
     assert found.coefficient_interval == pytest.approx((1600, 1809), abs=1)
     assert found.law.cycles(found.law.amplitude(1e5)) == pytest.approx(1e5) and found.law.range == (222, 132150)
     assert found.scatter == pytest.approx(0.0549, abs=1e-4)
+    exact = flexfem.fit_basquin(found.law.amplitude(CYCLES), CYCLES)  # points on the line: an interval of no width
+    assert exact.coefficient_interval == pytest.approx((found.coefficient,) * 2, rel=1e-6)
 
 
 @pytest.mark.parametrize(

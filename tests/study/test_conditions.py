@@ -41,6 +41,7 @@ def test_an_expression_has_the_value_that_arithmetic_gives_it() -> None:
         ("max(`link 1`, 0.25, -1) * min(k.x[1], 5)", [2.0, 1.25]),
         ("log10(1e2 * k.x[1] / k.x[1]) - abs(`link 1`) + 2 ** 3 ** 0 * exp(0*`link 1`)", [3.5, 1.0]),
         ("10 - k.x[1] - 1", [5.0, 0.0]),
+        ("-" * 300 + "k.x[1]", [4.0, 9.0]),
     ):
         np.testing.assert_allclose(value_of(text, given), expected, rtol=1e-14, err_msg=text)
     missing = {"a": np.array([np.nan, 2.0]), "b": np.array([1.0, np.nan])}

@@ -129,7 +129,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "output that runs code": ([output("__import__('os').remove('x')")], ["output[0].expression", "brackets"]),
     "output of an attribute": ([output("kxx_n_per_mm.__class__")], ["output[0].expression", "columns and keys"]),
     "output of a power of powers": ([output("kxx_n_per_mm * 9**9**9**9j")], ["output[0].expression", "numbers"]),
-    "output as deep as brackets go": ([output("-" * 300 + "kxx_n_per_mm")], ["output[0].expression", "at most 50"]),
+    "output as deep as brackets go": ([output("(" * 300 + "kxx_n_per_mm")], ["output[0].expression", "brackets"]),
     "output too long": ([output("+".join(["kxx_n_per_mm"] * 40))], ["output[0].expression", "at most 400"]),
     "output of no column": ([output("kzz_n_per_mm / 2")], ["output[0].expression", "did you mean k"]),
     "output of itself": ([output("2 * ratio")], ["output[0].expression", "columns and keys"]),
@@ -191,6 +191,14 @@ def test_the_generic_study_is_not_hostile(studies: Any) -> None:
     assert studies.load(*GRID).count == 10
     assert studies.load(SALTELLI).count == 64 * 4
     assert studies.load(figure(PARETO)).study.figure[0].drawn == 4
+
+
+def test_fifty_outputs_that_each_use_the_two_before_are_a_study_at_once(studies: Any) -> None:
+    """As a tree of all their uses there would be 10^10 of them."""
+    terms = ["hinges.base.neck_mm", "E", *(f"o{k}" for k in range(50))]
+    outputs = [output(f"({terms[k]} + {terms[k + 1]}) / 2", f"o{k}") for k in range(50)]
+    study = studies.load(more("".join(text.removeprefix(LAST) for _, text in outputs)), constraint("most = 1", "o49"))
+    assert study.hash and study.study.is_given("o49")
 
 
 def test_an_infeasible_stage_is_named_with_the_line_of_the_study(studies: Any) -> None:
