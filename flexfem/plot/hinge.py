@@ -19,8 +19,8 @@ from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.questions.check import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.questions.errors import CurveModels
-from flexfem.results import SPACE
 from flexfem.refused import BadInput
+from flexfem.results import SPACE
 from flexfem.units import LENGTH
 
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}
