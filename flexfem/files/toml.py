@@ -262,7 +262,7 @@ def read_csv(path: Path, required: Sequence[str], optional: Sequence[str] = ()) 
     try:
         rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
     except csv.Error as error:
-        raise BadInput(f"{place_of(path)}: not CSV: {error}") from None
+        raise BadInput(f"{place_of(path)}: {error}, expected CSV") from None
     line, head = rows.pop(0)
     if len(set(head)) < len(head) or not set(required) <= set(head) <= {*required, *optional}:
         columns = f"{one_line(', '.join(head), 60) or 'none'}, expected {', '.join(required)}"

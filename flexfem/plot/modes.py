@@ -110,7 +110,7 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int) -> Axes:
         factor = DRAWN * np.ptp(mesh.nodes, axis=0).max() / sizes.max()
         moved, values = mesh.nodes + factor * field[:, :2], sizes / sizes.max()
     draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
-    draw_hub(ax, mesh.nodes, moved, float(np.hypot(*mesh.nodes[mesh.edges["hub"][0, 0]])))
+    draw_hub(ax, mesh.nodes, moved)
     fit(ax, mesh.nodes, DRAWN + 0.01)
     return ax
 
