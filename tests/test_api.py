@@ -41,7 +41,7 @@ def stage():
 def test_import_and_names_load_nothing_that_computes():
     script = (
         "import sys, flexfem; assert flexfem.__version__ and not {'numpy', 'pydantic'} & set(sys.modules)\n"
-        "assert set(dir(flexfem)) >= {'load', 'stiffness', 'Stage', 'BadInput', 'study'}\n"
+        "assert set(dir(flexfem)) >= {'load', 'stiffness', 'Stage', 'BadInput', 'design', 'study'}\n"
         "assert flexfem.BadInput.__name__ == 'BadInput' and callable(flexfem.stiffness)\n"
         "assert all(getattr(flexfem, name) is not None for name in flexfem.__all__)\n"
         "assert not {'gmsh', 'skfem'} & set(sys.modules)\n"
