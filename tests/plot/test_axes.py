@@ -145,7 +145,7 @@ def test_a_stage_is_drawn_and_what_is_none_is_refused(name):
 
 
 def test_a_budget_in_no_direction_is_refused(made):
-    for direction, shown in (("q", '"q"'), (None, "None"), (["x"], r'\["x"\]')):
-        with pytest.raises(flexfem.BadInput, match=f"direction {shown}, expected one of x, y, theta"):
+    for direction in ("q", None, ["x"]):
+        with pytest.raises(flexfem.BadInput, match=r"direction .*, expected one of: x, y, theta"):
             flexfem.plot.plot_budget(pyplot.figure().subplots(), made.budget(), direction)
         pyplot.close()
