@@ -142,9 +142,9 @@ def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, mo
     path = collect(parts, tmp_path / "t.parquet").path
 
     class Watched(io.FileIO):
-        def read(self, size=-1):
+        def read(self, *size):
             threads.add(threading.get_ident())
-            return super().read(size)
+            return super().read(*size)
 
     monkeypatch.setattr(Path, "open", lambda self, mode: Watched(self))
     assert len(read_part(parts.path(range(40)))) == len(read_table(path).columns["kxx_n_per_mm"]) == len(table_of(path))
