@@ -86,6 +86,7 @@ __version__ = "0.1.0"
 
 _IMPORTS = re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", Path(__file__).read_text(), re.MULTILINE)
 _HOMES: dict[str, str] = {name: home for home, name in _IMPORTS}
+FOLDERS = ("design", "plot", "study")
 __all__ = sorted(["__version__", *_HOMES])
 
 
@@ -97,10 +98,10 @@ def home_of(name: str) -> str:
 def __getattr__(name: str) -> Any:
     if home := home_of(name):
         return getattr(import_module(f"flexfem.{home}"), name)
-    if name in ("design", "plot", "study"):
+    if name in FOLDERS:
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return [*__all__, "plot", "study"]
+    return [*__all__, *FOLDERS]

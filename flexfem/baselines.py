@@ -20,13 +20,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
-from flexfem.arrays import AnyArray
 from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
-from flexfem.files.toml import read_toml
+from flexfem.files.toml import read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions.bands import converge, levels
@@ -44,10 +43,11 @@ from flexfem.questions.reach import reach
 from flexfem.questions.setup import Analytic
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import EXACT, Progress, Result, versions
+from flexfem.results import EXACT, LARGEST_FILE, Number, Progress, Result, versions
 from flexfem.studies import collect_study, run_study
 from flexfem.study import table
-from flexfem.units import DIRECTIONS, unit_of
+from flexfem.study.columns import ERRORS, sizes_of
+from flexfem.units import DIRECTIONS, NONE
 
 COARSE = 2  # triangles across the necks of a kept mesh
 ON_KEPT = 1e-8  # of the diagonal: what a compliance on it may move by
@@ -56,7 +56,7 @@ POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad: of the drive
 DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
 STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # of columns, else `COARSER_TABLE`
 COARSER_TABLE = 3e-4
-Numbers: TypeAlias = dict[str, tuple[float, float, float, float]]  # by path: value, band and the changes accepted
+Numbers: TypeAlias = dict[str, Number]  # by path
 
 
 QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; those that refuse it are left out
@@ -96,13 +96,15 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
     Raises
     ------
     BadInput
-        A folder has no baselines.
+        A folder has no baselines, or a file is none.
     """
     checked, findings = list[str](), list[str]()
     for place in map(checked_path, baselines):
         inside = sorted(place.glob("*.json")) if place.is_dir() else [place]
         if not inside:
             raise BadInput(f"{place}: no baselines in this folder")
+        if not place.is_dir():
+            read(place)
         for path in inside:
             if progress is not None:
                 progress(path.stem)
@@ -157,7 +159,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
             "history": [*history, {"when": now, "reason": reason.strip(), "versions": versions()}],
             "inputs": inputs_of(path),
             "numbers": {
-                question: {key: _stored(*number[:2]) for key, number in found.items()}
+                question: {key: _stored(number.value, number.band) for key, number in found.items()}
                 for question, found in numbers_of(path, target.parent)
             },
         }
@@ -178,16 +180,13 @@ def _stored(value: float, band: float) -> list[Any]:
 
 def read(path: Path) -> dict[str, Any]:
     """An accepted baseline. Raises BadInput when there is none or it is damaged."""
+    content = read_bytes(path, LARGEST_FILE)
     try:
-        data: dict[str, Any] = json.loads(path.read_bytes())
+        data: dict[str, Any] = json.loads(content)
         assert {"kind", "file", "history", "inputs", "numbers"} == set(data) and data["history"]
-        for found in data["numbers"].values():
-            for number in found.values():
-                [float(each) for each in number]
-    except FileNotFoundError:
-        raise BadInput(f"{path}: no baseline; flexfem baseline FILE --reason TEXT makes one") from None
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be read: {error.strerror}") from None
+        [dict(keys) for keys in data["inputs"].values()]
+        [float(each) for found in data["numbers"].values() for number in found.values() for each in number]
+        Path(data["file"])
     except (ValueError, TypeError, AttributeError, AssertionError):
         raise BadInput(f"{path}: not a baseline of this version of flexfem") from None
     return data
@@ -225,26 +224,30 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
         for key in dict.fromkeys([*old, *new]):
             place = f"{name}: {question}.{key}"
             if key not in new or key not in old:
-                said = f"gone, was {old[key][0]:.12g}" if key in old else f"new: {new[key][0]:.12g}"
+                said = f"gone, was {float(old[key][0]):.12g}" if key in old else f"new: {new[key].value:.12g}"
                 yield f"{place} is {said}"
                 continue
-            value, band, accepted, accepted_band = new[key]
+            one = new[key]
             before, *bands = map(float, old[key])
-            if not (value == before or abs(value - before) <= accepted):
-                said = f"was {before:.15g}, is {value:.15g}, moved {value - before:+.3g}, accepted {accepted:.2g}"
+            moved = one.value - before
+            if not (one.value == before or abs(moved) <= one.accepted):
+                said = f"was {before:.15g}, is {one.value:.15g}, moved {moved:+.3g}, accepted {one.accepted:.2g}"
                 yield f"{place} {said}"
-            if bands and not np.isnan(band) and not abs(band - bands[0]) <= accepted_band + accepted:
-                yield f"{place}: its band was {bands[0]:.6g}, is {band:.6g}, accepted {accepted_band:.2g}"
+            if bands and not np.isnan(one.band) and not abs(one.band - bands[0]) <= one.accepted_band + one.accepted:
+                yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}, accepted {one.accepted_band:.2g}"
         # which one of equal highest stresses has the band is up to round-off
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
-        for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each[1])}:
+        for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)}:
             yield f"{name}: {question}.{quantity}: its bands came or went"
 
 
 def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
     """Input files beside those of a folder's baselines, of the same kind, that have none."""
-    made = [read(path) for path in baselines]
-    known = {Path(os.path.normpath(folder / each["file"])): each["kind"] for each in made}
+    known: dict[Path, str] = {}
+    for path in baselines:
+        with suppress(BadInput):  # what is damaged is a finding already
+            made = read(path)
+            known[Path(os.path.normpath(folder / made["file"]))] = made["kind"]
     for place, kind in sorted({(path.parent, kind) for path, kind in known.items()}):
         for other in sorted(place.glob("*.json" if place.resolve() == DATA.resolve() else "*.toml")):
             with suppress(BadInput):
@@ -268,15 +271,17 @@ def kind_of(path: Path) -> str:
 
 def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
     """Keys of an input file and of the files that it names, by file as the input file names it."""
+    own = _values_of(path)
+    named = {value: path.parent / value for value in own.values() if isinstance(value, str)}
+    return {path.name: own} | {value: _values_of(other) for value, other in named.items() if os.path.isfile(other)}
+
+
+def _values_of(path: Path) -> dict[str, Any]:
+    """Values of an input file by key path, of one that is not TOML its hash."""
     if path.suffix != ".toml":
-        return {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}}
+        return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
     data = read_toml(path).data
-    found = {path.name: {key_path(key, data): value for key, value in _leaves(data, ())}}
-    for value in list(found[path.name].values()):
-        other = path.parent / str(value)
-        if isinstance(value, str) and value not in found and os.path.isfile(other):
-            found[value] = inputs_of(other)[other.name]
-    return found
+    return {key_path(key, data): value for key, value in _leaves(data, ())}
 
 
 def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
@@ -297,29 +302,31 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
             stage = load_feasible(path)
             for name, question in QUESTIONS:
                 try:
-                    yield name, _entries(question(stage))
+                    yield name, _by_path(question(stage).entries())
                 except BadInput:  # the stage states nothing of it, or the model does not suit it
                     continue
             yield "mesh", kept(stage, path, folder)
         case "case":
             loaded = LoadedCase(path)
-            yield "errors", _entries(run_case(loaded))
+            yield "errors", _by_path(run_case(loaded).entries())
             if loaded.case.model == "fe":
                 for curve in loaded.case.curve:
                     stage, file = loaded.stages[curve.label], loaded.stage_path(curve)
                     yield f"mesh of {curve.label}", kept(stage, file, folder)
         case "chart":
-            yield "formulas", dict(_of_chart(path))
+            yield "formulas", _by_path(_of_chart(path))
         case _:
-            yield "table", dict(_of_study(path))
+            yield "table", _by_path(_of_study(path))
 
 
-def _entries(found: Result) -> Numbers:
-    return {
-        each.path: (each.value, each.band, each.accepted, each.accepted_band)
-        for each in found.entries()
-        if not np.isnan(each.value)
-    }
+def _by_path(found: Iterable[Number]) -> Numbers:
+    """Numbers by path without those that have no answer."""
+    return {each.path: each for each in found if not np.isnan(each.value)}
+
+
+def _number(path: str, value: float, accepted: float) -> Number:
+    """A number without a unit and a band."""
+    return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
 def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
@@ -340,13 +347,13 @@ def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
         raise BadInput(f"{place}: not a mesh of the stage {path}: {error}") from None
     C = platform_response(mesh, plate_of(stage)).compliance
     size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
-    return {
-        f"compliance.{DIRECTIONS[i]}.{DIRECTIONS[j]}": _number(float(C[i, j]), ON_KEPT * float(size[i, j]))
+    return _by_path(
+        _number(f"compliance.{DIRECTIONS[i]}.{DIRECTIONS[j]}", float(C[i, j]), ON_KEPT * float(size[i, j]))
         for i, j in np.ndindex(3, 3)
-    }
+    )
 
 
-def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
+def _of_chart(path: Path) -> Iterator[Number]:
     """What the analytic model reads from a chart of flexfem itself, at every fifth point."""
     if path.stem == "thickness_chart":
         found: dict[str, Any] = {"thickness": thickness_review()}
@@ -356,18 +363,13 @@ def _of_chart(path: Path) -> Iterator[tuple[str, tuple[float, float, float, floa
         found = {each.name: each for each in (*review.curves, review.higher)}
     for name, each in found.items():
         for field, values in each._asdict().items():
-            if isinstance(values, np.ndarray):
-                for place in np.ndindex(values.shape):
-                    if place[-1] % 5 == 0:
-                        value = float(values[place])
-                        yield f"{name}.{field}.{'.'.join(map(str, place))}", _number(value, abs(value) * EXACT.relative)
+            for place in np.ndindex(values.shape) if isinstance(values, np.ndarray) else ():
+                if place[-1] % 5 == 0:
+                    key, value = ".".join([name, field, *map(str, place)]), float(values[place])
+                    yield _number(key, value, abs(value) * EXACT.relative)
 
 
-def _number(value: float, accepted: float) -> tuple[float, float, float, float]:
-    return value, np.nan, accepted, 0.0
-
-
-def _of_study(path: Path) -> Iterator[tuple[str, tuple[float, float, float, float]]]:
+def _of_study(path: Path) -> Iterator[Number]:
     """The numbers of the collected table of a study."""
     with tempfile.TemporaryDirectory() as folder:
         status = run_study(path, folder, workers=1)
@@ -376,23 +378,11 @@ def _of_study(path: Path) -> Iterator[tuple[str, tuple[float, float, float, floa
         found = table(collect_study(path, folder).path, as_arrow=True)
     every = {name: found[name].to_numpy() for name in found.column_names}
     columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
+    sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # of others the largest number of the column
     model = str(read_toml(path).data.get("model"))
     for name, values in columns.items():
         relative = STUDY_GATES.get(model) or STUDY_GATES.get(name.partition("_")[0], COARSER_TABLE)
-        for k, value in enumerate(values.tolist()):
-            if not np.isnan(value):
-                yield f"{name}.{k}", _number(value, relative * _size(columns, name, k))
-
-
-def _size(columns: Mapping[str, AnyArray], name: str, row: int) -> float:
-    """What a change in a column is relative to: its largest number, of couplings the stiffnesses that they couple."""
-    kind = name.partition("_")[0]
-    if len(kind) == 3 and kind[0] == "k" and kind[1] != kind[2]:
-        own = [
-            next(values[row] for key, values in columns.items() if key.startswith(f"k{axis}{axis}_"))
-            for axis in kind[1:]
-        ]
-        return float(np.sqrt(abs(own[0] * own[1])))
-    if unit_of(name).name in ("", "%") and kind in ("coupling", "error", "cross"):
-        return 100.0 if unit_of(name).name == "%" else 1.0
-    return float(np.nanmax(np.abs(columns[name])))
+        largest = np.max(np.abs(values), initial=0.0, where=~np.isnan(values))
+        accepted = relative * np.broadcast_to(sizes.get(name, largest), values.shape)
+        for k, (value, change) in enumerate(zip(values.tolist(), accepted.tolist(), strict=True)):
+            yield _number(f"{name}.{k}", value, change)

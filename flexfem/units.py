@@ -72,18 +72,27 @@ UNITS = {  # by what keys of files and columns of studies end in
 }
 DENSITY = 1e-12  # tonne/mm^3 of one kg/m^3
 NONE = Unit(1.0, "")
-ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
+ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d+\])?$")
 
 LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
 EXPANSION = UNITS["um_per_m_k"]
 RATE = UNITS["n_per_um"]  # stiffness of stacks and contacts, as data sheets give it
-POSES = (UNITS["mm"], UNITS["mm"], UNITS["rad"])  # order x, y, theta, here and below
-COMMANDS = (UNITS["um"], UNITS["um"], UNITS["mrad"])
-FORCES = (UNITS["n"], UNITS["n"], UNITS["n_mm"])
-STIFFNESS = [[UNITS["n_per_mm"]] * 2 + [UNITS["n"]]] * 2 + [[UNITS["n"]] * 2 + [UNITS["n_mm_per_rad"]]]
-COMPLIANCE = [[UNITS["mm_per_n"]] * 2 + [UNITS["per_n"]]] * 2 + [[UNITS["per_n"]] * 2 + [UNITS["rad_per_n_mm"]]]
-STIFFNESSES, COMPLIANCES = (tuple(matrix[k][k] for k in range(3)) for matrix in (STIFFNESS, COMPLIANCE))
-STRESSES = (UNITS["mpa_per_um"], UNITS["mpa_per_um"], UNITS["mpa_per_mrad"])
+UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
+BY_DIRECTION: dict[object, UnitNames] = {  # keys of `UNITS` in x, y and theta
+    "motion": ("mm", "mm", "rad"),
+    "command": ("um", "um", "mrad"),
+    "wrench": ("n", "n", "n_mm"),
+    "percents": ("percent",) * 3,
+    "stiffness": ("n_per_mm", "n_per_mm", "n_mm_per_rad"),
+    "compliance": ("mm_per_n", "mm_per_n", "rad_per_n_mm"),
+    "stress per motion": ("mpa_per_um", "mpa_per_um", "mpa_per_mrad"),
+    "stiffness matrix": (("n_per_mm", "n_per_mm", "n"),) * 2 + (("n", "n", "n_mm_per_rad"),),
+    "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
+}
+POSES, COMMANDS, FORCES, STIFFNESSES, COMPLIANCES = (
+    tuple(UNITS[str(name)] for name in BY_DIRECTION[what])
+    for what in ("motion", "command", "wrench", "stiffness", "compliance")
+)
 
 
 def unit_of(name: str) -> Unit:
@@ -100,11 +109,11 @@ def without_unit(name: str) -> str:
 def unit_for(freedom: Direction, largest: float) -> Unit:
     """The prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1 and 1000.
 
-    Numbers below 1 am (or arad) keep that unit, numbers from 1000 m keep the metre; zero gets um or urad.
+    Numbers below 1 am (or arad) keep that unit, numbers from 1000 m keep the metre; zero and infinity get um or urad.
     """
     base, symbol = (1.0, "rad") if freedom == "theta" else (1e-3, "m")
     power = -6
-    if largest > 0:
+    if 0 < largest < math.inf:
         power = 3 * math.floor((math.log10(largest) + math.log10(base)) / 3 + ROUND_DOWN)
         power = min(max(power, min(PREFIXES)), max(PREFIXES))
     return Unit(base * 10.0**-power, PREFIXES[power] + symbol)

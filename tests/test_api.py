@@ -41,7 +41,7 @@ def stage():
 def test_import_and_names_load_nothing_that_computes():
     script = (
         "import sys, flexfem; assert flexfem.__version__ and not {'numpy', 'pydantic'} & set(sys.modules)\n"
-        "assert set(dir(flexfem)) >= {'load', 'stiffness', 'Stage', 'BadInput', 'study'}\n"
+        "assert set(dir(flexfem)) >= {'load', 'stiffness', 'Stage', 'BadInput', 'design', 'study'}\n"
         "assert flexfem.BadInput.__name__ == 'BadInput' and callable(flexfem.stiffness)\n"
         "assert all(getattr(flexfem, name) is not None for name in flexfem.__all__)\n"
         "assert not {'gmsh', 'skfem'} & set(sys.modules)\n"
@@ -85,12 +85,14 @@ def test_every_stage_is_written_and_read_back_bit_for_bit(stage, tmp_path):
         read = flexfem.load(tmp_path / "stage.toml")
         assert read == drawn and read.hash == drawn.hash and read.provenance == drawn.provenance
     assert flexfem.Material.model_validate(drawn.material.model_dump(by_alias=True)) == drawn.material
+    with pytest.raises(flexfem.BadInput, match="None, expected the path of a file"):
+        drawn.save(None)
 
 
 def test_replace_changes_what_is_named_and_nothing_else(stage):
     """The axis of 3.1 rad and 68.3 GPa go through units and back."""
     other = stage.replace(
-        neck={"elbow": 0.41}, override={(2, "platform"): {"radius": 1.9}, (3, "elbow"): {"radius": 1.7}}
+        neck={"elbow": 0.41}, override={(np.int64(2), "platform"): {"radius": 1.9}, (3, "elbow"): {"radius": 1.7}}
     )
     necks, radii = stage.array("neck").copy(), stage.array("radius").copy()
     necks[:2, 1], radii[1, 2], radii[2, 1] = 0.41, 1.9, 1.7
@@ -182,6 +184,7 @@ NO_FORMULA = [
     ({"function": None}, "function = None, expected a function of t/R"),
     ({"function": lambda ratio: {}["two\nlines"]}, "function at t/R from 0.1 to 1: KeyError: 'two\\nlines', expected"),
     ({"function": lambda ratio: "soft"}, "function at t/R from 0.1 to 1: expected finite positive numbers"),
+    ({"source": "two\nlines"}, "expected a source, one line of text"),
     ({"valid": "ab"}, 'valid = "ab", expected 0 < smallest t/R < largest'),
     ({"valid": (0.1, "b")}, 'valid = [0.1, "b"], expected 0 < smallest t/R < largest'),
 ]

@@ -64,6 +64,8 @@ def test_a_changed_input_is_named_key_by_key_and_no_number_is_compared(accepted,
     assert "thickness_mm was 10.0, is 11.0" in said and "the input changed" in said
     found = inputs_of(project.path("cases/fig5.toml"))
     assert "../geometry/mobility3.toml" in found and "thickness_mm" in found["../geometry/mobility3.toml"]
+    named = project.edit("geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "mobility6.toml"'))
+    assert list(inputs_of(named)) == ["mobility6.toml"]
 
 
 def test_a_kept_mesh_that_is_not_of_the_stage_is_refused(accepted):
@@ -87,14 +89,17 @@ def test_a_file_without_a_baseline_beside_others_is_named(accepted, project):
     ("change", "said"),
     [
         (lambda made: made.write_text("{}"), "not a baseline of this version"),
-        (lambda made: made.unlink(), "no baseline; flexfem baseline"),
         (lambda made: made.write_text(made.read_text()[:-40]), "not a baseline of this version"),
     ],
 )
 def test_a_damaged_baseline_is_a_finding(accepted, change, said):
     _, made = accepted
     change(made)
-    assert said in regression(made).findings[0]
+    assert said in regression(made.parent).findings[0]
+    made.parent.joinpath("none").mkdir()
+    for named in (made, made.with_suffix(".gone"), made.parent / "none"):
+        with pytest.raises(BadInput):
+            regression(named)
 
 
 def test_a_reason_is_asked_for_and_kept(accepted):

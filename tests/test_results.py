@@ -85,6 +85,8 @@ def test_labels_choose_parts_and_unknown_ones_are_refused(found: Trial) -> None:
     np.testing.assert_array_equal(found.at("stress", case="very hot", hinge="platform"), [3.0, 1.0])
     with pytest.raises(BadInput, match="case 'warm', expected one of: cold, very hot"):
         found.at("stress", case="warm")
+    with pytest.raises(BadInput, match=r"trial\.stres is not there, expected one of: mass, pose, stress"):
+        found.band("stres")
 
 
 def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
@@ -95,7 +97,7 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
 
 NUMBERS = [
     (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0.00 ± 0.10"), (3.14159265, np.nan, "3.1416"),
-    (7181.54, 3.9, "7181.5 ± 3.9"), (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"),
+    (7181.54, 3.9, "7181.5 ± 3.9"), (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"),
 ]  # fmt: skip
 
 

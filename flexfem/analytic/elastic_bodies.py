@@ -26,6 +26,7 @@ from flexfem.mechanism.bodies import (
     polyline,
     reverse,
 )
+from flexfem.mechanism.contacts import bend_stresses
 from flexfem.mechanism.designs import CHAIN_TURN, Elastic, chain_rotation
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
@@ -345,24 +346,19 @@ def _curved(stage: Stage, material: Elastic, radius: float) -> Array:
 
     Notes
     -----
-    By Golovin's exact plane stresses, S. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., 1970, sections 29
-    and 33: a sharp bend (b/a = 9) is 44 % softer than Winkler's bar.
+    By the exact plane stresses of `bend_stresses`: a sharp bend (b/a = 9) is 44 % softer than Winkler's bar.
     """
     (E, nu), width = material, stage.chain.link_width
     a, b = radius - width / 2, radius + width / 2
     nodes, weights = np.polynomial.legendre.leggauss(RADII)
     r = a * (b / a) ** ((nodes + 1) / 2)
     dr = weights / 2 * np.log(b / a) * r
-    q = (a * b / r) ** 2 * np.log(b / a)
-    bent = q + b**2 * np.log(r / b) + a**2 * np.log(a / r)
-    pulled = r + (a * b) ** 2 / r**3 - (a**2 + b**2) / r
-    moment = np.stack([bent, bent - 2 * q + b**2 - a**2])
-    pull = np.stack([pulled, 3 * r - (a * b) ** 2 / r**3 - (a**2 + b**2) / r])
-    stress = np.stack([moment / np.sum(moment[1] * r * dr), pull / np.sum(pull[1] * dr)])
+    bent, pulled, sheared, radial = bend_stresses(a, b, r)
+    stress = np.array([[radial, bent], [sheared, pulled]])  # by moment and by pull, radial and along
     hooke = np.array([[1, -nu], [-nu, 1]])
     density = np.zeros((3, 3))
     density[:2, :2] = np.einsum("ian,ab,jbn,n->ij", stress, hooke, stress, r * dr)
-    density[2, 2] = 2 * (1 + nu) * np.sum((pulled / np.sum(pulled * dr)) ** 2 * r * dr)
+    density[2, 2] = 2 * (1 + nu) * np.sum(sheared**2 * r * dr)
     return density / (E * stage.thickness * radius)
 
 

@@ -51,8 +51,8 @@ class DrivenModel(NamedTuple):
 
 
 class LinkParts(NamedTuple):
-    """What elastic bodies do: compliance (..., 9, 9) of `body_compliance`; openings (..., 3 chains, 3, n) of the chains
-    and motions (..., n, n) of the loads by one newton of each of n stacks, as `network.LoadedWithin`."""
+    """What elastic bodies do: compliance (..., 9, 9) of `body_compliance`; openings (..., 9, 3, 3 + n) of joints and
+    motions (..., 3 + n, 3 + n) by loads on the platform and n stacks, as `network.LoadedWithin`."""
 
     compliance: Array
     openings: Array
@@ -80,13 +80,8 @@ def driven(
 
     nan for a design with a chain that has no compliance in some direction.
     """
-    bodies, within = None, None
-    if elastic is not None:
-        bodies, lead = elastic.compliance, elastic.motions.shape[:-2]
-        openings = np.zeros((*lead, len(JOINTS), 3, 3 + len(stacks)))
-        openings[..., ::3, :, 3:] = elastic.openings  # of each chain, in its first joint
-        within = network.LoadedWithin(openings, np.zeros((*lead, 3 + len(stacks), 3 + len(stacks))))
-        within.motions[..., 3:, 3:] = elastic.motions
+    bodies = None if elastic is None else elastic.compliance
+    within = None if elastic is None else network.LoadedWithin(elastic.openings, elastic.motions)
     found = network.solve(lowered(frames, hinges, freedoms, bodies), _loads_of(stacks), within=within)
     return DrivenModel(found.motions, _by_chain(found.wrenches))
 
@@ -111,18 +106,18 @@ def _loads_of(stacks: tuple[Stack, ...]) -> Array:
 
 def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
     """What pads, links and platform of one stage do. Raises BadInput when they cannot be drawn."""
-    n = len(stacks)
-    openings, motions = np.zeros((3, 3, n)), np.zeros((n, n))
+    n = 3 + len(stacks)
+    openings, motions = np.zeros((len(JOINTS), 3, n)), np.zeros((n, n))
     for chain in CHAINS:
         # the hub takes the pushes on the platform
-        mine = [(j, push) for j, stack in enumerate(stacks) if stack.chain == chain - 1
+        mine = [(j, push) for j, stack in enumerate(stacks, start=3) if stack.chain == chain - 1
                 for push in stack.pushes if push.station is not None]  # fmt: skip
         for link, c, at in link_pieces(stage, chain, [push for _, push in mine]) if mine else ():
             Q = np.zeros((len(at), 3, n))
             for j, push in mine:
                 Q[:, :, j] += beyond(push, link, at)[:, None] * push.wrench
             moved = c @ Q
-            openings[chain - 1] += chain_rotation(chain - 1) @ np.sum(moved, axis=0)
+            openings[3 * chain - 3] += chain_rotation(chain - 1) @ np.sum(moved, axis=0)  # in the chain's first joint
             motions += np.tensordot(Q, moved, axes=([0, 1], [0, 1]))
     return LinkParts(body_compliance(stage), openings, motions)
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -27,13 +26,19 @@ from flexfem.study.factors import Column
 from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.units import UNITS
 
-CHUNK = 2048  # designs at a time
 MISSED = 1e30  # merit of a design that misses requirements, and more
 REFUSED_MERIT = 100 * MISSED  # of one that has no answer, or cannot be drawn
 ROUND_OFF = 1e-9  # of a size: less is not missed
 BETWEEN = 0.45  # of what lies between two ends, that a value can be kept from both
 NEAR = 0.1  # finite elements over the model, and the inverse: beyond it they differ by a term, not by a factor
 WHOLE = 6  # dimensions up to which every combination of neighbours is looked at, beyond it pairs of them
+
+
+Say = Callable[[str], object]
+
+
+def silent(text: str) -> None:
+    """Say nothing."""
 
 
 class DesignSpace:
@@ -118,31 +123,23 @@ def correction_of(model: float, elements: float) -> Correction:
     return Correction(term=elements - model)
 
 
-class Found(NamedTuple):
-    """Quantities (n, q) of n designs, objectives first, nan without an answer, and why there is none (n,), else ""."""
-
-    quantities: Array
-    reason: AnyArray
-
-
 @dataclass
 class Model:
-    """The corrected analytic model of requirements; every evaluation is counted.
+    """The corrected analytic model of requirements; every evaluation is counted, and a search may `say` how far it is.
 
-    `corrections` are by column; `shifts`, by column, its value of other scattered stages over that of those searched.
-    `guard` (m,) says by how much of its size each requirement is to be met beyond its end; `objective` which one is to
-    be best while `bounds` are values, with their signs, that others must not exceed. A `yielding` requirement is not
-    asked: its miss is what is to be small instead of the objective.
+    `corrections` are by column. `guard` (m,) says by how much of its size each requirement is to be met beyond its end;
+    `objective` which one is to be best while `bounds` are values, with their signs, that others must not exceed. A
+    `yielding` requirement is not asked: its miss is what is to be small instead of the objective.
     """
 
     loaded: LoadedRequirements
     corrections: Mapping[str, Correction] = field(default_factory=dict)
-    shifts: Mapping[str, float] = field(default_factory=dict)
-    guard: Array | None = None
+    guard: Array | float = 0.0
     objective: int = 0
     bounds: Mapping[int, float] = field(default_factory=dict)
     yielding: int | None = None
     counts: Counter[str] = field(default_factory=Counter)
+    say: Say = silent
 
     def __post_init__(self) -> None:
         of = self.loaded.requirements
@@ -155,22 +152,16 @@ class Model:
         self.sizes = np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
         self.room = BETWEEN * (self.high - self.low)  # infinite where there is one end
 
-    @cached_property
+    @property
     def scatter(self) -> NeckScatter | None:
         """Scatter of the nine necks, where a coupling under it is asked."""
         of = self.loaded.requirements
         return NeckScatter.of(of.tolerance, of.seed) if of.tolerance and of.used & {*SCATTERED} else None
 
-    def found(self, values: Array) -> Found:
-        """Answer designs (n, d) in file units."""
-        parts = [self._found(values[k : k + CHUNK]) for k in range(0, len(values), CHUNK)]
-        return Found(*(np.concatenate(each) for each in zip(*parts, strict=True)))
-
-    def _found(self, values: Array) -> Found:
+    def found(self, values: Array) -> Array:
+        """Quantities (n, q) of designs (n, d) in file units, objectives first; not finite without an answer."""
         columns, reason = self.columns(values)
-        quantities = np.where((reason == "")[:, None], self.quantities(self.corrected(columns)), np.nan)
-        reason[(reason == "") & ~np.isfinite(quantities).all(axis=1)] = "a quantity without a finite value"
-        return Found(quantities, reason)
+        return np.where((reason == "")[:, None], self.quantities(self.corrected(columns)), np.nan)
 
     def columns(self, values: Array) -> tuple[dict[str, Array], AnyArray]:
         """Columns (n,) of the model itself by name, not corrected, and why a design has none (n,)."""
@@ -189,10 +180,9 @@ class Model:
                 found |= dict(zip(ERRORS, formula_errors(designs, K, of.paper_formula).T, strict=True))
             if self.scatter is not None:
                 self.counts["analytic with scattered necks"] += len(values) * len(self.scatter.searched)
-                freedoms = freedoms_of(of.mobility, designs.prismatic)
-                couplings = self.scatter.quantiles(designs, of.formula, freedoms)
+                couplings = self.scatter.quantiles(designs, of.formula, of.mobility)
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
-                found |= {n: self.shifts.get(n, 1.0) * each for n, each in zip(SCATTERED, couplings.T, strict=True)}
+                found |= dict(zip(SCATTERED, couplings.T, strict=True))
         return found, reason
 
     def _masses(self, values: Array, reason: AnyArray) -> Array:
@@ -222,7 +212,7 @@ class Model:
     @property
     def ends(self) -> tuple[Array, Array]:
         """Least and greatest values (m,) that count, guards included; infinite where there is none."""
-        guard = np.minimum(0.0 if self.guard is None else self.guard * self.sizes, self.room)
+        guard = np.minimum(self.guard * self.sizes, self.room)
         return self.low + guard, self.high - guard
 
     def signed(self, quantities: Array) -> Array:
@@ -251,7 +241,7 @@ class Model:
             return np.maximum(0.0, -self.margins(quantities)[:, self.yielding])
         return np.asarray(self.signed(quantities)[:, self.objective])
 
-    def merit(self, found: Found) -> Array:
+    def merit(self, quantities: Array) -> Array:
         """One number (n,) to be small: designs that meet all are better than others, those by how much they miss.
 
         Notes
@@ -259,9 +249,9 @@ class Model:
         The rules of Deb (Comput. Methods Appl. Mech. Eng. 186 (2000) 311-338) as a number; misses are added in parts of
         the sizes of the requirements.
         """
-        missed = np.sum(self.violations(found.quantities), axis=1)
-        merit = np.where(missed > 0, MISSED * (1 + np.minimum(missed, 90.0)), self.wanted(found.quantities))
-        return np.where(found.reason == "", merit, REFUSED_MERIT)
+        missed = np.sum(self.violations(quantities), axis=1)
+        merit = np.where(missed > 0, MISSED * (1 + np.minimum(missed, 90.0)), self.wanted(quantities))
+        return np.where(np.isfinite(quantities).all(axis=1), merit, REFUSED_MERIT)
 
     def drawable(self, values: Array) -> bool:
         """Whether a design (d,) can be drawn: no bodies of it overlap."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +12,10 @@ from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
-from flexfem.design.proof import Mapped, Proof, ProposedElements, mapped, proof, searched
+from flexfem.design.proof import Proof, Proposal, ProposedElements, Store, mapped, proof, searched
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
 from flexfem.design.scatter import OTHERS, deviations
-from flexfem.design.search import Say, optimum, silent
+from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, path_of
 from flexfem.hinges.strength import required_law
@@ -27,6 +26,7 @@ from flexfem.results import versions
 from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, doubted
 from flexfem.study.factors import Factor, columns_of
+from flexfem.study.findings import non_dominated
 from flexfem.study.loaded import stage_of
 from flexfem.units import unit_of
 
@@ -43,23 +43,24 @@ APART = 1e-3  # of the spans of a front, within which two designs are one
 SHARED = 2000  # stages with scattered necks that the share is of
 
 
-def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = silent) -> record.Designed:
+def designed(loaded: LoadedRequirements, elements: ProposedElements) -> record.Designed:
     """The best stage that meets requirements, or the one that misses least.
 
     Raises ComputationFailed where finite elements of a proposed design fail, BadInput where no design has an answer.
     """
-    found = mapped(Model(loaded, counts=elements.counts), elements, say)
-    model, last, best, of = found.model, found.rounds[-1], found.optima[-1], loaded.requirements
-    say("sensitivities")
-    kept, stage, space = _requirements(found), made(loaded, last.values), model.space
+    rounds, agreed = mapped(Model(loaded, counts=elements.counts, say=elements.say), elements)
+    _, best, last = rounds[-1]
+    model, of = rounds[-1].model, loaded.requirements
+    elements.say("sensitivities")
+    kept, stage, space = _requirements(rounds[-1]), made(loaded, last.values), model.space
     alternatives, front = list[record.SoleRelaxation](), list[record.FrontDesign]()
     if best.merit >= MISSED and any(each.verdict == "missed" for each in kept):
-        alternatives = relaxations(replace(model, guard=None), last.values)
+        alternatives = relaxations(replace(model, guard=0.0), last.values)
     if model.objectives > 1 and best.merit < MISSED:
-        designs = front_of(model, best.relaxed, of.front, elements, say)
-        front = [_front_design(model, proof(model, elements, each, say)) for each in designs]
+        designs = front_of(model, best.relaxed, of.front, elements.store)
+        front = [_front_design(model, proof(model, elements, each)) for each in designs]
     places = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
-    history = found.optima[0].history
+    history = rounds[0].best.history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
     assumed, not_stated = assumptions_of(loaded, stage)
     return record.Designed(
@@ -73,9 +74,9 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         relaxed=space.named(best.relaxed),
         stage=stage.to_toml(),
         feasible=all(each.verdict != "missed" for each in kept),
-        agreed=found.agreed,
+        agreed=agreed,
         objectives=[
-            record.Goal(**_quantity(found, k, each), better="larger" if each.sign < 0 else "smaller")
+            record.Goal(**_quantity(model, last, k, each), better="larger" if each.sign < 0 else "smaller")
             for k, each in enumerate(of.objective)
         ],
         requirements=kept,
@@ -83,15 +84,19 @@ def designed(loaded: LoadedRequirements, elements: ProposedElements, say: Say = 
         at_ends=[name for name, listed, u in places if not listed and not END < u < 1 - END],
         sensitivities=_sensitivities(model, last),
         rounds=[
-            record.Round(design=space.named(r.values), gap_percent=100 * r.gap, evaluations=o.history[-1][0])
-            for r, o in zip(found.rounds, found.optima, strict=True)
+            record.Round(
+                design=space.named(each.best.values),
+                gap_percent=100 * each.proof.gap,
+                evaluations=each.best.history[-1][0],
+            )
+            for each in rounds
         ],
         front=front,
-        scattered=_scattered(found),
+        scattered=_scattered(model, last),
         history=[record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True))) for k in shown],
         evaluations=dict(sorted(elements.counts.items())),
         versions=versions(),
-        warnings=_warnings(found),
+        warnings=_warnings(loaded, rounds, agreed),
         assumed=assumed,
         not_stated=not_stated,
     )
@@ -127,25 +132,21 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
     return "finite elements in three dimensions" if solid else "finite elements"
 
 
-def _quantity(found: Mapped, place: int, asked: Objective | Require) -> dict[str, Any]:
+def _quantity(model: Model, of: Proof, place: int, asked: Objective | Require) -> dict[str, Any]:
     """The fields of `Stated`."""
-    loaded, of = found.model.loaded, found.rounds[-1]
+    loaded = model.loaded
     names = loaded.requirements.names_of(asked.quantity)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
-    columns = {name: np.array([value]) for name, value in of.columns.items()}
-
-    def moved(steps: Mapping[str, float]) -> float:
-        """By how much the quantity moves when columns of the design move by `steps`."""
-        changed = columns | {name: columns[name] + step for name, step in steps.items() if name in columns}
-        return float(abs(found.model.quantities(changed)[0, place] - of.elements[place]))
-
-    noise, spread = moved({name: float(size.max()) for name, size in outputs.round_off_of(columns).items()}), None
+    spread = None
     if names & {*outputs.ENGAGED}:
-        model = commanding(best_model(stage_of(loaded.study, of.values), []))
-        part = push_spread(model) / engaged_stiffness(model.of)
-        steps = {name: of.columns[name] * x for name, x in zip(outputs.ENGAGED, part, strict=True)}
-        spread = max(moved({name: side * x for name, x in steps.items()}) for side in (-1, 1))
-    value, uncorrected = (float(x) if abs(x) > noise else 0.0 for x in (of.elements[place], of.uncorrected[place]))
+        driven = commanding(best_model(stage_of(loaded.study, of.values), []))
+        part = push_spread(driven) / engaged_stiffness(driven.of)
+        columns = {name: np.full(2, value) for name, value in of.columns.items()}
+        for name, share in zip(outputs.ENGAGED, part, strict=True):
+            columns[name] *= (1 - share, 1 + share)
+        spread = float(np.max(np.abs(model.quantities(columns)[:, place] - of.elements[place])))
+    both = of.elements[place], of.uncorrected[place]
+    value, uncorrected = (float(x) if abs(x) > of.round_off[place] else 0.0 for x in both)
     return {
         "name": asked.quantity,
         "label": asked.title,
@@ -158,13 +159,12 @@ def _quantity(found: Mapped, place: int, asked: Objective | Require) -> dict[str
     }
 
 
-def _requirements(found: Mapped) -> list[record.Requirement]:
-    model, proposing, kept = found.model, found.proposing, list[record.Requirement]()
-    guard = np.zeros(len(model.sizes)) if proposing.guard is None else proposing.guard
-    tight = 100 * np.minimum(guard, model.room / model.sizes)
-    slack = proposing.margins(proposing.found(found.optima[-1].relaxed[None]).quantities)[0]
+def _requirements(last: Proposal) -> list[record.Requirement]:
+    proposing, model, kept = last.proposing, last.model, list[record.Requirement]()
+    tight = 100 * np.minimum(proposing.guard, model.room / model.sizes)
+    slack = proposing.margins(proposing.found(last.best.relaxed[None]))[0]
     for k, each in enumerate(model.loaded.requirements.require):
-        about = _quantity(found, model.objectives + k, each)
+        about = _quantity(model, last.proof, model.objectives + k, each)
         value, band, size = about["value"], about["band"] or 0.0, float(model.sizes[k])
         margin = float(min(value - model.low[k], model.high[k] - value))
         verdict: record.Verdict = "met" if margin >= band else "within the band" if margin >= -band else "missed"
@@ -178,7 +178,6 @@ def _requirements(found: Mapped) -> list[record.Requirement]:
             band_percent=None if about["band"] is None else 100 * band / size,
             verdict=verdict,
             active=bool(abs(slack[k]) <= ACTIVE),
-            relax_to=value if verdict == "missed" else None,
             tightened_percent=float(tight[k]),
         )
         kept.append(requirement)
@@ -190,17 +189,17 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
     found = list[record.SoleRelaxation]()
     for k, each in enumerate(model.loaded.requirements.require):
         alone = replace(model, yielding=k)
-        best = optimum(alone, model.loaded.requirements.seed, near)
+        best = optimum(alone, near)
         relax_to = percent = None
         if best.merit < MISSED:
-            quantities = alone.found(best.values[None]).quantities
+            quantities = alone.found(best.values[None])
             relax_to, missed = float(quantities[0, model.objectives + k]), float(alone.wanted(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
         found.append(record.SoleRelaxation(requirement=each.title, relax_to=relax_to, percent=percent))
     return found
 
 
-def front_of(model: Model, first: Array, count: int, elements: ProposedElements, say: Say = silent) -> list[Array]:
+def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array]:
     """Designs (d,) that no other beats in both objectives, from the best in the first to the best in the second.
 
     Notes
@@ -209,15 +208,14 @@ def front_of(model: Model, first: Array, count: int, elements: ProposedElements,
     (1971) 296-297), in the middle of the widest gap so far; for every bound all is searched, because bodies that
     overlap part what can be made.
     """
-    seed, store = model.loaded.requirements.seed, elements.store
-    last = searched(replace(model, objective=1), first, store, say=say)
+    last = searched(replace(model, objective=1), first, store)
     if last.merit >= MISSED:
         return []
-    designs = [_in_turn(model, each, seed) for each in (optimum(model, seed, first, False).values, last.values)]
+    designs = [_in_turn(model, each) for each in (optimum(model, first, False).values, last.values)]
     closed = set[float]()
     while len(designs) < count:
         designs = _best_of(model, designs)
-        both = model.signed(model.found(np.array(designs)).quantities)
+        both = model.signed(model.found(np.array(designs)))
         span = np.ptp(both, axis=0)
         gaps = np.linalg.norm(np.diff(both, axis=0) / np.where(span > 0, span, 1.0), axis=1)
         bounds = (both[1:, 1] + both[:-1, 1]) / 2
@@ -227,19 +225,19 @@ def front_of(model: Model, first: Array, count: int, elements: ProposedElements,
         k = int(open_gaps[0])
         closed.add(float(bounds[k]))
         near = designs[k + 1]
-        between = searched(replace(model, bounds={1: float(bounds[k])}), near, store, say=say)
+        between = searched(replace(model, bounds={1: float(bounds[k])}), near, store)
         if between.merit < MISSED:
             designs.append(between.values)
-        say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
+        model.say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
     return _best_of(model, designs)
 
 
-def _in_turn(model: Model, values: Array, seed: int) -> Array:
+def _in_turn(model: Model, values: Array) -> Array:
     """The design (d,) beside `values` that is best in one objective after the other while the other is kept."""
     for k in range(model.objectives):
-        own = model.signed(model.found(values[None]).quantities)[0]
+        own = model.signed(model.found(values[None]))[0]
         bounded = replace(model, objective=k, bounds={j: float(x + KEPT * abs(x)) for j, x in enumerate(own) if j != k})
-        best = optimum(bounded, seed, values, False)
+        best = optimum(bounded, values, False)
         if best.merit < float(bounded.merit(bounded.found(values[None]))[0]):
             values = best.values
     return values
@@ -247,21 +245,19 @@ def _in_turn(model: Model, values: Array, seed: int) -> Array:
 
 def _best_of(model: Model, designs: list[Array]) -> list[Array]:
     """Those of some designs that no other beats in both objectives, in the order of the first."""
-    both = model.signed(model.found(np.array(designs)).quantities)
-    _, first = np.unique(both, axis=0, return_index=True)
-    beaten = [np.any(np.all(both <= both[k], axis=1) & np.any(both < both[k], axis=1)) for k in first]
-    return [designs[k] for k, is_beaten in zip(first, beaten, strict=True) if not is_beaten]
+    both = model.signed(model.found(np.array(designs)))
+    different, first = np.unique(both, axis=0, return_index=True)
+    return [designs[k] for k in first[non_dominated(-different)]]
 
 
 def _front_design(model: Model, of: Proof) -> record.FrontDesign:
-    k = model.objectives
-    margins = np.minimum(of.elements[k:] - model.low, model.high - of.elements[k:])
+    k, margins = model.objectives, replace(model, guard=0.0).margins(of.elements[None])[0]
     return record.FrontDesign(
         design=model.space.named(of.values),
         values=of.elements[:k].tolist(),
         predicted=of.predicted[:k].tolist(),
-        margins_percent=(100 * margins / model.sizes).tolist(),
-        met=bool(np.all(margins >= -of.bands[k:])),
+        margins_percent=(100 * margins).tolist(),
+        met=bool(np.all(margins >= -of.bands[k:] / model.sizes)),
         stage=made(model.loaded, of.values).to_toml(),
     )
 
@@ -272,7 +268,7 @@ def sensitivities(model: Model, values: Array) -> Array:
     Central, and where one side has no answer, as at bodies that touch, by the other.
     """
     d, steps = len(values), np.diag(DIFFERENCE * values)
-    around = model.found(np.vstack([values - steps, values + steps, values[None]])).quantities
+    around = model.found(np.vstack([values - steps, values + steps, values[None]]))
     below, above, own = around[:d], around[d : 2 * d], around[-1]
     with np.errstate(all="ignore"):
         both, up, down = (above - below) / 2, above - own, own - below
@@ -290,21 +286,21 @@ def _sensitivities(model: Model, of: Proof) -> dict[str, dict[str, float | None]
     }
 
 
-def _scattered(found: Mapped) -> record.Scattered | None:
+def _scattered(model: Model, last: Proof) -> record.Scattered | None:
     """What scatter of the nine necks does to the design; None where no tolerance is given."""
-    loaded, of = found.model.loaded, found.rounds[-1].scattered
-    tolerance, notes = loaded.requirements.tolerance, list[str]()
+    requirements, of = model.loaded.requirements, last.scattered
+    tolerance, notes = requirements.tolerance, list[str]()
     if tolerance is None:
         return None
     for k, name in enumerate(SCATTERED):
-        if of is not None and name in loaded.requirements.used:
+        if of is not None and name in requirements.used:
             text = (
                 f"{name} of {OTHERS:,} stages that no search has seen, by the model: {of.others[k]:.4g}, 95 % interval "
                 f"{of.low[k]:.4g} to {of.high[k]:.4g}; of the {tolerance.stages:,} searched {of.searched[k]:.4g}"
             )
             solved = f"; finite elements of {tolerance.checked}: {of.factors[-1, k]:.4f} times that, off by at most "
             notes.append(text + (f"{solved}{of.misfit[k]:.2g} in one" if np.any(of.misfit) else ""))
-    return record.Scattered(share=share_kept(found.model, found.rounds[-1], tolerance), stages=SHARED, notes=notes)
+    return record.Scattered(share=share_kept(model, last, tolerance), stages=SHARED, notes=notes)
 
 
 def share_kept(model: Model, of: Proof, tolerance: Tolerance) -> float:
@@ -320,19 +316,19 @@ def share_kept(model: Model, of: Proof, tolerance: Tolerance) -> float:
     rows = answer_designs(replace(study, stage=stage, columns=columns), necks)
     found = dict(zip(study.outputs, rows.values.T, strict=True))
     quantities = model.quantities({n: np.full(SHARED, x) for n, x in of.columns.items()} | model.corrected(found))
-    margins = replace(model, guard=None, bounds={}).margins(quantities)
+    margins = replace(model, guard=0.0).margins(quantities)
     return float(np.mean((rows.status == "ok") & np.all(margins >= -ROUND_OFF, axis=1)))
 
 
-def _warnings(found: Mapped) -> list[str]:
+def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:
     """What to know of the result: rounds that end apart, answers out of their range, couplings that are not checked."""
-    loaded, last, warnings = found.model.loaded, found.rounds[-1], list[str]()
+    last, warnings = rounds[-1].proof, list[str]()
     of, columns = loaded.requirements, last.columns
-    if not found.agreed:
+    if not agreed:
         still = f"model and finite elements still differ by {100 * last.gap:.3g} %"
         if 100 * last.gap <= of.accuracy_percent:
             still = "a requirement is still not kept with its band, or within it where there is no room"
-        warnings.append(f"after {len(found.rounds)} rounds {still}")
+        warnings.append(f"after {len(rounds)} rounds {still}")
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
     reason = str(doubted(loaded.study, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,12 +16,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
-from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, correction_of
+from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, Say, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
 from flexfem.design.scatter import ScatteredStages, stated
-from flexfem.design.search import BestDesign, Say, optimum, silent
+from flexfem.design.search import BestDesign, optimum
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
@@ -29,9 +28,20 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import solved_values
-from flexfem.study.columns import COUPLINGS, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, GRADIENTS, RANGES, STRESSES, lasting
+from flexfem.study.columns import (
+    COUPLINGS,
+    DRIFTS,
+    DRIVE_RANGES,
+    ENGAGED,
+    ERRORS,
+    GRADIENTS,
+    RANGES,
+    STRESSES,
+    lasting,
+    round_off_of,
+)
 from flexfem.study.loaded import LoadedStudy, designs_of, stage_of
-from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
+from flexfem.study.workers import Failure, Workers, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck where nine necks scatter
@@ -40,6 +50,7 @@ LIMIT = 600.0  # s for one mesh
 LOCAL = 0.01  # gap of both models below which the next search is beside the last design alone
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
+OF_ELEMENTS = 1e4  # round-off of finite elements over that of the model
 OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
 OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
 
@@ -91,17 +102,8 @@ def _name_of(question: Any) -> str:
     return f"{digest([question, dict(versions_of(True))])[:32]}.json"
 
 
-class Meshed(NamedTuple):
-    """Columns by name on every mesh, coarse to fine, with the triangles across every neck."""
-
-    resolutions: tuple[int, ...]
-    columns: list[dict[str, float]]
-
-
-def solved(number: int, loaded: LoadedStudy, stage: Stage, versions: Mapping[str, str] | None = None) -> Row:
-    """The outputs of a study for one stage, by finite elements; in a worker, where its versions are the same."""
-    if versions is not None:
-        require_same_versions(versions, True)
+def solved(loaded: LoadedStudy, stage: Stage) -> Row:
+    """The outputs of a study for one stage, by finite elements."""
     try:
         check_feasible(stage)
         return [float(value) for value in solved_values(stage, loaded)]
@@ -118,28 +120,29 @@ class ProposedElements:
         counts: Counter[str],
         workers: Workers | None = None,
         store: Store | None = None,
+        say: Say = silent,
     ) -> None:
-        self.loaded, self.counts, self.workers, self.store = loaded, counts, workers, store or Store()
+        self.loaded, self.counts, self.workers, self.store, self.say = loaded, counts, workers, store or Store(), say
         self._counted = set[str]()
+        plane = tuple((level, 2) for level in levels(loaded.requirements.resolution))
+        self.meshes = SOLID if loaded.solid else plane  # triangles across every neck and layers, coarse to fine
 
-    def of(self, values: Array, say: Say = silent) -> Meshed:
-        """A design (d,) on every mesh. Raises ComputationFailed."""
-        stage, solid = stage_of(self.loaded.study, values), self.loaded.solid
-        meshes = SOLID if solid else tuple((level, 2) for level in levels(self.loaded.requirements.resolution))
-        stage = stage.replace(model="plane_stress") if solid else stage
-        studies = [self._study(*mesh) for mesh in meshes]
-        rows = self._solved([(study, stage) for study in studies], say)
-        found = [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
-        return Meshed(tuple(resolution for resolution, _ in meshes), found)
+    def of(self, values: Array) -> list[dict[str, float]]:
+        """Columns of a design (d,) by name on every mesh. Raises ComputationFailed."""
+        stage = stage_of(self.loaded.study, values)
+        stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
+        studies = [self._study(*mesh) for mesh in self.meshes]
+        rows = self._solved([(study, stage) for study in studies])
+        return [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
 
-    def scattered(self, values: Array, off: Array, say: Say = silent) -> list[Array]:
+    def scattered(self, values: Array, off: Array) -> list[Array]:
         """Couplings (3, stages) of a design whose necks deviate by `off` (stages, 3, 3), mm, on each mesh."""
         stage, found = stage_of(self.loaded.study, values), list[Array]()
         places = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
         necks = [{at: {"neck": stage.hinge(*at).neck + float(each[k, n])} for k, n, at in places} for each in off]
         for resolution in SCATTER:
             study = _asking(self._study(resolution, 2), dict.fromkeys(("drive", "frequencies", "life", "drift")))
-            rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks], say))
+            rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks]))
             found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
         return found
 
@@ -155,40 +158,41 @@ class ProposedElements:
             changes |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
         return _asking(study, changes)
 
-    def _solved(self, tasks: list[tuple[LoadedStudy, Stage]], say: Say) -> list[list[float]]:
+    def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
         """Rows of outputs, in the order of the tasks; what is known is not solved again."""
-        questions = [[study.study.model_dump(mode="json"), stage.model_dump(mode="json")] for study, stage in tasks]
-        names = {digest(question) for question in questions}
-        self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] += len(names - self._counted)
-        self._counted |= names
-        waiting = [k for k, question in enumerate(questions) if self.store.answer(question) is None]
-        for done, (k, row) in enumerate(self._rows(tasks, waiting), 1):
+        questions = [_asked_of(task) for task in tasks]
+        self._counted |= {digest(question) for question in questions}
+        self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._counted)
+        waiting = [task for task in tasks if self.store.answer(_asked_of(task)) is None]
+        ahead = iter(waiting)
+        rows: Iterable[tuple[Any, Row]] = ((task, solved(*task)) for task in waiting)
+        if self.workers is not None:
+            rows = self.workers.results(solved, lambda: next(ahead, None), lambda task: LIMIT)
+        for done, (task, row) in enumerate(rows, 1):
             if isinstance(row, Failure):
                 raise ComputationFailed(f"finite elements of a proposed design: {row.reason}")
-            self.store.keep(questions[k], row)
-            say(f"finite elements: {done} of {len(waiting)} solutions")
+            self.store.keep(_asked_of(task), row)
+            self.say(f"finite elements: {done} of {len(waiting)} solutions")
         return [self.store.answer(question) for question in questions]
-
-    def _rows(self, tasks: list[tuple[LoadedStudy, Stage]], waiting: list[int]) -> Iterator[tuple[int, Row]]:
-        """Outputs of the tasks that are waiting, by this process or by workers, in the order of completion."""
-        if self.workers is None:
-            yield from ((k, solved(k, *tasks[k])) for k in waiting)
-            return
-        ahead = ((k, *tasks[k], dict(versions_of(True))) for k in waiting)
-        for (k, *_), row in self.workers.results(solved, lambda: next(ahead, None), lambda task: LIMIT):
-            yield k, row
 
 
 def _asking(study: LoadedStudy, changes: dict[str, Any]) -> LoadedStudy:
     return replace(study, study=study.study.model_copy(update=changes))
 
 
+def _asked_of(task: tuple[LoadedStudy, Stage]) -> list[Any]:
+    """A study and the stage that it is asked of, as plain data."""
+    study, stage = task
+    return [study.study.model_dump(mode="json"), stage.model_dump(mode="json")]
+
+
 class Proof(NamedTuple):
     """What finite elements say of a design, quantities in their order (q,).
 
     `predicted` is by the model as it was corrected when it proposed the design, `uncorrected` by the analytic model
-    itself; `bands` are by meshes and `sampling`. `gap` is the largest difference of prediction and finite elements over
-    the sizes; with `corrections` and `shifts` the model agrees here. `columns` are those of finite elements if any.
+    itself; `bands` are by meshes and `sampling`; below `round_off` a quantity is zero by symmetry. `gap` is the largest
+    difference of prediction and finite elements over the sizes; with `corrections` the model agrees here. `columns` are
+    those of finite elements if any.
     """
 
     values: Array
@@ -197,57 +201,58 @@ class Proof(NamedTuple):
     elements: Array
     bands: Array
     sampling: Array
+    round_off: Array
     gap: float
     corrections: Mapping[str, Correction]
-    shifts: Mapping[str, float]
     columns: dict[str, float]
     scattered: ScatteredStages | None
 
 
-class Mapped(NamedTuple):
-    """What the loop found: the model with its last corrections, that which proposed the design, and every round."""
+class Proposal(NamedTuple):
+    """One round of the loop: the best design, the model that proposed it, and what finite elements say of it."""
 
-    model: Model
     proposing: Model
-    rounds: list[Proof]
-    optima: list[BestDesign]
-    agreed: bool
+    best: BestDesign
+    proof: Proof
+
+    @property
+    def model(self) -> Model:
+        """The model that agrees with finite elements at the design."""
+        return replace(self.proposing, corrections=self.proof.corrections)
 
 
-def mapped(model: Model, elements: ProposedElements, say: Say = silent) -> Mapped:
+def mapped(model: Model, elements: ProposedElements) -> tuple[list[Proposal], bool]:
     """Search, solve, correct, until the model agrees with finite elements at its optimum and all ends are kept there.
 
-    Requirements are tightened by the bands, and where dimensions are continuous by the accuracy, if any design is left.
+    Returns every round, and whether they came to agree. Requirements are tightened by the bands, and where dimensions
+    are continuous by the accuracy, if any design is left.
     """
     accuracy, steps_alone = model.loaded.requirements.accuracy_percent / 100, not model.space.continuous.any()
-    rounds, optima, guards = list[Proof](), list[BestDesign](), list[Array | None]([None])
+    room, unguarded = (0.0,) if steps_alone else ROOM, np.zeros(len(model.sizes))
+    rounds, guards, bands = list[Proposal](), [unguarded], unguarded
     near, everywhere = None, True
     for _ in range(ROUNDS):
-        model, best = _guarded(model, guards, elements.store, near, everywhere, say)
-        optima.append(best)
-        rounds.append(proof(model, elements, best.values, say))
-        last, near = rounds[-1], best.values
-        side = -1.0 if model.guard is None and rounds[1:] else 1.0
-        corrected = replace(model, corrections=last.corrections, shifts=last.shifts)
+        model, best = _guarded(model, guards, elements.store, near, everywhere)
+        last, near = proof(model, elements, best.values), best.values
+        side = -1.0 if rounds and not np.any(model.guard) else 1.0
+        rounds.append(Proposal(model, best, last))
         everywhere = last.gap > LOCAL or best.merit >= MISSED
         if last.gap <= accuracy and (best.merit >= MISSED or is_kept(model, last, side)):
-            return Mapped(corrected, model, rounds, optima, True)
-        bands = last.bands[model.objectives :] / model.sizes
-        if guards[0] is not None:
-            bands = np.maximum(bands, guards[0] - (0.0 if steps_alone else accuracy))
-        guards = [bands, None] if steps_alone else [*(bands + k * accuracy for k in ROOM), None]
-        proposing, model = model, corrected
-    return Mapped(model, proposing, rounds, optima, False)
+            return rounds, True
+        bands = np.maximum(bands, last.bands[model.objectives :] / model.sizes)
+        guards = [*(bands + k * accuracy for k in room), unguarded]
+        model = rounds[-1].model
+    return rounds, False
 
 
 def _guarded(
-    model: Model, guards: list[Array | None], store: Store, near: Array | None, everywhere: bool, say: Say
+    model: Model, guards: list[Array], store: Store, near: Array | None, everywhere: bool
 ) -> tuple[Model, BestDesign]:
     """The optimum with the widest of `guards` that leave a design, with the first where none does, and its model."""
     tried = list[tuple[Model, BestDesign]]()
     for guard in guards:
         guarded = replace(model, guard=guard)
-        tried.append((guarded, searched(guarded, near, store, everywhere, say)))
+        tried.append((guarded, searched(guarded, near, store, everywhere)))
         if tried[-1][1].merit < MISSED:
             return tried[-1]
         near = tried[-1][1].values
@@ -260,14 +265,15 @@ def is_kept(model: Model, of: Proof, side: float = 1.0) -> bool:
     return bool(np.all((q - band >= model.low) & (q + band <= model.high)))
 
 
-def searched(model: Model, near: Array | None, store: Store, everywhere: bool = True, say: Say = silent) -> BestDesign:
+def searched(model: Model, near: Array | None, store: Store, everywhere: bool = True) -> BestDesign:
     """`search.optimum`, from what is kept where the same was searched before. Raises BadInput: none has an answer."""
-    seed = model.loaded.requirements.seed
 
     def search() -> list[Any]:
-        of = optimum(model, seed, near, everywhere, say)
+        of = optimum(model, near, everywhere)
         if of.merit >= REFUSED_MERIT:
-            reason = model.found(of.values[None]).reason[0] or "its bodies cannot be drawn"
+            finite = np.isfinite(model.found(of.values[None])).all()
+            why = "its bodies cannot be drawn" if finite else "a quantity without a finite value"
+            reason = model.columns(of.values[None])[1][0] or why
             raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
         return [of.values.tolist(), of.relaxed.tolist(), of.merit, [list(each) for each in of.history]]
 
@@ -278,30 +284,30 @@ def searched(model: Model, near: Array | None, store: Store, everywhere: bool = 
 
 def question_of(model: Model) -> list[Any]:
     """All that a search depends on besides the code, as plain data."""
-    guard = None if model.guard is None else model.guard.tolist()
+    files = [file.model_dump(mode="json") for file in (model.loaded.requirements, model.loaded.stage)]
     corrections = sorted((name, list(each)) for name, each in model.corrections.items())
-    return [model.loaded.hash, guard, corrections, sorted(model.shifts.items()), model.objective,
-            sorted(model.bounds.items()), model.yielding]  # fmt: skip
+    return [files, np.asarray(model.guard).tolist(), corrections, model.objective, sorted(model.bounds.items())]
 
 
-def proof(model: Model, elements: ProposedElements, values: Array, say: Say = silent) -> Proof:
+def proof(model: Model, elements: ProposedElements, values: Array) -> Proof:
     """Finite elements of a design (d,), and the corrections that make the model agree with them there."""
-    meshed, scattered = elements.of(values, say), scattered_stages(model, elements, values, say)
-    shifts, by_scatter = dict[str, float](), dict[str, float]()
-    if scattered is not None:
-        shifts, by_scatter = named(scattered.others / scattered.searched), named(scattered.elements[-1])
-    own = {name: float(column[0]) for name, column in replace(model, shifts=shifts).columns(values[None])[0].items()}
-    found = meshed.columns[-1] | by_scatter
+    meshed, scattered = elements.of(values), scattered_stages(model, elements, values)
+    own = {name: float(column[0]) for name, column in model.columns(values[None])[0].items()}
+    found = meshed[-1] | ({} if scattered is None else named(scattered.elements[-1]))
 
     def quantities(*columns: dict[str, float]) -> Array:
         """Quantities (q, sets) by columns that take the place of those found."""
         every = [own | found | each for each in columns]
         return model.quantities({name: np.array([each[name] for each in every]) for name in every[0]}).T
 
-    resolutions, of = np.array(meshed.resolutions, dtype=float), model.loaded.requirements
-    by_mesh = zip(of.quantities, quantities(*meshed.columns), strict=True)
+    resolutions, of = np.array([resolution for resolution, _ in elements.meshes], float), model.loaded.requirements
+    by_mesh = zip(of.quantities, quantities(*meshed), strict=True)
     bands = np.array([quantity_band(of.names_of(text), resolutions, each) for text, each in by_mesh])
     (q,) = quantities({}).T
+    columns = own | found
+    vanishing = round_off_of({name: np.array(value) for name, value in columns.items()})
+    moved = {name: columns[name] + float(step) for name, step in vanishing.items() if name in columns}
+    round_off = np.abs(quantities(moved)[:, 0] - q)
     sampling = np.zeros(len(q))
     if scattered is not None:
         half = scattered.half_widths
@@ -309,8 +315,9 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = si
         sampling = np.max(np.abs(ends - q[:, None]), axis=1)
         if len(scattered.factors) > 1:
             scattering = quantities(*map(named, scattered.elements))
-            bands = np.maximum(bands, [_mesh_band(np.array(SCATTER, dtype=float), each) for each in scattering])
-    predicted = model.found(values[None]).quantities[0]
+            bands = np.maximum(bands, [mesh_band(np.array(SCATTER, dtype=float), each, 0.0) for each in scattering])
+    bands = np.maximum(bands, OF_ELEMENTS * round_off)
+    predicted = model.found(values[None])[0]
     size = np.maximum(np.abs(q), np.concatenate([np.zeros(model.objectives), model.sizes]))
     off = np.abs(predicted - q)
     zero = np.maximum(np.abs(q), off) <= bands  # an objective that meshes do not tell from zero, nor the model
@@ -318,31 +325,28 @@ def proof(model: Model, elements: ProposedElements, values: Array, say: Say = si
     return Proof(
         values=values,
         predicted=predicted,
-        uncorrected=quantities(own)[:, 0],
+        uncorrected=quantities(own if scattered is None else own | named(scattered.others))[:, 0],
         elements=q,
         bands=bands + sampling,
         sampling=sampling,
+        round_off=round_off,
         gap=float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0))),
         corrections={name: correction_of(own[name], value) for name, value in found.items() if name in own},
-        shifts=shifts,
-        columns=own | found,
+        columns=columns,
         scattered=scattered,
     )
 
 
-def scattered_stages(
-    model: Model, elements: ProposedElements, values: Array, say: Say = silent
-) -> ScatteredStages | None:
+def scattered_stages(model: Model, elements: ProposedElements, values: Array) -> ScatteredStages | None:
     """Couplings of a design (d,) whose nine necks scatter; None where that is not asked. Raises ComputationFailed."""
     scatter, of = model.scatter, model.loaded.requirements
     if scatter is None or of.tolerance is None:
         return None
-    designs = designs_of(model.loaded.study, values[None])
-    about = designs, of.formula, freedoms_of(of.mobility, designs.prismatic)
+    about = designs_of(model.loaded.study, values[None]), of.formula, of.mobility
     others = scatter.couplings(*about, scatter.others)
     model.counts["analytic with scattered necks"] += others.shape[-1]
     checked = 0 if model.loaded.solid else of.tolerance.checked
-    meshes = elements.scattered(values, scatter.others[:checked], say) if checked else []
+    meshes = elements.scattered(values, scatter.others[:checked]) if checked else []
     return stated(scatter.quantiles(*about)[0], others, meshes)
 
 
@@ -353,12 +357,8 @@ def named(couplings: Array) -> dict[str, float]:
 
 def quantity_band(columns: frozenset[str], resolutions: Array, values: Array) -> float:
     """Half-width by meshes of a quantity (levels,), coarse to fine: the largest by the columns that it uses."""
-    bands = [_mesh_band(resolutions, values)]
+    bands = [mesh_band(resolutions, values, 0.0)]
     if len(resolutions) > 2:  # two in three dimensions
         ways = ((OF_CORNERS, corner_bands), (OF_STRESS, stress_bands))
         bands += [float(band(resolutions, values)) for own, band in ways if columns & own]
     return max(bands)
-
-
-def _mesh_band(resolutions: Array, values: Array) -> float:
-    return mesh_band(resolutions, values) if np.ptp(values) > 0 else 0.0

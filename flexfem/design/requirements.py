@@ -19,13 +19,12 @@ from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
 from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.files.toml import Path as PathLike
-from flexfem.files.writing import digest
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.study import plan
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, Column, Factor, Number, Step
+from flexfem.study.factors import MANY, NAMED, Column, Factor, Number, Step
 from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file, is_fixed, require_key_values
 
 MOST_STEPS = 100_000  # of one dimension
@@ -53,7 +52,7 @@ def _without_keys_of_studies(schema: dict[str, Any]) -> None:
 class Free(Factor):
     """A dimension that is free between two ends, or one of a list; all numbers in the units of the stage file."""
 
-    named: ClassVar[tuple[str, ...]] = ("key", "keys", "label", "step")
+    named: ClassVar[tuple[str, ...]] = (*NAMED, "step")
 
     model_config = ConfigDict(json_schema_extra=_without_keys_of_studies)
 
@@ -284,12 +283,6 @@ class LoadedRequirements:
     def solid(self) -> bool:
         """Whether finite elements are of three dimensions, as of a base stage corrected for its thickness."""
         return self.stage.model == "corrected"
-
-    @property
-    def hash(self) -> str:
-        """SHA-256 of all that a design depends on besides the code: no name, provenance, nor path."""
-        of = self.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
-        return digest([of, self.stage.model_dump(mode="json", exclude={"name", "provenance"})])
 
     @property
     def base_values(self) -> Array:

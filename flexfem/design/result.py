@@ -52,7 +52,7 @@ class Stated(Record):
 
     def headed(self, plain: bool = False) -> str:
         """The label, with the unit in brackets where there is one; `plain` for terminals."""
-        unit = self.unit.plain if plain else self.unit.name
+        unit = self.unit.said(plain)
         return f"{self.label} ({unit})" if unit else self.label
 
     def said(self, plain: bool = False) -> str:
@@ -60,7 +60,7 @@ class Stated(Record):
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
         spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the pushes"
-        return f"{text} {self.unit.plain if plain else self.unit.name}".rstrip() + sampling + spread
+        return f"{text} {self.unit.said(plain)}".rstrip() + sampling + spread
 
 
 class Goal(Stated):
@@ -72,8 +72,8 @@ class Goal(Stated):
 class Requirement(Stated):
     """A requirement; percentages are of its `size`, the larger end, or one unit where that is zero.
 
-    `active` says whether it limits the objective at the optimum without steps; `relax_to`, where it is missed, which
-    end the smallest relaxation in all would take; `tightened_percent` by how much the search kept it inside its ends.
+    `active` says whether it limits the objective at the optimum without steps; `tightened_percent` by how much the
+    search kept it inside its ends.
     """
 
     at_least: float | None
@@ -84,7 +84,6 @@ class Requirement(Stated):
     band_percent: float | None
     verdict: Verdict
     active: bool
-    relax_to: float | None
     tightened_percent: float = 0.0
 
     @property
@@ -250,8 +249,8 @@ class Designed(Record):
               f"{each.margin_percent:.3g}" + (f" ± {each.band_percent:.2g}" if each.band_percent else ""),
               limit * each.active, each.checked_by, f"{each.uncorrected:.6g}"] for each in self.requirements),
         )  # fmt: skip
-        relaxed = [(each.label, "with the others", each.relax_to, -each.margin_percent)
-                   for each in self.requirements if each.relax_to is not None]  # fmt: skip
+        relaxed = [(each.label, "with the others", each.value, -each.margin_percent)
+                   for each in self.requirements if each.verdict == "missed"]  # fmt: skip
         sole = [(one.requirement, "alone", one.relax_to, one.percent) for one in self.alternatives]
         add(
             "requirements", "Smallest relaxations, by the model", ["requirement", "relaxed", "to", "by (%)"],

@@ -9,11 +9,11 @@ from glob import escape
 from pathlib import Path
 
 from flexfem.arguments import integer
+from flexfem.design.model import silent
 from flexfem.design.outcome import designed
 from flexfem.design.proof import ProposedElements, Store
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
-from flexfem.design.search import silent
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import Path as PathLike
 from flexfem.files.writing import check_file, check_folder, write_atomically
@@ -73,7 +73,7 @@ def run_design(
             check_file(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
     with nullcontext() if workers == 1 else Workers(workers) as pool:
-        found = designed(loaded, ProposedElements(loaded, Counter(), pool, store), say)
+        found = designed(loaded, ProposedElements(loaded, Counter(), pool, store, say))
     if folder is not None:
         _remove_older(folder, write_design(found, folder), base)
         store.forget()

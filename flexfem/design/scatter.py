@@ -7,14 +7,15 @@ answers each hinge at a few necks, and the stages are interpolated between them.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from scipy.special import ndtri
 
 from flexfem.analytic.model import chain_compliance, hinge_compliances
-from flexfem.analytic.paper import Freedoms
+from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
 from flexfem.hinges.chart import Compliance
@@ -27,6 +28,7 @@ OTHERS = 100_000  # stages that what is found is stated for
 BLOCK = 10_000  # stages at a time: bounds the memory
 NODES = 12  # necks that each hinge is answered at
 CHEBYSHEV = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
+LAGRANGE = np.linalg.inv(chebvander(CHEBYSHEV, NODES - 1))  # Lagrange polynomials as sums of Chebyshev polynomials
 WIDEST = 0.5  # deviation over neck up to which 12 nodes interpolate to 1e-6
 UPPER = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # entries of a symmetric matrix: xx, xy, xt, yy, yt, tt
 REFUSED = f"tolerance.neck_um: a neck that scatters is off the chart of its hinge, or by more than {WIDEST:.0%}"
@@ -48,8 +50,9 @@ class NeckScatter:
     others: Array
 
     @classmethod
+    @lru_cache(maxsize=1)
     def of(cls, tolerance: Tolerance, seed: int) -> NeckScatter:
-        """Draw both."""
+        """Draw both, for all searches of one design once."""
         return cls(deviations(tolerance, tolerance.stages, seed), deviations(tolerance, OTHERS, (seed + 1) % 2**63))
 
     @cached_property
@@ -68,33 +71,23 @@ class NeckScatter:
         return self._basis(self.searched)
 
     def _basis(self, off: Array) -> Array:
-        """Lagrange polynomials (3 chains, 3 hinges x NODES, stages) of the nodes at deviations (stages, 3, 3).
-
-        Notes
-        -----
-        The barycentric formula for Chebyshev points: J.-P. Berrut, L. N. Trefethen, SIAM Rev. 46 (2004) 501, (5.4).
-        """
+        """Lagrange polynomials (3 chains, 3 hinges x NODES, stages) of the nodes at deviations (stages, 3, 3)."""
         low, high = self._ends
-        weights = (-1.0) ** np.arange(NODES)
-        weights[[0, -1]] /= 2
-        away = (2 * (off - low) / (high - low) - 1)[..., None] - CHEBYSHEV
-        on_node = away == 0
-        terms = weights / np.where(on_node, 1.0, away)
-        found = np.where(on_node.any(axis=-1, keepdims=True), on_node, terms / terms.sum(axis=-1, keepdims=True))
+        found = chebvander(2 * (off - low) / (high - low) - 1, NODES - 1) @ LAGRANGE
         return np.ascontiguousarray(np.moveaxis(found, 0, -1).reshape(3, 3 * NODES, len(off)))
 
-    def quantiles(self, designs: Designs, formula: str, freedoms: Freedoms) -> Array:
+    def quantiles(self, designs: Designs, formula: str, mobility: int | None) -> Array:
         """The 95 % values (n, 4) of n designs in the stages that are searched with; nan where a hinge has no answer."""
-        at_nodes = self._at_nodes(designs, formula, freedoms)
+        at_nodes = self._at_nodes(designs, formula, mobility)
         return np.array([_quantiles(_couplings(each @ self._searched_basis)) for each in at_nodes]).reshape(-1, 4)
 
-    def couplings(self, designs: Designs, formula: str, freedoms: Freedoms, off: Array) -> Array:
+    def couplings(self, designs: Designs, formula: str, mobility: int | None, off: Array) -> Array:
         """Couplings (3, stages) of one design whose necks deviate by `off` (stages, 3, 3)."""
-        (at_nodes,) = self._at_nodes(designs, formula, freedoms)
+        (at_nodes,) = self._at_nodes(designs, formula, mobility)
         blocks = [off[k : k + BLOCK] for k in range(0, len(off), BLOCK)]
         return np.concatenate([_couplings(at_nodes @ self._basis(block)) for block in blocks], axis=-1)
 
-    def _at_nodes(self, designs: Designs, formula: str, freedoms: Freedoms) -> Array:
+    def _at_nodes(self, designs: Designs, formula: str, mobility: int | None) -> Array:
         """What each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges x NODES), or nan."""
         n = len(designs.thickness)
         many = designs.chosen(np.repeat(np.arange(n), NODES))
@@ -103,7 +96,7 @@ class NeckScatter:
         hinges = hinge_compliances(many, formula)
         each = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
         frames = Frames(*(part[:, None, None] for part in designs.frames))
-        found = chain_compliance(frames, each, freedoms)[..., *UPPER]
+        found = chain_compliance(frames, each, freedoms_of(mobility, designs.prismatic))[..., *UPPER]
         found[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
         return np.ascontiguousarray(found.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 

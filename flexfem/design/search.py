@@ -23,12 +23,6 @@ STEP = 1e-5  # of differences, of the range of a dimension
 ITERATIONS = 60
 INWARD = 2e-9  # of a size, by which a program keeps inside an end: its own round-off
 
-Say = Callable[[str], object]
-
-
-def silent(text: str) -> None:
-    """Say nothing."""
-
 
 class BestDesign(NamedTuple):
     """What a search found: the best design (d,) that can be made, in file units, and the best as if steps were none.
@@ -43,12 +37,10 @@ class BestDesign(NamedTuple):
     history: list[tuple[int, float | None, float]]
 
 
-def optimum(
-    model: Model, seed: int, near: Array | None = None, everywhere: bool = True, say: Say = silent
-) -> BestDesign:
+def optimum(model: Model, near: Array | None = None, everywhere: bool = True) -> BestDesign:
     """The best design of all, `near` (d,) being one to begin with; with `everywhere` false that beside `near` alone."""
-    search = _Search(model, seed)
-    start = search.everywhere(near, say) if near is None or everywhere else near
+    search = _Search(model)
+    start = search.everywhere(near) if near is None or everywhere else near
     relaxed = search.beside(start)
     values, merit = search.made(relaxed, near)
     return BestDesign(values, relaxed, merit, search.history)
@@ -57,8 +49,8 @@ def optimum(
 class _Search:
     """A search under way: `best` merit of a design that was drawn, and the history."""
 
-    def __init__(self, model: Model, seed: int) -> None:
-        self.model, self.space, self.seed = model, model.space, seed
+    def __init__(self, model: Model) -> None:
+        self.model, self.space, self.seed = model, model.space, model.loaded.requirements.seed
         self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
         self.drawn, self.began = dict[bytes, bool](), model.counts["analytic"]
 
@@ -84,20 +76,18 @@ class _Search:
         objective = None if merit >= MISSED else merit * float(self.model.signs[self.model.objective])
         self.history.append((self.model.counts["analytic"] - self.began, objective, float(missed)))
 
-    def everywhere(self, near: Array | None, say: Say) -> Array:
+    def everywhere(self, near: Array | None) -> Array:
         """The best design (d,), as if steps were none, of differential evolution over all from a Sobol sample."""
-        d, best = self.space.size, np.inf
+        d = self.space.size
         own = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
         u = np.vstack([self.space.to_unit(np.array(own)), self._sample()])
 
         def merit(u: Array) -> Array:
-            nonlocal best
             found = self.merit(self.space.from_unit(u))
-            best = min(best, float(found.min()))
-            self.note(best)
+            self.note(float(found.min()))
             *_, (evaluations, objective, _) = self.history
             shown = "none that meets all" if objective is None else f"{objective:.6g}"
-            say(f"{evaluations:,} designs by the analytic model, best {shown}")
+            self.model.say(f"{evaluations:,} designs by the analytic model, best {shown}")
             return found
 
         order = np.argsort(merit(u), kind="stable")
@@ -212,12 +202,12 @@ def polished(model: Model, start: Array, free: AnyArray) -> Array:
             steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
             u[:, places] = np.clip(u[:, places] + steps, 0, 1)
             values = space.from_unit(u)
-            quantities = model.found(values).quantities
+            quantities = model.found(values)
             f = np.column_stack([model.wanted(quantities) / size, model.constraints(values, quantities) - INWARD])
             known[x.tobytes()] = _differences(f, u[:, places])
         return known[x.tobytes()]
 
-    size = max(abs(float(model.wanted(model.found(start[None]).quantities)[0])), 1e-30)
+    size = max(abs(float(model.wanted(model.found(start[None]))[0])), 1e-30)
     found = minimize(
         lambda x: float(rows(x)[0][0]),
         u0[places],

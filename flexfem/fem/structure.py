@@ -36,7 +36,7 @@ from flexfem.fem.elements import (
 )
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
-from flexfem.mechanism.designs import out_of_plane
+from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput, ComputationFailed
@@ -68,7 +68,7 @@ def sheet_of(stage: Stage) -> Plate:
 
 def out_of_plane_ratio_of(stage: Stage) -> float:
     """The stress out of the plane over the sum of those in it: `pull` of `elements.von_mises`."""
-    return float(out_of_plane(stage.model, stage.material.poissons_ratio))
+    return float(lower(stage).out_of_plane[0])
 
 
 def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:

@@ -31,7 +31,10 @@ class Sourced(Table):
         known = key_paths(self)
         for key in self.provenance:
             if key not in known:
-                now = _as_written_now(self, key)
+                try:
+                    now = key_path(path_of(key), self)  # of a member by its place that goes by what it is about
+                except ValueError:
+                    now = ""
                 close = f", did you mean {now}?" if now in known else suggestion(key, known)
                 raise refusal(f"a key path of this file{close}", "provenance", key)
         return self
@@ -56,11 +59,12 @@ class Sourced(Table):
     @property
     def sources(self) -> dict[str, str | None]:
         """Where every table and value comes from, by key path: its own provenance or else its nearest table's."""
-        return {path: self._source(path_of(path)) for path in key_paths(self)}
-
-    def _source(self, parts: KeyPath) -> str | None:
-        ways_up = (key_path(parts[:length]) for length in range(len(parts), 0, -1))
-        return next((self.provenance[way] for way in ways_up if way in self.provenance), None)
+        found = dict[str, str | None]()
+        for path in key_paths(self):
+            parts = path_of(path)
+            ways_up = (key_path(parts[:length]) for length in range(len(parts), 0, -1))
+            found[path] = next((self.provenance[way] for way in ways_up if way in self.provenance), None)
+        return found
 
 
 class Assumptions(NamedTuple):
@@ -95,14 +99,6 @@ def values_by_key(file: Table) -> dict[str, Any]:
 def numeric_key_paths(file: Table) -> tuple[str, ...]:
     """The key paths of all measured numbers the file gives; the chain of an override is none."""
     return tuple(path for path, value in _walk(file) if _is_number(value))
-
-
-def _as_written_now(file: Table, key: str) -> str:
-    """The key path in place of one that goes by a place where its member goes by what it is about."""
-    try:
-        return key_path(path_of(key), file)
-    except ValueError:
-        return ""
 
 
 def _walk(file: BaseModel) -> Iterator[tuple[str, Any]]:

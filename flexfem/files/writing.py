@@ -104,7 +104,7 @@ def _refused(path: Path) -> Iterator[None]:
 
 @contextmanager
 def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Iterator[Path]:
-    """Yield a temporary path beside `path` that takes its place when all went well, also should power fail then.
+    """Yield a temporary path beside `path` that takes its place when all went well.
 
     Parameters
     ----------
@@ -121,11 +121,8 @@ def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Ite
         try:
             os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
             yield beside
-            _sync(beside)
             beside.replace(path)
             wrote(path)
-            if os.name == "posix":  # elsewhere folders cannot be opened
-                _sync(path.parent)
         finally:
             beside.unlink(missing_ok=True)
 
@@ -134,14 +131,6 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: boo
     """Write a file by a function of the open file, as `replacing`. Raises BadInput."""
     with replacing(path, ".tmp", again) as temporary, temporary.open("wb") as file:
         write(file)
-
-
-def _sync(path: Path) -> None:
-    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:

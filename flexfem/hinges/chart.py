@@ -217,14 +217,6 @@ def thickness_factors(
     return Compliance(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
 
 
-def on_thickness_chart(
-    radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike
-) -> NDArray[np.bool_]:
-    """Whether hinges are on the chart; arguments as for `thickness_factors`."""
-    t = np.asarray(neck, dtype=float)
-    return thickness_chart().covers(t / np.asarray(radius), np.asarray(thickness) / t, poissons_ratio)
-
-
 def _vander(values: Array, ends: tuple[float, float], measure: np.ufunc, terms: int) -> Array:
     """Chebyshev polynomials (..., terms) of values on the scale of a measure between its ends."""
     low, high = measure(ends)

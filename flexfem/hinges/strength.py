@@ -122,19 +122,6 @@ TWO_STRESSES = 1e-9  # of log10 of the stress: less is one stress
 FEWEST = 3  # points: with two there is no scatter
 
 
-def cycles_at(amplitude: ArrayLike, coefficient: ArrayLike, exponent: ArrayLike) -> Array:
-    """Cycles (...) by Basquin's law at fully reversed amplitudes (...), MPa; inf at zero."""
-    with np.errstate(divide="ignore", over="ignore"):
-        ratio = np.asarray(amplitude, dtype=float) / np.asarray(coefficient, dtype=float)
-        return np.asarray(ONE_REVERSAL * ratio ** (1.0 / np.asarray(exponent, dtype=float)))
-
-
-def amplitude_at(cycles: ArrayLike, coefficient: ArrayLike, exponent: ArrayLike) -> Array:
-    """Fully reversed amplitude (...), MPa, that fails at cycles (...) by Basquin's law."""
-    reversals = np.asarray(cycles, dtype=float) / ONE_REVERSAL
-    return np.asarray(coefficient * reversals ** np.asarray(exponent, dtype=float))
-
-
 def counted(ratio: Array, sensitivity: float) -> Array:
     """Part of the stress at a notch of t/R = `ratio` (...) that counts for fatigue, by the notch sensitivity q, 0 to 1.
 
@@ -149,23 +136,25 @@ def counted(ratio: Array, sensitivity: float) -> Array:
 class Basquin(NamedTuple):
     """`sigma_a = sigma'_f (2 N)^b` at zero mean stress on unnotched specimens, N in cycles.
 
-    coefficient : sigma'_f, MPa.   exponent : b, negative.   walker : gamma of `equivalent`.
+    coefficient : sigma'_f, MPa.   exponent : b, negative; both of one material, or (n,) of n designs.
+    walker : gamma of `equivalent`.
     range : cycles from and to which it was fitted.   range_stated : or which are assumed.
     """
 
-    coefficient: float
-    exponent: float
+    coefficient: float | Array
+    exponent: float | Array
     walker: float = SWT
     range: tuple[float, float] = RANGE
     range_stated: bool = False
 
     def cycles(self, amplitude: ArrayLike) -> Array:
-        """As `cycles_at`."""
-        return cycles_at(amplitude, self.coefficient, self.exponent)
+        """Cycles (...) at fully reversed amplitudes (...), MPa; inf at zero."""
+        with np.errstate(divide="ignore", over="ignore"):
+            return np.asarray(ONE_REVERSAL * (np.asarray(amplitude) / self.coefficient) ** (1.0 / self.exponent))
 
     def amplitude(self, cycles: ArrayLike) -> Array:
-        """As `amplitude_at`."""
-        return amplitude_at(cycles, self.coefficient, self.exponent)
+        """Fully reversed amplitude (...), MPa, that fails at cycles (...)."""
+        return np.asarray(self.coefficient * (np.asarray(cycles) / ONE_REVERSAL) ** self.exponent)
 
 
 def checked_law(law: Basquin | BasquinFit) -> Basquin:
@@ -178,7 +167,11 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
         value = getattr(found, name)
         if not isinstance(value, Real) or not (low < float(value) <= high or value == low != 0):
             raise BadInput(f"law: {name} {value!r}, expected a number from {low:g} to {high:g}")
-    if not 0 < found.range[0] < found.range[1]:
+    try:
+        low, high = map(float, found.range)
+    except (TypeError, ValueError):
+        low = high = 0.0
+    if not 0 < low < high:
         raise BadInput(f"law: range {found.range!r}, expected fewer and more cycles")
     return found
 
@@ -214,7 +207,7 @@ def law_of(material: Material) -> Basquin | None:
     return Basquin(
         material.fatigue_strength_coefficient,
         material.fatigue_strength_exponent,
-        SWT if material.walker_exponent is None else material.walker_exponent,
+        material.walker,
         material.fatigue_range or RANGE,
         material.fatigue_range is not None,
     )
@@ -283,12 +276,11 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     at = [float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0)]
     low, high, spread = slope - half, slope + half, float(np.sum((x - x.mean()) ** 2))
     # Fieller: the x at one reversal where the line of all slopes and heights within theirs may meet it
-    centre = float(np.log10(ONE_REVERSAL) - y.mean())
-    a, b, c = slope**2 - half**2, -slope * centre, centre**2 - half**2 * spread / n
     ends = None
-    if a > 0 and b * b >= a * c:
-        first, last = (float(10.0 ** (x.mean() + (-b - sign * np.sqrt(b * b - a * c)) / a)) for sign in (1, -1))
-        ends = first, last
+    if high < 0:
+        centre, a = float(np.log10(ONE_REVERSAL) - y.mean()), low * high
+        middle, wide = x.mean() + slope * centre / a, half * np.sqrt(centre**2 + a * spread / n) / a
+        ends = float(10.0 ** (middle - wide)), float(10.0 ** (middle + wide))
     return BasquinFit(
         coefficient=at[0],
         exponent=1.0 / slope,

@@ -18,7 +18,6 @@ from flexfem.files.toml import Label
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 from flexfem.mechanism.materials import Material
 from flexfem.sources import read_data
-from flexfem.units import UNITS
 
 STEEL = (206e3, 0.3)  # bearing steel, MPa and Poisson's ratio: of balls and of ends of stacks if no file states it
 
@@ -82,34 +81,22 @@ def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tupl
     return np.asarray((6 * np.asarray(radius) * modulus**2 * np.asarray(force)) ** (1 / 3))
 
 
-class CataloguedStack(NamedTuple):
+class CataloguedStack(Dimensioned):
     """A stack of the shipped catalogue: stroke and its tolerance, mm, and force, N, at the highest voltage, V."""
 
     name: str
     maker: str
-    voltage: float
-    stroke: float
-    tolerance: float
-    blocking_force: float
+    voltage: float = Field(alias="voltage_v")
+    stroke: Stroke = Field(alias="stroke_um")
+    tolerance: Stroke = Field(alias="tolerance_um")
+    blocking_force: Force = Field(alias="blocking_force_n")
     source: str
 
 
 @cache
 def catalogue() -> dict[str, CataloguedStack]:
     """The shipped stacks by name."""
-    um, tables = 1 / UNITS["um"].factor, tomllib.loads(read_data("stacks.toml"))["stack"]
-    found = [
-        CataloguedStack(
-            name=table["name"],
-            maker=table["maker"],
-            voltage=table["voltage_v"],
-            stroke=um * table["stroke_um"],
-            tolerance=um * table["tolerance_um"],
-            blocking_force=table["blocking_force_n"],
-            source=table["source"],
-        )
-        for table in tables
-    ]
+    found = map(CataloguedStack.model_validate, tomllib.loads(read_data("stacks.toml"))["stack"])
     return {stack.name: stack for stack in found}
 
 

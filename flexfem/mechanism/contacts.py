@@ -117,27 +117,29 @@ def _section(segment: Segment, width: float, z: AnyArray, tangent: AnyArray, acr
     spoke = (z - segment.centre) / np.abs(z - segment.centre)
     moment = couple - (np.conj(segment.centre) * force).imag
     radius, r = abs(segment.start - segment.centre), np.abs(z - segment.centre)
-    bent, pulled, sheared = bend_stresses(radius - width / 2, radius + width / 2, r)
+    bent, pulled, sheared, _ = bend_stresses(radius - width / 2, radius + width / 2, r)
     round_about = moment * bent + (force / (1j * spoke)).real * pulled
     return np.asarray((round_about * 1j * spoke + (force / spoke).real * sheared * spoke) * radius / r)
 
 
-def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array]:
+def bend_stresses(a: float, b: float, r: Array) -> tuple[Array, Array, Array, Array]:
     """Stresses (n,) in a section of a bend from radius a to b, at r: of a unit moment, pull and shear, thickness one.
 
-    Moment about the centre of curvature, pull and shear by forces through it.
+    Moment about the centre of curvature, pull and shear by forces through it. The last is the radial stress of the
+    moment; that of the pull is the stress of the shear.
 
     Golovin's solutions, S. Timoshenko, J. N. Goodier, Theory of Elasticity, 3rd ed., 1970, sections 29 and 33; their
     integrals: of the moment's stress times r, of the pull's and of the shear's, are one.
     """
     log = np.log(b / a)
     q = (a * b / r) ** 2 * log
-    moment = -q + b**2 * np.log(r / b) + a**2 * np.log(a / r) + b**2 - a**2
+    radial = q + b**2 * np.log(r / b) + a**2 * np.log(a / r)
+    moment = radial - 2 * q + b**2 - a**2
     pull = 3 * r - (a * b) ** 2 / r**3 - (a**2 + b**2) / r
     shear = r + (a * b) ** 2 / r**3 - (a**2 + b**2) / r
     by_moment = (b**2 - a**2) ** 2 / 4 - (a * b * log) ** 2
     by_force = b**2 - a**2 - (a**2 + b**2) * log
-    return moment / by_moment, pull / by_force, shear / by_force
+    return moment / by_moment, pull / by_force, shear / by_force, radial / by_moment
 
 
 def share_beyond(of: Station, s: Array) -> Array:

@@ -7,12 +7,11 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
 from flexfem.mechanism.actuators import Numbers
 from flexfem.mechanism.dimensioned import once
-from flexfem.mechanism.materials import SWT
 from flexfem.mechanism.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
 
 CHAIN_TURN = 2.0 * np.pi / 3.0
@@ -77,13 +76,18 @@ class Designs:
 
     @property
     def elastic(self) -> Elastic:
-        """Elastic constants (n,) of the plane problem."""
-        return elastic(self.plane, self.youngs_modulus, self.poissons_ratio)
+        """Elastic constants (n,) of the plane problem.
+
+        Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors
+        on the hinges alone (`hinges/chart.py`): links are about as wide as thick.
+        """
+        E, nu = self.youngs_modulus, self.poissons_ratio
+        return Elastic(E / (1 - nu**2), nu / (1 - nu)) if self.plane == "plane_strain" else Elastic(E, nu)
 
     @property
     def out_of_plane(self) -> Array:
-        """Ratio (n,) of `out_of_plane`."""
-        return out_of_plane(self.plane, self.poissons_ratio)
+        """The stress out of the plane over the sum of those in it (n,): nu in plane strain, else 0."""
+        return self.poissons_ratio * (self.plane == "plane_strain")
 
     @property
     def alike(self) -> bool:
@@ -115,8 +119,7 @@ def lower(stage: StageContent) -> Designs:
     values |= {name: [[getattr(hinge, name) for hinge in row] for row in hinges] for name in ("radius", "neck", "axis")}
     values |= {"platform_radius": stage.platform.radius, "hub_radius": stage.platform.hub_radius}
     values["expansion"] = material.expansion, stage.frame.expansion
-    walker = SWT if material.walker_exponent is None else material.walker_exponent
-    values["fatigue"] = material.fatigue_strength_coefficient, material.fatigue_strength_exponent, walker
+    values["fatigue"] = material.fatigue_strength_coefficient, material.fatigue_strength_exponent, material.walker
     numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
     values["actuator"] = np.reshape(numbers, (len(CHAINS), -1, len(Numbers._fields)))
     found = {name: np.array([value], dtype=float) for name, value in values.items()}  # nan for None
@@ -131,22 +134,6 @@ def stage_frames(stage: StageContent) -> Frames:
     """Hinge frames of one stage: centres (3, 3, 2) in mm, axes (3, 3) in rad, read-only."""
     centres, axes = lower(stage).frames
     return Frames(centres[0], axes[0])
-
-
-def elastic(plane: Plane, youngs_modulus: ArrayLike, poissons_ratio: ArrayLike) -> Elastic:
-    """Elastic constants (...) of a material in a plane; the arguments broadcast, MPa.
-
-    Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors on
-    the hinges alone (`hinges/chart.py`): links are about as wide as thick.
-    """
-    E, nu = np.broadcast_arrays(np.asarray(youngs_modulus, dtype=float), np.asarray(poissons_ratio, dtype=float))
-    return Elastic(E / (1 - nu**2), nu / (1 - nu)) if plane == "plane_strain" else Elastic(E, nu)
-
-
-def out_of_plane(plane: Plane, poissons_ratio: ArrayLike) -> Array:
-    """The stress out of the plane over the sum of those in it (...): nu in plane strain, else 0."""
-    nu = np.asarray(poissons_ratio, dtype=float)
-    return nu if plane == "plane_strain" else np.zeros_like(nu)
 
 
 def envelope(designs: Designs) -> Array:

@@ -105,19 +105,9 @@ class Dimensioned(Table):
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables inside are validated, not called
 
-    @classmethod
-    def from_names(cls, values: Mapping[str, Any]) -> Self:
-        """The table with values by attribute name, as by calling the class."""
-        return cls(**values)
-
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with values replaced by name, validated like any other."""
-        return self.from_names({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
-
-    @classmethod
-    def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
-        """As calling the class: nothing is made without validation."""
-        return cls(**values)
+        return type(self)(**{name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
 
 
 def plain(value: Any) -> Any:

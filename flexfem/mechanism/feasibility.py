@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import combinations, combinations_with_replacement, product
 from typing import NamedTuple
 
@@ -84,32 +83,19 @@ def conditions(designs: Designs) -> list[Condition]:
 def check_feasible(stage: StageContent) -> None:
     """Refuse a stage that cannot be made, looked at once. Raises BadInput with key, value and what was expected."""
     check_closed_form(stage)
-    _raise_refused(stage, _check_bodies)
+    with located(stage):
+        _check_bodies(stage)
 
 
 def check_closed_form(stage: StageContent) -> None:
     """Refuse a stage that breaks one of `conditions`. Raises BadInput as `check_feasible`, which also draws."""
     if not isinstance(stage, StageContent):
         raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load gives it for a file")
-    _raise_refused(stage, _check_conditions)
-
-
-def _raise_refused(stage: StageContent, check: Callable[[StageContent], None]) -> None:
-    if refused := _refused(stage, check):
-        raise refused
+    with located(stage):
+        _check_conditions(stage)
 
 
 @once
-def _refused(stage: StageContent, check: Callable[[StageContent], None]) -> BadInput | None:
-    """What a check says of a stage."""
-    try:
-        with located(stage):
-            check(stage)
-    except BadInput as refusal:
-        return refusal
-    return None
-
-
 def _check_conditions(stage: StageContent) -> None:
     for each in conditions(lower(stage)):
         for place in np.flatnonzero(~(each.room[0] > 0)).tolist():
@@ -125,6 +111,7 @@ def _check_conditions(stage: StageContent) -> None:
             raise BadInput(f"{path} = {value:g}, {each.wrong}{chain}, expected {each.expected.format(limit)}")
 
 
+@once
 def _check_bodies(stage: StageContent) -> None:
     """No body crosses itself, and bodies meet only at their necks and at the cuts between the sectors."""
     bodies = {}

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_m
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import key_path, place_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, read_toml, validate
+from flexfem.files.toml import LABEL_LENGTH, Label, Path, Table, bad_key, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
@@ -125,9 +125,14 @@ class Material(Dimensioned):
                 raise refusal(f"{number} as of the registered material {self.name}, or another name", place)
         return self
 
+    @property
+    def walker(self) -> float:
+        """Walker's exponent; that of Smith, Watson and Topper where none is stated."""
+        return SWT if self.walker_exponent is None else self.walker_exponent
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Material:
         """A copy with values replaced by name, validated like any other; a registered material changed is another."""
-        return self.from_names(with_changes(self.model_dump(), update or {}))
+        return Material(**with_changes(self.model_dump(), update or {}))
 
 
 NUMBERS = tuple(name for name in Material.model_fields if name != "name")
@@ -227,7 +232,7 @@ def register_material(
     known = _known(name)
     numbers = {"youngs_modulus": youngs_modulus, "poissons_ratio": poissons_ratio, "yield_strength": yield_strength}
     try:
-        made = Material.from_names({"name": name, "density": density, **numbers, **others})
+        made = Material(**{"name": name, "density": density, **numbers, **others})
     except BadInput as refused:
         raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Material: ')}") from None
     if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
@@ -285,25 +290,25 @@ def read_materials(path: Path) -> dict[str, Registered]:
 
     Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not possible.
     """
-    data, lines = read_toml(path)
+    data = read_toml(path).data
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
     made = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
     found = {}
     for name, entry in zip(data, (getattr(made, field) for field in fields), strict=True):
         if "name" in data[name]:
             said = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
-            raise BadInput(f"{place_of(path, lines.line((name, 'name')))}: {said}")
+            raise bad_key(path, (name, "name"), said)
         content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
-        found[name] = Registered(Material.from_names(content), entry.source, entry.sources)
+        found[name] = Registered(Material(**content), entry.source, entry.sources)
     return found
 
 
-def _named(data: dict[str, Any], _: Lines) -> dict[str, Any]:
+def _named(data: dict[str, Any]) -> dict[str, Any]:
     """The tables of a file of materials with their names in them."""
     return {name: {"name": name} | table if isinstance(table, dict) else table for name, table in data.items()}
 
 
-def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dict[str, Any]:
+def with_material_of_file(path: Path, data: dict[str, Any]) -> dict[str, Any]:
     """What the stage file at `path` says, with the numbers of a material that it names in a `file` beside it.
 
     Raises BadInput as `read_materials`, and when the file has no material of that name.
@@ -311,14 +316,14 @@ def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dic
     table, stated = data.get("material"), data.get("provenance", {})
     if not isinstance(table, dict) or "file" not in table or not isinstance(stated, dict):
         return data
-    file, name, place = table["file"], table.get("name"), place_of(path, lines.line(("material", "file")))
+    file, name, at = table["file"], table.get("name"), ("material", "file")
     if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
-        raise BadInput(f"{place}: material.file = {shown(file)}, expected a file name, beside material.name alone")
+        raise bad_key(path, at, f"material.file = {shown(file)}, expected a file name, beside material.name alone")
     beside = FilePath(path).parent / file
     found = read_materials(beside)
     if name not in found:
         known = ", ".join(found) or "one material or more"
-        raise BadInput(f"{place}: material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
+        raise bad_key(path, at, f"material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
     sources = {key: f"{text}, {file}" for key, text in found[name].provenance.items()}
     numbers = found[name].material.model_dump(by_alias=True, exclude_none=True)
     return data | {"material": numbers, "provenance": sources | stated}

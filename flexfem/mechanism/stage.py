@@ -6,13 +6,12 @@ import os
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
-from pathlib import Path as FilePath
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions, key_paths, values_by_key
-from flexfem.files.refusals import Problem, key_path, needed
-from flexfem.files.toml import Lines, Path, validate
+from flexfem.files.refusals import Problem, checked_path, key_path, needed
+from flexfem.files.toml import Path, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
@@ -91,10 +90,10 @@ link, expected < chain.link_width_mm = 9
     def _holding(self, content: dict[str, Any]) -> Stage:
         """A stage of this content; what was the provenance of this one's keys that are gone goes too."""
         sources = content.pop("provenance", {})
-        made = self.from_names(content)
+        made = Stage(**content)
         gone = {key for key in sources if key in self.provenance} - set(key_paths(made))
         kept = {key: source for key, source in sources.items() if key not in gone}
-        return self.from_names(content | {"provenance": kept}) if kept else made
+        return Stage(**content, provenance=kept) if kept else made
 
     def _sources_of(self, changed: Stage) -> dict[str, str]:
         """The provenance of a changed stage: values that differ have no source of this one's."""
@@ -114,8 +113,9 @@ link, expected < chain.link_width_mm = 9
 
     def save(self, path: Path) -> None:
         """Write `to_toml` to a file. Raises BadInput when its folder is not there or does not take it."""
-        check_file(FilePath(path))
-        write_atomically(FilePath(path), lambda file: file.write(self.to_toml().encode()))
+        target = checked_path(path)
+        check_file(target)
+        write_atomically(target, lambda file: file.write(self.to_toml().encode()))
 
     def __getstate__(self) -> dict[Any, Any]:
         """Fields and origin: what was computed is computed again elsewhere."""
@@ -219,7 +219,7 @@ def load_stage(path: Path) -> Stage:
     return _read(path, partial(with_material_of_file, path))
 
 
-def _read(path: Path, completed: Callable[[dict[str, Any], Lines], dict[str, Any]]) -> Stage:
+def _read(path: Path, completed: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
     stage = validate(Stage, path, completed)
     stage.__dict__["origin"] = Origin(os.fspath(path))
     return stage
@@ -267,8 +267,8 @@ def load_partly(path: Path) -> PartialStage:
     spare = tomllib.loads(read_data("new-stage.toml")) | {"material": metal | {"name": "unnamed"}, "name": "unnamed"}
     missing = list[str]()
 
-    def completed(data: dict[str, Any], lines: Lines) -> dict[str, Any]:
-        data = with_material_of_file(path, data, lines)
+    def completed(data: dict[str, Any]) -> dict[str, Any]:
+        data = with_material_of_file(path, data)
         material = data.get("material")
         known = isinstance(material, dict) and material.get("name") in materials()
         for key in needed(Problem("missing", (), ""), Stage):

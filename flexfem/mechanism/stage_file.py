@@ -106,7 +106,7 @@ def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[
 def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
     found = {place_of_override(each): each for each in held}
     for place, values in given.items():
-        about = place if isinstance(place, tuple) else (None, place)
+        about = tuple(plain(place)) if isinstance(place, tuple) else (None, place)
         match about:
             case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
                 named: dict[str, Any] = {"chain": chain, "hinge": hinge}
@@ -401,8 +401,8 @@ def _file_and_line(origin: Origin, refusal: str) -> str:
     if origin.path is None or origin.changed:
         return str(origin)
     try:
-        data, lines = read_toml(origin.path)
+        file = read_toml(origin.path)
         key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
-        return place_of(origin.path, lines.line(path_of(key[0] if key else "", data)))
+        return place_of(origin.path, file.line(path_of(key[0] if key else "", file.data)))
     except BadInput:  # gone since
         return place_of(origin.path)

@@ -16,14 +16,17 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 
 from flexfem.arrays import Array
 from flexfem.files.refusals import shown
+from flexfem.mechanism.actuators import BODY_NAMES
 from flexfem.mechanism.bodies import draw_sector, polygon_points, turn
+from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.drawing import part_of
+from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot import style
 from flexfem.plot.stage import STEP, draw_outline, fit, place_label, write
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, NOTE_COLOUR, PALE, titled
 from flexfem.plot.text import minus, round_factor, scientific, significant
-from flexfem.questions.drive import Drive, StackPlace
+from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
 from flexfem.questions.large import EXACT, HELD, LOADED, STATED, STEPS, TANGENT, WITHOUT, Large
 from flexfem.questions.reach import KINDS, PoseEdge, Reach
@@ -39,7 +42,6 @@ SIGNS = (  # of strokes
     ("stack becomes shorter", "#F3D9B1", "////", -1.0),
     ("stack stays", "white", "", 0.0),
 )
-MOST_LABELLED = 12  # stacks that have their stroke and force beside them; of more only the numbers
 VISIBLE = 0.06  # largest drawn displacement of the platform, per size of the stage
 
 
@@ -79,12 +81,12 @@ def _numbers(values: Any, units: Any) -> str:
 
 def plot_strokes(ax: Axes, found: Drive) -> Axes:
     """Draw the strokes beyond rest by actuator, a bar for each criterion, on the strokes that it has; returns `ax`."""
-    um, places = MICROMETRE.factor, found.fields.places
+    um, differential = MICROMETRE.factor, drive_of(found.fields).differential
     low, high = um * found.shortest, um * found.longest
     look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
     ax.barh(np.arange(len(low)), high - low, left=low, label="strokes it has", **look)
     _bars(ax, dict(zip(found.axes["criterion"], um * found.command.T, strict=True)))
-    stacks = [[str(k) for k, place in enumerate(places, 1) if place.actuator == row] for row in range(len(low))]
+    stacks = [[str(k + 1) for k in np.flatnonzero(column)] for column in differential.T]
     _label_rows(ax, [f"{name} ({', '.join(own)})" for name, own in zip(found.axes["actuator"], stacks, strict=True)])
     ax.set_xlabel(f"stroke beyond rest ({MICROMETRE})")
     return ax
@@ -146,11 +148,10 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     in the direction of the push and in proportion to the force; the platform is drawn `platform_factor` times as far.
     Returns `ax`. Raises BadInput for a criterion that has no strokes.
     """
-    stage, places = found.fields
-    width, few = stage.chain.link_width, len(places) <= MOST_LABELLED
+    stage, width = found.fields, found.fields.chain.link_width
     stroke, force = found.at("stroke", criterion=criterion), found.at("force", criterion=criterion)
-    contact, push = (np.array([getattr(place, name) for place in places]) for name in ("contact", "push"))
-    boxes = np.array([_box(place, width) for place in places])
+    contact, push = stack_ends(stage)
+    boxes = np.array([_box(*ends, width) for ends in zip(contact, push, strict=True)])
     rim = draw_outline(ax, stage)
     size = fit(ax, np.concatenate([rim, *boxes]), 0.22)
     sign = np.sign(np.where(np.abs(stroke) > ROUND_OFF * np.max(np.abs(stroke)), stroke, 0.0))
@@ -159,10 +160,10 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
         if np.any(sign == wanted):
             ax.add_collection(PolyCollection(list(boxes[sign == wanted]), label=label, **look), autolim=False)
     ax.plot(*(contact - GAP / 2 * width * push).T, "o", color=INK, markersize=3.0, zorder=5)
-    for place, box in zip(places, boxes, strict=True):  # what carries the stack
-        body, carrier, middle = place.between[0], box[2:], box[2:].mean(axis=0)
+    for stack, box in zip(drive_of(stage).stacks, boxes, strict=True):
+        body, carrier, middle = BODY_NAMES[stack.pushes[1].body], box[2:], box[2:].mean(axis=0)
         if body != "frame":
-            outline = _body(stage, body, CHAINS if body == "platform" else (place.chain,))
+            outline = _body(stage, body, CHAINS if body == "platform" else (stack.chain + 1,))
             carrier = shapely.get_coordinates(shapely.shortest_line(shapely.Point(middle), outline))
         look = {"color": INK, "linewidth": 2.4} if body == "frame" else {"color": GREY, "linewidth": 1.2}
         ax.plot(carrier[:, 0], carrier[:, 1], zorder=3.5, **look)
@@ -180,9 +181,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     taken = [shapely.LinearRing(rim), *map(shapely.Polygon, boxes)]
     frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
     for k, box in enumerate(boxes):
-        said = f": {MICROMETRE.factor * stroke[k]:+.3g} {MICROMETRE}\n{force[k]:.4g} {FORCES[0]}"
-        text, far = minus(f"{k + 1}{said if few else ''}"), 0.13 if few else 0.06
-        spot = place_label(ax, box.mean(axis=0), text, taken, far * size, size=7.0, bbox=frame)
+        spot = place_label(ax, box.mean(axis=0), f"{k + 1}", taken, 0.06 * size, size=7.0, bbox=frame)
         ax.plot(*np.transpose([box.mean(axis=0), spot]), color=GREY, linewidth=0.6, zorder=3.2)
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
     return ax
@@ -190,7 +189,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
 
 def platform_factor(found: Drive) -> float:
     """The round factor by which the platform's displacement is drawn; 1 when it does not move."""
-    (x, y, theta), stage = found.pose, found.fields.stage
+    (x, y, theta), stage = found.pose, found.fields
     rim = shapely.get_coordinates(_body(stage, "platform", CHAINS))
     largest = float(np.max(np.hypot(x - theta * rim[:, 1], y + theta * rim[:, 0])))
     size = float(np.ptp(polygon_points(part_of(stage).outer), axis=0).max())
@@ -203,9 +202,16 @@ def _body(stage: Stage, body: Any, chains: Sequence[int]) -> Any:
     return shapely.union_all([shapely.Polygon(polygon_points(loop, STEP)) for loop in loops], grid_size=1e-6)
 
 
-def _box(place: StackPlace, width: float) -> Array:
+def stack_ends(stage: Stage) -> Array:
+    """Where the stacks (n) of a stage push (n, 2), mm, and the unit vectors (n, 2) in which they do; both (2, n, 2)."""
+    stacks = drive_of(stage).stacks
+    turned = np.array([[stack.point, stack.direction] for stack in stacks]).T
+    turned = turned * np.exp(1j * CHAIN_TURN * np.array([stack.chain for stack in stacks]))
+    return np.stack([turned.real, turned.imag], axis=-1)
+
+
+def _box(contact: Array, push: Array, width: float) -> Array:
     """Corners (4, 2) of a drawn stack behind its contact: the two at the ball, then those where it is carried."""
-    contact, push = np.array(place.contact), np.array(place.push)
     aside = BROAD / 2 * width * np.array([-push[1], push[0]])
     front, rear = contact - GAP * width * push, contact - (GAP + LONG) * width * push
     return np.array([front + aside, front - aside, rear - aside, rear + aside])

@@ -415,7 +415,7 @@ def converge(
     steps = tuple(arguments.resolutions(RESOLUTIONS if resolutions is None else resolutions))
     if len(steps) < 3 or min(steps) < 2 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
         raise BadInput(
-            f"resolutions {', '.join(map(str, steps))}, expected three or more from 2 upwards, each at least "
+            f"resolutions {list(steps)}, expected three or more from 2 upwards, each at least "
             f"{COARSER:g} times the one before"
         )
     meshes = on_meshes(steps, lambda level: solved(stage, level), progress)

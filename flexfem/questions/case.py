@@ -18,8 +18,8 @@ from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
 from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import Keywords
-from flexfem.files.refusals import refusal
-from flexfem.files.toml import Label, Table, validate
+from flexfem.files.refusals import refusal, shown
+from flexfem.files.toml import Label, Table, bad_key, validate
 from flexfem.hinges.formulas import formula, formulas
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
@@ -161,13 +161,15 @@ class LoadedCase:
         self.case = validate(Case, path)
         self.stages: dict[str, Stage] = {}
         load = load or cache(load_feasible)  # one stage of several curves is solved once
-        for curve in self.case.curve:
-            stage = load(self.stage_path(curve))
+        for index, curve in enumerate(self.case.curve):
+            try:
+                stage = load(self.stage_path(curve))
+            except BadInput as error:
+                named = f"curve[{index}].stage = {shown(curve.stage)}: {error}"
+                raise bad_key(path, ("curve", index, "stage"), named) from None
             if self.case.drive == "strokes" and not stage.actuator:
-                raise BadInput(
-                    f'{path}: drive = "strokes", expected "force" or "joints": the stage of curve {curve.label!r}, '
-                    f"{self.stage_path(curve)}, has no [[actuator]]"
-                )
+                said = f'expected "force" or "joints": {self.stage_path(curve)} has no [[actuator]]'
+                raise bad_key(path, ("drive",), f'drive = "strokes", {said}')
             self.stages[curve.label] = stage
 
     def stage_path(self, curve: Curve) -> Path:

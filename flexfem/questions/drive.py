@@ -17,9 +17,8 @@ from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.actuators import Body
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
-from flexfem.mechanism.designs import CHAIN_TURN, lower, stage_frames
+from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -107,42 +106,17 @@ class Drive(Result):
     )
 
 
-class StackPlace(NamedTuple):
-    """A stack of a chain (1 to 3) between its carrier and the body that it pushes, and the index of its command.
-
-    contact, push : (2,), mm, frame of the stage, where it pushes, and the unit vector in which it does.
-    """
-
-    chain: int
-    between: tuple[Body, Body]
-    actuator: int
-    contact: Array
-    push: Array
-
-
-class DrivenStage(NamedTuple):
-    """What a figure of strokes and forces is drawn on."""
-
-    stage: Stage
-    places: list[StackPlace]
-
-
 class Commanding(NamedTuple):
-    """An analytic model that computes strokes, of a stage as it is modelled (`model.ModelChoice`)."""
+    """An analytic model that computes strokes, of a stage as it is modelled (`model.ModelChoice`).
+
+    across : (3 + n, r), mm and rad per N, pose and openings by forces along the contacts of stated friction.
+    """
 
     stage: Stage
     result: AnalyticResult
     model: DrivenModel
     of: Driven
-
-    @property
-    def across(self) -> Array:
-        """As of `DrivenElements`."""
-        own = drive_of(self.stage)
-        known = 3 + len(own.stacks)
-        if not own.rubbing:
-            return np.zeros((known, 0))
-        return driven_model(self.stage, self.result, _with_friction(own)).compliance[:known, known:]
+    across: Array
 
     def carried(self, load: Array, force: Array) -> Array:
         """Moment, forces along and across (3, 3 chains, 3 hinges) at every notch, of a load and forces of stacks."""
@@ -160,10 +134,7 @@ class Commanding(NamedTuple):
 
 
 class DrivenElements(NamedTuple):
-    """Finite elements of a driven stage, on their mesh.
-
-    across : (3 + n, r), mm and rad per N, pose and openings by forces along the contacts of stated friction.
-    """
+    """Finite elements of a driven stage, on their mesh; across as of `Commanding`."""
 
     stage: Stage
     mesh: StageMesh
@@ -259,16 +230,17 @@ def drive(
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
-    drawn = DrivenStage(stage, stack_places(stage))
     axes["model"] = tuple(answering)
-    return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, drawn)
+    return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, stage)
 
 
 def commanding(chosen: ModelChoice) -> Commanding:
     """An analytic model of a driven stage. Raises BadInput as `model.analyse`, or without actuators."""
-    result = analyse(*chosen)
-    model = driven_model(chosen.stage, result)
-    return Commanding(chosen.stage, result, model, driven(model.compliance, drive_of(chosen.stage)))
+    result, of = analyse(*chosen), drive_of(chosen.stage)
+    C, necks = driven_model(chosen.stage, result, _with_friction(of))
+    known = 3 + len(of.stacks)
+    model = DrivenModel(C[:known, :known], necks[..., :known])
+    return Commanding(chosen.stage, result, model, driven(model.compliance, of), C[:known, known:])
 
 
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
@@ -409,17 +381,6 @@ def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) 
 def stack_names(of: StageDrive) -> tuple[str, ...]:
     """Names of the stacks (n) of a drive: of its actuators, the second of a pair as the partner."""
     return tuple(f"{of.names[np.flatnonzero(row)[0]]}{', partner' if min(row) < 0 else ''}" for row in of.differential)
-
-
-def stack_places(stage: Stage) -> list[StackPlace]:
-    """The stacks (n) of a stage in the order of `StageDrive`."""
-    drive, found = drive_of(stage), list[StackPlace]()
-    for stack, command in zip(drive.stacks, np.argmax(drive.differential != 0, axis=1).tolist(), strict=True):
-        turn = np.exp(1j * stack.chain * CHAIN_TURN)
-        ends = (np.array([z.real, z.imag]) for z in (turn * stack.point, turn * stack.direction))
-        between = stage.actuator[command % len(stage.actuator)].between
-        found.append(StackPlace(stack.chain + 1, between, command, *ends))
-    return found
 
 
 def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:

@@ -22,7 +22,7 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of, sheet_of, structure
 from flexfem.files.provenance import Assumptions, assumptions
 from flexfem.files.refusals import checked_path
-from flexfem.files.writing import digest, digest_of_arrays, read_arrays, write_atomically
+from flexfem.files.writing import check_folder, digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.questions import bands, warnings
@@ -71,11 +71,11 @@ class HingeDrawing(BaseModel):
     def of_stage(cls, stage: Stage, freedoms: Sequence[Sequence[Sequence[str]]]) -> list[HingeDrawing]:
         """The hinges of a stage, chain by chain, with their freedoms (3 chains, 3 hinges)."""
         frames, found = stage_frames(stage), []
-        for row, k in np.ndindex(3, 3):
-            one = stage.hinge(row + 1, HINGE_NAMES[k])
-            drawn = {"centre": frames.centres[row, k].tolist(), "axis": frames.axes[row, k], "radius": one.radius}
-            own = drawn | {"neck": one.neck, "freedoms": freedoms[row][k]}
-            found.append(cls.model_validate({"chain": row + 1, "hinge": HINGE_NAMES[k]} | own))
+        for (row, k), axis in np.ndenumerate(frames.axes):
+            chain, name, (x, y) = row + 1, HINGE_NAMES[k], frames.centres[row, k].tolist()
+            own = stage.hinge(chain, name)
+            where = {"chain": chain, "hinge": name, "centre": (x, y), "axis": float(axis)}
+            found.append(cls(**where, radius=own.radius, neck=own.neck, freedoms=list(freedoms[row][k])))
         return found
 
 
@@ -216,6 +216,9 @@ def verification(
         Folder for the results, which `flexfem plot` draws; none are stored with None.
     {shared}
     """
+    folder = None if output is None else checked_path(output)
+    if folder is not None:
+        check_folder(folder)
     loaded, load, seen = list[LoadedCase](), cache(load_feasible), dict[str, Path]()
     for path in map(checked_path, cases):  # all are read before any is run
         loaded.append(LoadedCase(path, load))
@@ -224,8 +227,8 @@ def verification(
     found = []
     for case in loaded:
         found.append(run_case(case))
-        if output is not None:
-            found[-1].write(output / f"{case.stem}.json")
+        if folder is not None:
+            found[-1].write(folder / f"{case.stem}.json")
         if progress is not None:
             progress(f"{case.stem}: {len(case.case.curve)} curves")
     return found

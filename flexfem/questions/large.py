@@ -35,7 +35,7 @@ STEPS = 20  # commands on either side of rest
 SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # of STEPS, where finite elements are solved
 STATED = np.array([-20, -2, 2, 20])  # of STEPS, where numbers are stated: a tenth of the amplitude and all of it
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
-LARGEST_AMPLITUDE = 1e3  # mm, rad; whether the stage bears it is found out
+AMPLITUDES = (1e-9, 1e3)  # mm: below there is round-off alone; whether the stage bears the largest is found out
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # places on the axis "theory"
 THEORIES = ("(16) less its terms", "(16)", "exact", "finite elements", "finite elements, same load")
 PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points, by which finite elements move with their mesh
@@ -107,7 +107,7 @@ def large(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2, usual=RESOLUTION)
-    far = arguments.positive("amplitude", amplitude, LARGEST_AMPLITUDE) * np.array([1.0, 1.0, TURN])
+    far = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, TURN])
     model, of, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)
     warnings = warning.of_result(stage, model)

@@ -26,6 +26,7 @@ from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question, solved
@@ -132,10 +133,10 @@ class Lives(NamedTuple):
 def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
     """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
     coefficient, exponent, walker = fatigue.T
-    highest = np.max(of.equivalent(walker[:, None]), axis=-1)
-    factor = strength.amplitude_at(asked.wanted, coefficient, exponent) / highest
+    law, highest = Basquin(coefficient, exponent), np.max(of.equivalent(walker[:, None]), axis=-1)
+    factor = law.amplitude(asked.wanted) / highest
     return Lives(
-        strength.cycles_at(highest, coefficient, exponent),
+        law.cycles(highest),
         factor[:, None] * np.abs(asked.amplitude),
         yield_strength / np.max(of.peak, axis=-1),
     )
@@ -301,7 +302,8 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
             raise BadInput(f"{fit}: {refusal}") from None
         source, notes = f"fitted to the points of {fit}", [_fit_said(law)]
     if law is None:
-        taken = strength.required_law(stage.material, ", or a fit of S-N points")
+        with located(stage):
+            taken = strength.required_law(stage.material, ", or a fit of S-N points")
         source = stage.sources.get(strength.KEY) or "not stated"
     else:
         taken = strength.checked_law(law)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from functools import wraps
 from itertools import chain
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
+from types import MappingProxyType, NoneType
+from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -46,7 +47,10 @@ ComputationFailed
 
 
 def question(function: Function) -> Function:
-    """Complete a docstring where it has `{shared}`: parameters that questions share, what they return and raise."""
+    """Complete a docstring where it has `{shared}`: parameters that questions share, what they return and raise.
+
+    The function then refuses another word than those of a `Literal`, and another model than an `Analytic`.
+    """
     text = inspect.cleandoc(function.__doc__ or "")
     shared = list[str]()
     for head, said in SHARED.items():
@@ -55,7 +59,21 @@ def question(function: Function) -> Function:
             shared += [head, f"    {said}"]
     returns = ["", "Returns", "-------", str(function.__annotations__["return"]), "", "Raises", f"------{RAISES}"]
     function.__doc__ = text.replace("{shared}", "\n".join([*shared, *returns]))
-    return function
+
+    @wraps(function)
+    def asked(*positional: Any, **named: Any) -> Any:
+        hints = get_type_hints(function)
+        for name, value in named.items():
+            parts = (hints.get(name), *get_args(hints.get(name)))  # of an optional one, too
+            words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
+            known = isinstance(value, str) and value in words
+            if words and not known and not (value is None and NoneType in parts):
+                raise BadInput(f"{name} {value!r}, expected {' or '.join(words)}")
+            if hints.get(name) is Analytic and not isinstance(value, Analytic):
+                raise BadInput(f"{name} {value!r}, expected a flexfem.Analytic")
+        return function(*positional, **named)
+
+    return cast(Function, asked)
 
 
 class Analytic(NamedTuple):

@@ -28,7 +28,7 @@ from flexfem.analytic.responses import (
 )
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
-from flexfem.fem.mesher import Limit
+from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
@@ -223,8 +223,6 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     """The row of the design whose factors take `values` (columns,), file units, whatever becomes of it."""
-    from flexfem.fem.mesher import MeshTimeout
-
     (reason,) = refusals_of(loaded, values[None])
     try:
         if reason:

@@ -412,7 +412,7 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
         _set(changes, loaded.stage, key, key.check.validate_python(value))
     held = loaded.stage.model_dump(exclude_unset=True, exclude={"provenance"})
-    return Stage.from_names(merged_changes(held, changes))
+    return Stage(**merged_changes(held, changes))
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:

@@ -11,7 +11,7 @@ import pytest
 from flexfem.design import proof as module
 from flexfem.design.model import MISSED, Correction, Model
 from flexfem.design.outcome import checked_by
-from flexfem.design.proof import Proof, ProposedElements, Store, mapped, quantity_band
+from flexfem.design.proof import Proof, ProposedElements, Store, mapped, proof, quantity_band
 from flexfem.design.search import BestDesign
 from flexfem.refused import ComputationFailed
 from flexfem.study.workers import Failure
@@ -26,7 +26,7 @@ def solved(monkeypatch):
     """Studies and stages that are solved in this process; every output is the resolution of the mesh."""
     found = []
 
-    def solve(number, study, stage, versions=None):
+    def solve(study, stage):
         found.append((study.study, stage))
         return [float(study.study.resolution)] * len(study.outputs)
 
@@ -37,8 +37,7 @@ def solved(monkeypatch):
 def test_a_design_is_solved_on_three_meshes_up_to_the_resolution_coarse_to_fine(load, solved):
     loaded = load(NECK, RADIUS, require("error_x_percent", None, 20), STIFFEST, head=HEAD + "resolution = 13\n")
     found = ProposedElements(loaded, Counter()).of(OWN)
-    assert found.resolutions == (7, 10, 13)
-    assert [columns["kxx_n_per_mm"] for columns in found.columns] == [7.0, 10.0, 13.0]
+    assert [columns["kxx_n_per_mm"] for columns in found] == [7.0, 10.0, 13.0]
     for study, stage in solved:
         assert (stage.hinges.elbow.neck, stage.hinges.platform.radius, stage.hinges.base.radius) == (0.55, 2.0, 4.0)
         assert (study.model, study.formula, study.mobility) == ("verify", "paros-weisbord", None)
@@ -48,9 +47,9 @@ def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(lo
     base, counts = tmp_path / "base.toml", Counter()
     base.write_text('model = "corrected"\n' + REFERENCE.read_text())
     loaded = load(NECK, RADIUS, STIFFEST, head=HEAD.replace(str(REFERENCE), base.name))
-    found = ProposedElements(loaded, counts).of(OWN)
+    ProposedElements(loaded, counts).of(OWN)
     meshes = [(study.model, study.resolution, study.layers) for study, _ in solved]
-    assert meshes == [("three_dimensional", 4, 2), ("three_dimensional", 6, 3)] and found.resolutions == (4, 6)
+    assert meshes == [("three_dimensional", 4, 2), ("three_dimensional", 6, 3)]
     assert {stage.model for _, stage in solved} == {"plane_stress"}
     assert counts == {"finite elements in three dimensions": 2}
 
@@ -78,7 +77,7 @@ def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_
     off = np.random.default_rng(2).normal(scale=0.01, size=(2, 3, 3))
     names = {"coupling_xy": (1, "elbow"), "coupling_xt": (2, "platform"), "coupling_yt": (3, "base")}
 
-    def solve(number, study, stage):
+    def solve(study, stage):
         return [stage.hinge(*names[n]).neck if n in names else study.study.resolution for n in study.outputs]
 
     monkeypatch.setattr(module, "solved", solve)
@@ -92,8 +91,8 @@ def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
     with monkeypatch.context() as patched, pytest.raises(ComputationFailed, match="proposed design: the mesh folds"):
         patched.setattr(module, "solved", lambda *task: Failure("failed", "the mesh folds"))
         proposed.of(OWN)
-    monkeypatch.setattr(module, "solved", lambda number, study, stage: [4.0] * len(study.outputs))
-    assert proposed.of(OWN).columns[0]["kxx_n_per_mm"] == 4.0
+    monkeypatch.setattr(module, "solved", lambda study, stage: [4.0] * len(study.outputs))
+    assert proposed.of(OWN)[0]["kxx_n_per_mm"] == 4.0
 
 
 def test_what_is_kept_survives_a_torn_file_and_a_search_is_counted_as_when_it_was_made(tmp_path):
@@ -120,28 +119,26 @@ def test_what_is_kept_survives_a_torn_file_and_a_search_is_counted_as_when_it_wa
 def proof_of(values, gap, stiffness, band):
     """Of 400 um and a stiffness whose band is known; the model is corrected by 0.9."""
     fields = {"values": values, "gap": gap, "elements": np.array([400.0, stiffness]), "bands": np.array([7.0, band])}
-    fields |= {"corrections": {"kxx_n_per_mm": Correction(0.9)}, "shifts": {}}
+    fields |= {"corrections": {"kxx_n_per_mm": Correction(0.9)}}
     return Proof(**(dict.fromkeys(Proof._fields) | fields))
 
 
 @pytest.fixture
 def loop(load, monkeypatch):
-    """What runs the loop over proofs (gap, stiffness, band), the last again and again: it, and models and starts."""
+    """What runs the loop over proofs (gap, stiffness, band), the last again and again: rounds, agreed, and starts."""
 
     def run(free, proofs, merit=-400.0):
-        models, starts = [], []
+        starts = []
 
-        def searched(model, near, store, everywhere, say):
-            models.append(model)
+        def searched(model, near, store, everywhere):
             starts.append((None if near is None else near.tolist(), everywhere))
-            return BestDesign(np.array([0.5 + 0.01 * len(models)]), np.array([0.5]), merit, [])
+            return BestDesign(np.array([0.5 + 0.01 * len(starts)]), np.array([0.5]), merit, [])
 
         each = iter([*proofs, *[proofs[-1]] * 10])
         monkeypatch.setattr(module, "searched", searched)
-        monkeypatch.setattr(module, "proof", lambda model, elements, values, say: proof_of(values, *next(each)))
+        monkeypatch.setattr(module, "proof", lambda model, elements, values: proof_of(values, *next(each)))
         loaded = load(free, require("kxx_n_per_mm", 60.0, 80.0), RANGE, head=HEAD + "accuracy_percent = 0.4\n")
-        found = mapped(Model(loaded), SimpleNamespace(store=None))
-        return found, models, starts
+        return *mapped(Model(loaded), SimpleNamespace(store=None)), starts
 
     return run
 
@@ -150,12 +147,11 @@ def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_witho
     """The end of 80 N/mm is the size of both: a band of 0.32 is 0.4 % of it. Near the answer all is not searched."""
     proofs = [(0.1, 59.0, 0.32), (0.008, 61.0, 0.16), (0.001, 61.0, 0.16)]
     for free, guard in ((STEPPED[0], 0.004), (NECK, 0.008)):
-        found, models, starts = loop(free, proofs)
-        guards = [None if model.guard is None else model.guard.tolist() for model in models]
-        assert guards == [None, pytest.approx([guard]), pytest.approx([guard])] and found.agreed
-        assert [model.corrections for model in models] == [{}, *[{"kxx_n_per_mm": Correction(0.9)}] * 2]
-        assert starts == [(None, True), ([0.51], True), ([0.52], False)]
-        assert len(found.rounds) == len(found.optima) == 3 and found.rounds[-1].gap == 0.001
+        rounds, agreed, starts = loop(free, proofs)
+        assert np.ravel([each.proposing.guard for each in rounds]) == pytest.approx([0, guard, guard]) and agreed
+        corrections = [each.proposing.corrections for each in rounds]
+        assert corrections == [{}, *[{"kxx_n_per_mm": Correction(0.9)}] * 2]
+        assert starts == [(None, True), ([0.51], True), ([0.52], False)] and rounds[-1].proof.gap == 0.001
 
 
 @pytest.mark.parametrize(
@@ -171,8 +167,8 @@ def test_ends_are_tightened_by_the_largest_band_so_far_over_their_size_and_witho
 def test_a_design_is_proven_when_both_models_agree_and_each_band_is_within_the_ends(
     loop, gap, stiffness, merit, rounds
 ):
-    found, *_ = loop(STEPPED[0], [(gap, stiffness, 0.16)], merit)
-    assert len(found.rounds) == rounds and found.agreed is (rounds == 1)
+    found, agreed, _ = loop(STEPPED[0], [(gap, stiffness, 0.16)], merit)
+    assert len(found) == rounds and agreed is (rounds == 1)
 
 
 COLUMNS = {"kxx_n_per_mm", "range_x_um", "engaged_kxx_n_per_mm", "drift_x_um_per_k", "frequency_1_hz", "coupling_95"}
@@ -191,6 +187,13 @@ def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid
     others = {by[name] for name in COLUMNS - alone}
     assert others == {"finite elements in three dimensions" if solid else "finite elements"}
     assert checked_by(loaded, frozenset({"mass_kg", "thickness_mm"})) == "exact"
+
+
+def test_a_band_follows_the_unit_in_which_a_quantity_is_asked(load, solved):
+    loaded = load(NECK, require("kxx_n_per_mm / 1e9", 1e-7), best("minimise", "1 / kxx_n_per_mm"), STIFFEST)
+    of = proof(Model(loaded), ProposedElements(loaded, Counter()), OWN[:1])
+    inverse, stiffness, small = of.bands / of.elements
+    assert small == pytest.approx(stiffness) and inverse > 0 and of.round_off.tolist() == [0, 0, 0]
 
 
 CORNER, STRESS = 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4), 3 * 0.001 / ((4 / 3) ** 3 - 1)

@@ -21,7 +21,7 @@ from .recorded import FRONT, REQUIREMENTS, STAGE, recorded, requirement
 def test_a_stage_those_of_the_front_and_the_record_are_written_and_what_was_kept_goes(load, tmp_path, monkeypatch):
     path, folder, seen = load(NECK, *WANTED, RANGE).path, tmp_path / "out", []
 
-    def found(loaded, elements, say):
+    def found(loaded, elements):
         elements.store.keep("a question", 1.0)
         seen.append((sorted(path.name for path in folder.iterdir()), elements.workers is None))
         return recorded(seed=11)

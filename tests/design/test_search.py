@@ -27,9 +27,9 @@ def test_a_thin_neck_at_its_rotational_stiffness_has_the_largest_radius_and_the_
     head = HEAD + 'formula = "paros-weisbord"\nmobility = 3\n'
     start = np.array([[0.002, 1.0]])
     model = Model(load(neck, radius, require("ktt_n_mm_per_rad", 1.0), RANGE, head=head))
-    reach, K0 = model.found(start).quantities[0]
+    reach, K0 = model.found(start)[0]
     model = Model(load(neck, radius, require("ktt_n_mm_per_rad", K0), RANGE, head=head))
-    found = optimum(model, 3)
+    found = optimum(model)
     assert found.relaxed == pytest.approx([0.002 * 2**0.2, 2.0], rel=1e-3)
     assert -found.merit / reach == pytest.approx((2.0 / 2**0.2) ** 0.5, rel=1e-3)
     powers = sensitivities(model, np.array([0.002, 1.5]))  # of the range and of K
@@ -42,7 +42,7 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load):
     values = np.array(np.meshgrid(*axes)).reshape(2, -1).T
     merits = model.merit(model.found(values))
     least = int(np.argmin(merits))
-    found = optimum(model, 5)
+    found = optimum(model)
     assert merits[least] < MISSED
     objectives = [objective for _, objective, _ in found.history if objective is not None]
     assert objectives == sorted(objectives) and objectives[-1] == pytest.approx(-found.merit, rel=1e-9)
@@ -55,7 +55,7 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load):
 def test_a_seed_decides_what_is_searched_and_the_same_one_finds_the_same_again(load, monkeypatch):
     monkeypatch.setattr(search, "GENERATIONS", 2)
     monkeypatch.setattr(search, "LOCAL", 2)
-    loaded, searched = load(NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE), []
+    pieces, searched = (NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE), []
 
     class Recording(Model):
         def found(self, values):
@@ -64,7 +64,7 @@ def test_a_seed_decides_what_is_searched_and_the_same_one_finds_the_same_again(l
 
     for seed in (5, 5, 6):
         searched.append([])
-        optimum(Recording(loaded), seed)
+        optimum(Recording(load(*pieces, head=HEAD.replace("seed = 7", f"seed = {seed}"))))
     once, again, other = searched
     assert len(once) == len(again) and all(np.array_equal(a, b) for a, b in zip(once, again, strict=True))
     assert len(once[0]) == 1025 and not np.isin(once[0][1:], other[0][1:]).any()  # the base stage first, then a sample
@@ -74,7 +74,7 @@ def test_a_design_that_cannot_be_drawn_is_never_the_answer(load, monkeypatch):
     """The best by its numbers cannot be drawn here, nor can what is made of it by rounding."""
     model = Model(load(*STEPPED, require("kxx_n_per_mm", STIFFNESS), RANGE))
     monkeypatch.setattr(Model, "drawable", lambda self, values: not (values[1] > 2.3 and values[1] % 0.25 == 0))
-    found = optimum(model, 5)
+    found = optimum(model)
     grid = np.array([[0.3 + 0.005 * i, 1.5 + 0.25 * j] for i in range(81) for j in range(4)])
     merits = model.merit(model.found(grid))
     assert found.values[1] == 2.25 and found.merit == pytest.approx(merits.min(), rel=1e-12)
@@ -83,10 +83,10 @@ def test_a_design_that_cannot_be_drawn_is_never_the_answer(load, monkeypatch):
 def test_what_cannot_be_met_is_missed_least_and_each_requirement_says_how_much_it_would_have_to_give(load):
     """No neck of these gives 400 N/mm; the stiffest is the widest neck in the deepest bend."""
     model = Model(load(NECK, RADIUS, require("envelope_mm", None, 200), require("kxx_n_per_mm", 400), RANGE))
-    found = optimum(model, 5)
+    found = optimum(model)
     assert found.merit >= MISSED
     assert found.values == pytest.approx([0.7, 1.5], rel=1e-3)
-    q = model.found(found.values[None]).quantities
+    q = model.found(found.values[None])
     envelope, stiffness = relaxations(model, found.values)
     assert model.violations(q)[0, 0] == 0 and (envelope.relax_to, envelope.percent) == (None, None)
     assert stiffness.relax_to == pytest.approx(q[0, 2], rel=1e-6)

@@ -10,7 +10,7 @@ import pytest
 
 from flexfem.fem.chart import RATIOS, THICK, SingleHinge, thick_sample
 from flexfem.fem.chart import sample as plane_sample
-from flexfem.hinges.chart import on_thickness_chart, thickness_chart
+from flexfem.hinges.chart import thickness_chart
 from flexfem.hinges.chart import thickness_factors as factors
 
 R, NU = 1.7, 0.29
@@ -103,7 +103,7 @@ def test_shear_at_the_position_of_plane_strain_is_that_of_plane_strain_finite_el
 def test_beyond_the_chart_there_is_nothing(ratio: float, width: float, nu: float) -> None:
     t = np.array([0.3, ratio]) * R
     b, nus = np.array([9.0, width]) * t, np.array([NU, nu])
-    assert on_thickness_chart(R, t, b, nus).tolist() == [True, False]
+    assert thickness_chart().covers(t / R, b / t, nus).tolist() == [True, False]
     found = np.array(factors(R, t, b, nus))
     assert np.isfinite(found[:, 0]).all() and np.isnan(found[:, 1]).all()
 

@@ -23,7 +23,7 @@ def station_at(stage: Stage, link: int, point: complex) -> Station:
 def test_stresses_in_a_bend_are_those_of_a_unit_moment_pull_and_shear(a, b):
     nodes, weights = np.polynomial.legendre.leggauss(60)
     r, dr = a + (b - a) * (nodes + 1) / 2, weights * (b - a) / 2
-    moment, pull, shear = bend_stresses(a, b, r)
+    moment, pull, shear, _ = bend_stresses(a, b, r)
     resultants = [moment @ dr, moment @ (r * dr), pull @ dr, pull @ (r * dr), shear @ dr]
     np.testing.assert_allclose(resultants, [0, 1, 1, 0, 1], atol=1e-9)
     assert bend_stresses(a, b, np.array([a, b]))[2] == pytest.approx([0, 0], abs=1e-12)  # free edges

@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -18,9 +18,12 @@ from pydantic import ValidationError
 from flexfem.files.provenance import numeric_key_paths
 from flexfem.files.refusals import KeyPath
 from flexfem.files.toml import MAX_BYTES, read_toml
-from flexfem.mechanism.designs import elastic, out_of_plane
+from flexfem.mechanism.designs import lower
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage, load_stage
+from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput
+
+from ..conftest import with_changes
 
 SHIPPED = sorted((Path(__file__).parents[2] / "geometry").glob("*.toml"))
 PATIENCE = 15.0  # s of processor time for a hostile file of at most 1 MiB; they take 1.5 s, quadratic reading minutes
@@ -228,7 +231,7 @@ TRUE_LINES: dict[KeyPath, int] = {
 
 def test_the_line_of_a_key_is_where_it_stands(scratch: Path) -> None:
     scratch.write_text("\n".join(DOCUMENT))
-    lines = read_toml(scratch).lines
+    lines = read_toml(scratch)
     assert {path: lines.line(path) for path in TRUE_LINES} == TRUE_LINES
 
 
@@ -343,8 +346,9 @@ def test_a_shipped_stage_says_where_every_number_comes_from(path: Path) -> None:
 
 def test_constants_of_plane_strain_and_the_stress_it_holds_out_of_the_plane():
     """nu = 1/4: E / (1 - nu^2) = 16/15 E, nu / (1 - nu) = 1/3; the stress across is nu times the sum of those in it."""
-    found = elastic("plane_strain", 60.0, 0.25)
-    np.testing.assert_allclose([found.youngs_modulus, found.poissons_ratio], [64.0, 1 / 3], rtol=1e-15)
+    metal = {"material.youngs_modulus_gpa": 60.0, "material.poissons_ratio": 0.25}
+    found = {model: lower(with_changes(metal | {"model": model})) for model in get_args(Plane)}
+    np.testing.assert_allclose(np.ravel(found["plane_strain"].elastic), [64e3, 1 / 3], rtol=1e-15)
     for model in ("plane_stress", "corrected"):
-        assert elastic(model, 60.0, 0.25) == (60.0, 0.25) and out_of_plane(model, 0.25) == 0.0
-    assert out_of_plane("plane_strain", 0.25) == 0.25
+        assert np.ravel(found[model].elastic).tolist() == [60e3, 0.25] and found[model].out_of_plane[0] == 0.0
+    assert found["plane_strain"].out_of_plane[0] == 0.25
