@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from numbers import Real
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from flexfem.arrays import Array
 from flexfem.refused import BadInput
 
-Key = TypeVar("Key", bound=str)
 LARGEST_FORCE = 1e9  # N, N mm; no stage of metal bears a millionth of it
 LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
 FINEST = 64  # triangles across a neck
@@ -87,19 +86,10 @@ def poses(what: str, values: ArrayLike, most: int | None = None) -> Array:
 def pair(what: str, values: Any, most: tuple[float, float], named: str) -> tuple[float, float]:
     """Two numbers from zero, each at most its own of `most`. Raises BadInput that says what they are `named`."""
     try:
-        first, second = (float(value) for value in values)
+        first, second = map(float, () if isinstance(values, str) else values)
     except (TypeError, ValueError):
         raise BadInput(f"{what} {values!r}, expected two numbers: {named}") from None
     if not (0 <= first <= most[0] and 0 <= second <= most[1]):
         expected = f"from 0 to {most[0]:g} and from 0 to {most[1]:g}"
         raise BadInput(f"{what} {first:g} {second:g}, expected two numbers {expected}: {named}")
     return first, second
-
-
-def by_name(what: str, values: Any, known: Mapping[Key, float], most: float) -> dict[Key, float]:
-    """Positive numbers by name, those not given as `known`. Raises BadInput."""
-    if values is None:
-        return dict(known)
-    if not isinstance(values, Mapping) or not set(values) <= set(known):
-        raise BadInput(f"{what} {values!r}, expected numbers by name: {', '.join(known)}")
-    return {name: positive(f"{what} {name}", values.get(name, default), most) for name, default in known.items()}

@@ -271,15 +271,17 @@ def kind_of(path: Path) -> str:
 
 def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
     """Keys of an input file and of the files that it names, by file as the input file names it."""
+    own = _values_of(path)
+    named = {value: path.parent / value for value in own.values() if isinstance(value, str)}
+    return {path.name: own} | {value: _values_of(other) for value, other in named.items() if os.path.isfile(other)}
+
+
+def _values_of(path: Path) -> dict[str, Any]:
+    """Values of an input file by key path, of one that is not TOML its hash."""
     if path.suffix != ".toml":
-        return {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}}
+        return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
     data = read_toml(path).data
-    found = {path.name: {key_path(key, data): value for key, value in _leaves(data, ())}}
-    for value in list(found[path.name].values()):
-        other = path.parent / str(value)
-        if isinstance(value, str) and value not in found and os.path.isfile(other):
-            found[value] = inputs_of(other)[other.name]
-    return found
+    return {key_path(key, data): value for key, value in _leaves(data, ())}
 
 
 def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:

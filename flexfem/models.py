@@ -135,7 +135,7 @@ class ElementModel(PlatformModel):
         """
         from flexfem.plot.fields import plot_displacement
 
-        return plot_displacement(ax, self.fields(force), factor=factor, hub_radius=self.stage.platform.hub_radius)
+        return plot_displacement(ax, self.fields(force), factor=factor)
 
 
 class Errors(NamedTuple):

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.refusals import place_of
+from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import Path as PathLike
 from flexfem.files.toml import read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
@@ -229,20 +229,22 @@ class Result:
 
     def at(self, quantity: str, **labels: str) -> Array:
         """The part of a quantity at labels of some of its axes; the others keep their order."""
-        return self._at(self.values[quantity], quantity, labels)
+        return self._part(self.values, quantity, labels)
 
     def band(self, quantity: str, **labels: str) -> Array:
         """Bands of that part; nan where there are none."""
-        bands = self.bands.get(quantity, np.full(self.values[quantity].shape, np.nan))
-        return self._at(bands, quantity, labels)
+        return self._part(self.bands, quantity, labels)
 
-    def _at(self, array: Array, quantity: str, labels: Mapping[str, str]) -> Array:
+    def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
+        if quantity not in self.values:
+            raise BadInput(f"{self.kind()}.{quantity} is not there, expected one of: {', '.join(self.values)}")
         over = self.quantities[quantity].over
         for axis, label in labels.items():
             if axis not in over or label not in self.axes[axis]:
                 known = ", ".join(self.axes.get(axis, over))
                 raise BadInput(f"{self.kind()}.{quantity}: {axis} {label!r}, expected one of: {known}")
         place = tuple(self.axes[a].index(labels[a]) if a in labels else slice(None) for a in over)
+        array = arrays[quantity] if quantity in arrays else np.full_like(self.values[quantity], np.nan)
         return np.asarray(array[place])
 
     def entries(self) -> Iterator[Number]:
@@ -282,7 +284,11 @@ class Result:
         for name, values in self.values.items():
             quantity = self.quantities[name]
             factors = quantity.factors(values.shape)
-            found[name] = {"meaning": quantity.meaning, "unit": _lists(quantity.unit), "over": list(quantity.over)}
+            found[name] = {
+                "meaning": quantity.meaning,
+                "unit": np.array(quantity.unit).tolist(),
+                "over": list(quantity.over),
+            }
             found[name]["values"] = _nested(values * factors)
             if name in self.bands:
                 found[name]["bands"] = _nested(self.bands[name] * factors)
@@ -301,7 +307,7 @@ class Result:
 
     def write(self, path: Path) -> Path:
         """Store the document as JSON with its digest, by which `read` sees a change; returns the path."""
-        return write_sealed(path, self.to_dict())
+        return write_sealed(checked_path(path), self.to_dict())
 
     @classmethod
     def read(cls, path: Path) -> Self:
@@ -334,7 +340,7 @@ class Result:
             values: dict[str, Any] = {"type": ["number", "null", "string"]}
             for _ in one.over:
                 values = {"type": "array", "items": values}
-            parts = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
+            parts = {"meaning": text, "unit": {"const": np.array(one.unit).tolist()}, "over": {"const": list(one.over)}}
             quantities[name] = _table_schema(one.meaning, parts | {"values": values, "bands": values}, "bands")
         properties = {
             "result": {"const": cls.kind()},
@@ -629,11 +635,7 @@ def _table_schema(description: str, properties: dict[str, Any], optional: str) -
     return {"description": description, **parts}
 
 
-def _lists(value: Any) -> Any:
-    return [_lists(each) for each in value] if isinstance(value, tuple) else value
-
-
 def _units_said(unit: UnitNames, plain: bool = False) -> str:
-    if isinstance(unit, str):
-        return UNITS[unit].said(plain) if unit else "1"
-    return ", ".join(dict.fromkeys(", ".join(_units_said(each, plain) for each in unit).split(", ")))
+    """The different units of a quantity, with commas."""
+    names = np.ravel(unit).tolist()
+    return ", ".join(dict.fromkeys(UNITS[name].said(plain) if name else "1" for name in names))

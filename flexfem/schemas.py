@@ -26,7 +26,7 @@ from flexfem import questions
 from flexfem.design.requirements import Requirements
 from flexfem.files.inputs import require_unread
 from flexfem.files.quantities import UNIT
-from flexfem.files.refusals import SHOWN, as_toml, one_line
+from flexfem.files.refusals import SHOWN, as_toml, checked_path, one_line
 from flexfem.files.toml import Table
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.mechanism.materials import Entry
@@ -95,7 +95,7 @@ FORMATS = {
     "necks": Format(
         Necks,
         "Measured necks",
-        "The nine necks as measured, for `flexfem stiffness --necks`; a CSV file does, too.",
+        "The nine necks as measured, for `flexfem as-built`; a CSV file does, too.",
     ),
 }
 
@@ -135,9 +135,10 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
     'mm'
     """
     if output is not None:
+        folder = checked_path(output)
         wanted = [*FORMATS] if name is None else [name]
-        texts = {output / FILE.format(each): json.dumps(schema_of(each), indent=1) + "\n" for each in wanted}
-        check_folder(output)
+        texts = {folder / FILE.format(each): json.dumps(schema_of(each), indent=1) + "\n" for each in wanted}
+        check_folder(folder)
         require_unread(*texts)
         for path, text in texts.items():
             write_atomically(path, methodcaller("write", text.encode()))

@@ -73,11 +73,6 @@ def discard(stream: Any) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def raw(stream: Any) -> Any:
-    """The stream under one that escapes."""
-    return stream.raw if isinstance(stream, Plain) else stream
-
-
 def open_streams() -> None:
     """Open standard streams that are closed: else the next file or pipe would take their place."""
     for stream in (0, 1, 2):
@@ -188,7 +183,7 @@ def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], No
     On a terminal a sign that moves, gone at the end; else a line for every word that comes `pause` s after the last
     line, and one whenever `EVERY` seconds have passed without any.
     """
-    stream = raw(sys.stderr)
+    stream = sys.stderr.raw if isinstance(sys.stderr, Plain) else sys.stderr
     if stream.isatty():
         from rich.console import Console
         from rich.text import Text

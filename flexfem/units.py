@@ -72,7 +72,7 @@ UNITS = {  # by what keys of files and columns of studies end in
 }
 DENSITY = 1e-12  # tonne/mm^3 of one kg/m^3
 NONE = Unit(1.0, "")
-ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d\])?$")
+ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d+\])?$")
 
 LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
 EXPANSION = UNITS["um_per_m_k"]

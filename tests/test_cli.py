@@ -120,6 +120,7 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
 BROKEN = {  # what is changed and said; what else is refused stands in tests/mechanism
     "no such file": ("", None, "no such file"),
     "dust": ("neck_mm = 0.5", "neck_mm = 1e-12", "unit mistake"),
+    "a date": ('"mobility six, reference"', "1979-05-27", "name = 1979-05-27, expected text"),
     "no room for link 2": ("[30.0, 32.0, 24.0]", "[30.0, 12.0, 24.0]", "no strip 9 mm wide"),
     "folded link": ("[180.0, -90.0, 90.0]", "[180.0, -179.0, 90.0]", "expected"),
 }
@@ -156,8 +157,10 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["verify", STAGE], "expected a case file"),
         (["study", "rn"], "Did you mean 'run'?"),
         (["--bogus"], "--bogus"),
+        (["--with", "pipe.py", "check", STAGE], "pipe.py: a directory, pipe, socket or device, expected a Python file"),
         (["--install-completion", "nosh"], "--install-completion nosh: expected nothing behind it"),
         (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),
+        (["check", STAGE, "-o", "new"], "no such option: -o"),
         (["new", "there.toml"], "there.toml: exists, expected the name of a new file; nothing is written"),
         (["new", "there", "--case"], "there: expected a file name that ends in .toml"),
         (["new", "fresh.toml", "--study"], "fresh-study.toml: exists"),
@@ -182,6 +185,7 @@ def test_what_is_wrong_or_cannot_be_done_is_refused_in_one_line_and_nothing_is_w
     Path("fresh-study.toml").write_text("")
     Path("link.toml").symlink_to("nowhere")
     Path("folder.svg").mkdir()
+    os.mkfifo("pipe.py")
     before = sorted(os.listdir())
     code, out, err = flexfem(*arguments)
     assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("flexfem: ") and said in err, err

@@ -40,13 +40,15 @@ def plain(value: Any) -> Any:
     if hasattr(value, "_asdict"):
         said = [name for name, part in vars(type(value)).items() if isinstance(part, property)]
         value = value._asdict() | {name: getattr(value, name) for name in said}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
     if isinstance(value, dict):
         return {name: plain(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [plain(part) for part in value]
     if isinstance(value, float) and not math.isfinite(value):
         return None
-    return str(value) if isinstance(value, Path) else value.tolist() if hasattr(value, "tolist") else value
+    return str(value) if isinstance(value, Path) else value
 
 
 def show(found: Any, as_json: bool, say: Callable[[Any], None] | None = None) -> None:

@@ -13,6 +13,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args, get_origin
 
@@ -20,6 +21,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from flexfem.refused import BadInput
+from flexfem.units import ENDING
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
@@ -166,12 +168,14 @@ class Problem(NamedTuple):
 def problem_of(details: ErrorDetails, data: dict[str, Any]) -> Problem:
     """Say in the file's terms what pydantic found."""
     kind, context = details["type"], details.get("ctx", {})
-    path = _present((*details["loc"], *context.get("at", ())), data)
+    at = context.get("at", ())
+    named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)  # as Python has them
+    path = max((_present((*details["loc"], *below), data) for below in (at, named)), key=len)
     if kind == "missing" and isinstance(details["loc"][-1], int):
-        return Problem("short", path, f"{details['loc'][-1] + 1} values, not {len(_value_at(path, data))}")
+        return Problem("short", path, f"{details['loc'][-1] + 1} values, not {len(reduce(_inside, path, data))}")
     if kind == "missing":
         return Problem(kind, (*path, details["loc"][-1]), "")
-    value = _value_at(path, data)
+    value = reduce(_inside, path, data)
     if kind == "tuple_type" and isinstance(value, dict):
         return Problem(kind, path, f"an array of tables, [[{key_path(path)}]]")
     if kind == "float_type" and isinstance(value, int) and not isinstance(value, bool):
@@ -189,12 +193,6 @@ def _present(path: KeyPath, data: Any) -> KeyPath:
         if in_table or (isinstance(data, list) and isinstance(part, int) and part < len(data)):
             found, data = (*found, part), data[part]
     return found
-
-
-def _value_at(path: KeyPath, data: Any) -> Any:
-    for part in path:
-        data = data[part]
-    return data
 
 
 def merged(problems: list[Problem]) -> list[Problem]:
@@ -243,7 +241,7 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
     names = [part for part in problem.path if isinstance(part, str)]
     alias = _fields_at(model, problem.path[:-1], by_name).get(names[-1], "") if by_name and names else ""
     unit = f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""  # the number that is expected is in it
-    return f"{key} = {shown(_value_at(problem.path, data))}, expected {unit}{problem.expected}"
+    return f"{key} = {shown(reduce(_inside, problem.path, data))}, expected {unit}{problem.expected}"
 
 
 def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
@@ -270,4 +268,4 @@ def as_toml(value: Any) -> str:
         return "{" + ", ".join(f"{as_key(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(as_toml, value)) + "]"
-    return repr(value)
+    return value.isoformat() if hasattr(value, "isoformat") else repr(value)

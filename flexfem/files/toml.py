@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import PurePath
-from typing import Annotated, Any, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
@@ -66,11 +66,12 @@ def _ends(text: str) -> Iterator[int]:
     yield len(text)
 
 
-class Lines:
-    """The lines of the key paths of a TOML text; elements and tables of arrays count from zero."""
+class TomlFile:
+    """What a TOML text says, and the lines of its key paths; elements and tables of arrays count from zero."""
 
-    def __init__(self, text: str, ends: Sequence[int]) -> None:
-        self.text, self.ends = text, ends
+    def __init__(self, text: str) -> None:
+        self.text, self.ends = text, [*_ends(text)]
+        self.data = tomllib.loads(text)
 
     @cached_property
     def places(self) -> dict[KeyPath, tuple[int, int]]:
@@ -173,19 +174,11 @@ class Table(BaseModel):
         return {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
 
 
-class TomlFile(NamedTuple):
-    """What a TOML file says, and on which lines."""
-
-    data: dict[str, Any]
-    lines: Lines
-
-
 def read_toml(path: Path) -> TomlFile:
     """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for any other file."""
     text = read_text(path)
     try:
-        lines = Lines(text, [*_ends(text)])
-        return TomlFile(tomllib.loads(text), lines)
+        return TomlFile(text)
     except DepthError as error:
         place = place_of(path, line_of(text, error.args[0]))
         raise BadInput(f"{place}: nested deeper than {MAX_DEPTH} levels") from None
@@ -205,36 +198,36 @@ def read_toml(path: Path) -> TomlFile:
 
 def bad_key(path: Path, key: KeyPath, said: str) -> BadInput:
     """What is said of a key of a file, after the file and the line of it."""
-    return BadInput(f"{place_of(path, read_toml(path).lines.line(key))}: {said}")
+    return BadInput(f"{place_of(path, read_toml(path).line(key))}: {said}")
 
 
 def validate(
-    model_class: type[Model], path: Path, completed: Callable[[dict[str, Any], Lines], dict[str, Any]] | None = None
+    model_class: type[Model], path: Path, completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None
 ) -> Model:
     """Read a TOML file into a model of it; `completed` adds what the file says by naming another file.
 
     Raises BadInput as `read_toml`, and for a file of another kind, keys that are missing, unknown or have a value that
     the model refuses: the first such value in the file is named, the others are counted; missing keys are named all.
     """
-    data, lines = read_toml(path)
+    file = read_toml(path)
     require_plain_stem(path)
     expected = getattr(model_class, "kind", None)
-    found = kind_of(data, expected)
-    data = data if completed is None else completed(data, lines)
+    found = kind_of(file.data, expected)
+    data = file.data if completed is None else completed(file.data)
     try:
         return model_class.model_validate(data)
     except ValidationError as error:
         problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
-    wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: lines.place(problem.path))
+    wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path))
     keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     said = [sentence(wrong[0], model_class, data) + more] if wrong else []
     if keys:
         said.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
-    first = wrong[0] if wrong else min(problems, key=lambda problem: lines.place(problem.path))
-    raise BadInput(one_line(f"{place_of(path, lines.line(first.path))}: {'; '.join(said)}"))
+    first = wrong[0] if wrong else min(problems, key=lambda problem: file.place(problem.path))
+    raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(said)}"))
 
 
 def require_plain_stem(path: Path) -> None:
@@ -266,7 +259,10 @@ def read_text(path: Path) -> str:
 def read_csv(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
     """Rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
     texts = {k: text for k, text in enumerate(read_text(path).splitlines(), 1) if text.strip() and text[0] != "#"}
-    rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
+    try:
+        rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
+    except csv.Error as error:
+        raise BadInput(f"{place_of(path)}: {error}, expected CSV") from None
     line, head = rows.pop(0)
     if len(set(head)) < len(head) or not set(required) <= set(head) <= {*required, *optional}:
         columns = f"{one_line(', '.join(head), 60) or 'none'}, expected {', '.join(required)}"

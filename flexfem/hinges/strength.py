@@ -167,7 +167,11 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
         value = getattr(found, name)
         if not isinstance(value, Real) or not (low < float(value) <= high or value == low != 0):
             raise BadInput(f"law: {name} {value!r}, expected a number from {low:g} to {high:g}")
-    if not 0 < found.range[0] < found.range[1]:
+    try:
+        low, high = map(float, found.range)
+    except (TypeError, ValueError):
+        low = high = 0.0
+    if not 0 < low < high:
         raise BadInput(f"law: range {found.range!r}, expected fewer and more cycles")
     return found
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_m
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import key_path, place_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, Lines, Path, Table, bad_key, read_toml, validate
+from flexfem.files.toml import LABEL_LENGTH, Label, Path, Table, bad_key, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
@@ -303,12 +303,12 @@ def read_materials(path: Path) -> dict[str, Registered]:
     return found
 
 
-def _named(data: dict[str, Any], _: Lines) -> dict[str, Any]:
+def _named(data: dict[str, Any]) -> dict[str, Any]:
     """The tables of a file of materials with their names in them."""
     return {name: {"name": name} | table if isinstance(table, dict) else table for name, table in data.items()}
 
 
-def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dict[str, Any]:
+def with_material_of_file(path: Path, data: dict[str, Any]) -> dict[str, Any]:
     """What the stage file at `path` says, with the numbers of a material that it names in a `file` beside it.
 
     Raises BadInput as `read_materials`, and when the file has no material of that name.
@@ -316,14 +316,14 @@ def with_material_of_file(path: Path, data: dict[str, Any], lines: Lines) -> dic
     table, stated = data.get("material"), data.get("provenance", {})
     if not isinstance(table, dict) or "file" not in table or not isinstance(stated, dict):
         return data
-    file, name, place = table["file"], table.get("name"), place_of(path, lines.line(("material", "file")))
+    file, name, at = table["file"], table.get("name"), ("material", "file")
     if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
-        raise BadInput(f"{place}: material.file = {shown(file)}, expected a file name, beside material.name alone")
+        raise bad_key(path, at, f"material.file = {shown(file)}, expected a file name, beside material.name alone")
     beside = FilePath(path).parent / file
     found = read_materials(beside)
     if name not in found:
         known = ", ".join(found) or "one material or more"
-        raise BadInput(f"{place}: material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
+        raise bad_key(path, at, f"material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
     sources = {key: f"{text}, {file}" for key, text in found[name].provenance.items()}
     numbers = found[name].material.model_dump(by_alias=True, exclude_none=True)
     return data | {"material": numbers, "provenance": sources | stated}

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions, key_paths, values_by_key
 from flexfem.files.refusals import Problem, checked_path, key_path, needed
-from flexfem.files.toml import Lines, Path, validate
+from flexfem.files.toml import Path, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
@@ -219,7 +219,7 @@ def load_stage(path: Path) -> Stage:
     return _read(path, partial(with_material_of_file, path))
 
 
-def _read(path: Path, completed: Callable[[dict[str, Any], Lines], dict[str, Any]]) -> Stage:
+def _read(path: Path, completed: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
     stage = validate(Stage, path, completed)
     stage.__dict__["origin"] = Origin(os.fspath(path))
     return stage
@@ -267,8 +267,8 @@ def load_partly(path: Path) -> PartialStage:
     spare = tomllib.loads(read_data("new-stage.toml")) | {"material": metal | {"name": "unnamed"}, "name": "unnamed"}
     missing = list[str]()
 
-    def completed(data: dict[str, Any], lines: Lines) -> dict[str, Any]:
-        data = with_material_of_file(path, data, lines)
+    def completed(data: dict[str, Any]) -> dict[str, Any]:
+        data = with_material_of_file(path, data)
         material = data.get("material")
         known = isinstance(material, dict) and material.get("name") in materials()
         for key in needed(Problem("missing", (), ""), Stage):

@@ -401,8 +401,8 @@ def _file_and_line(origin: Origin, refusal: str) -> str:
     if origin.path is None or origin.changed:
         return str(origin)
     try:
-        data, lines = read_toml(origin.path)
+        file = read_toml(origin.path)
         key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
-        return place_of(origin.path, lines.line(path_of(key[0] if key else "", data)))
+        return place_of(origin.path, file.line(path_of(key[0] if key else "", file.data)))
     except BadInput:  # gone since
         return place_of(origin.path)

@@ -386,7 +386,7 @@ def _stress(stage: Stage) -> PageSection:
         f"{percent(100 * float(stress.max()) / stage.material.yield_strength)} of the yield strength"
         for name, stress in necks.items()
     )
-    draw = partial(stress_figure, shown, stage.platform.hub_radius)
+    draw = partial(stress_figure, shown)
     figure = shown_figure("stress-figure", draw, "The deformed stage coloured by von Mises stress.", data)
     said = f"The other directions are held; the amplitudes are assumed. {highest}."
     return _section("stress", "Stress", notes([said], "note"), figure)

@@ -290,9 +290,8 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
         entries.append(ax.axvline(one.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
         entries[-1].set_label(_described(one, quantity.after))
     if scatter.nominal is not None:
-        nominal = scatter.nominal if abs(scatter.nominal) > ROUND_OFF * np.abs(values).max() else 0.0
         entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4))
-        entries[-1].set_label(f"base stage: {significant(nominal, DIGITS)}{quantity.after}")
+        entries[-1].set_label(f"base stage: {significant(scatter.nominal, DIGITS)}{quantity.after}")
     style.legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
     ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)), xlim=(borders[0], borders[-1]))
     name_axes(ax, quantity)
@@ -304,8 +303,9 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
 def histogram(values: Array) -> tuple[Array, Array]:
     """Counts (k,) and borders (k + 1,) of the bars, as wide as D. Freedman, P. Diaconis (1981) say."""
     flat = np.ptp(values) <= ROUND_OFF * np.abs(values).max()
-    bars = 1 if flat else int(np.clip(len(np.histogram_bin_edges(values, "fd")) - 1, *BARS))
-    counts, borders = np.histogram(values, bars)
+    width = 2.0 * np.subtract(*np.percentile(values, [75, 25])) / np.cbrt(len(values))
+    bars = BARS[0] if width == 0 else int(np.clip(np.ceil(np.ptp(values) / width), *BARS))
+    counts, borders = np.histogram(values, 1 if flat else bars)
     return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
 
 

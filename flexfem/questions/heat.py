@@ -13,8 +13,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.model import ModelChoice, hinge_compliance
-from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.model import ModelChoice, analyse
 from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
@@ -33,7 +32,7 @@ from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, on_meshes
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity, Result
 from flexfem.units import EXPANSION
 
@@ -94,12 +93,11 @@ class Expansion(NamedTuple):
 class WarmFields(NamedTuple):
     """Fields of the finest plane mesh by case, per kelvin or per K/mm.
 
-    ground : (k, 3), edges of the mesh that the frame carries.   hub_radius : mm, of the disc that expands freely.
+    ground : (k, 3), edges of the mesh that the frame carries.
     """
 
     cases: dict[str, Fields]
     ground: Index
-    hub_radius: float
 
 
 @setup.question
@@ -172,14 +170,13 @@ def expansion_of(stage: Stage) -> Expansion:
 
 def _by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
     """The three cases by the pseudo-rigid model."""
-    stage, mobility, formula, links = chosen
+    stage, at_rest = chosen.stage, analyse(*chosen)
     design = lower(stage)
-    freedoms = freedoms_of(21 if links else mobility, design.prismatic)
-    hinges = Compliance(*(np.asarray(part)[None] for part in hinge_compliance(stage, formula)))
+    hinges = Compliance(*(part[None] for part in at_rest.hinges))
     rates = (np.array([alpha.stage]), np.array([alpha.frame]))
-    bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if links else None
+    bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if chosen.links else None
     pose, reaction, stress = (
-        np.moveaxis(part[0], -1, 0) for part in analytic_drift(design, hinges, freedoms, *rates, bodies)
+        np.moveaxis(part[0], -1, 0) for part in analytic_drift(design, hinges, at_rest.freedoms, *rates, bodies)
     )
     along, pull = stress / von_mises_along(design.out_of_plane)[0], float(design.out_of_plane[0])
     places = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
@@ -218,7 +215,7 @@ def _in_plane(
         case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, found.fields[k], stresses[k])
         for k, case in enumerate(CASES)
     }
-    return Answered(values, bands), WarmFields(drawn, mesh.edges["ground"], stage.platform.hub_radius)
+    return Answered(values, bands), WarmFields(drawn, mesh.edges["ground"])
 
 
 def _in_three_dimensions(
@@ -295,6 +292,6 @@ def _unlike(chosen: ModelChoice) -> list[Array]:
         try:
             other = stage.replace(override=necks)
             found.append(_by_network(chosen._replace(stage=other), expansion_of(other)).values["pose"])
-        except BadInput:  # a neck as wide as its link, or off the chart
+        except (BadInput, ComputationFailed):  # a neck as wide as its link, or off the chart
             continue
     return [max(poses, key=lambda pose: float(np.hypot(*pose[:2]))) for poses in zip(*found, strict=True)]

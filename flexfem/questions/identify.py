@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from flexfem import arguments
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import CALIBRATED, best_model, stiffness_with_necks
+from flexfem.analytic.model import CALIBRATED, analyse, best_model, stiffness_with_necks
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import AnyArray, Array, inverse
 from flexfem.files.refusals import place_of
@@ -282,6 +282,7 @@ def _problem(
 def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     """Neck offsets (n,), mm, and the compliances (n, 3, 3) of stages with them, by the best model there is."""
     chosen = best_model(stage, warnings)
+    analyse(*chosen)  # refuses a stage that has no answer itself
     stage, formula = chosen.stage, chosen.formula
     neck, radius = stage.array("neck"), stage.array("radius")
     ends = FURTHEST * float(np.min(neck)) * np.array([-1.0, 1.0])
@@ -320,8 +321,8 @@ def _region(of: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:
 
 
 def unexplained(chi_square: float, dof: int) -> bool:
-    """Whether a fit is none: chance alone would hardly leave so much."""
-    return dof > 0 and bool(chi2.sf(chi_square, dof) < POOR)
+    """Whether a fit is none: chance would hardly leave so much. Without one, one degree of freedom counts."""
+    return bool(chi2.sf(chi_square, max(dof, 1)) < POOR)
 
 
 def finding(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
@@ -329,7 +330,7 @@ def finding(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: b
     um, (neither, by_necks, by_fixture) = MICROMETRE.factor, allowed
     necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
     if unexplained(best.chi_square, dof):
-        usual = f"where chance goes beyond {chi2.isf(POOR, dof):.3g} once in {1 / POOR:.0f}"
+        usual = f"where chance goes beyond {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}"
         return (
             f"Nothing of this explains the data: chi square {best.chi_square:.3g} at the best fit, {usual}. "
             "Look at the standard deviations, or for another cause."

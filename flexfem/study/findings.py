@@ -6,10 +6,9 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
 from pydantic import ValidationError
 
 from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, wide
@@ -38,6 +37,7 @@ ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be;
 SIZE = "envelope_mm"
 TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
 SAME = 1e-9  # part by which numbers of one design may differ
+LARGEST = 1e100  # number that is drawn; squares of it, and of the least number, can be computed
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
 
@@ -159,10 +159,17 @@ class Source(NamedTuple):
             return AxisText(derived[name].label or name, derived[name].unit or "")
         return output(name, self.loaded.study)
 
-    def cleared(self, name: str, values: ArrayLike) -> Any:
-        """Numbers of a column to be printed, as a list or a number: round-off as 0."""
-        found, size = np.asarray(values, dtype=np.float64), self.table.round_off_sizes.get(name, 0.0)
-        return np.where(np.abs(found) <= ROUND_OFF * size, 0.0, found).tolist()
+    def column(self, name: str) -> Array:
+        """Numbers of a column of the table (n,), round-off as 0."""
+        return self._cleared(name, self.table.columns[name])
+
+    def own(self, name: str) -> float | None:
+        """The base stage's number of a column, round-off as 0; None where it is not known."""
+        value = np.asarray(self.nominal.get(name, np.nan))
+        return float(self._cleared(name, value)) if np.isfinite(value) else None
+
+    def _cleared(self, name: str, values: Array) -> Array:
+        return np.where(np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values)
 
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """What stands above a figure, its own title where it has one."""
@@ -184,8 +191,8 @@ class Source(NamedTuple):
 
     def base(self, x: str, y: str) -> tuple[float, float] | None:
         """Where the base stage is among the designs, None where that is not known."""
-        found = (self.nominal.get(x, np.nan), self.nominal.get(y, np.nan))
-        return found if np.isfinite(found).all() else None
+        found = self.own(x), self.own(y)
+        return None if found[0] is None or found[1] is None else (found[0], found[1])
 
     def refused(self, kind: str, name: str, reason: str) -> BadInput:
         """Why a figure of a column cannot be drawn."""
@@ -351,7 +358,7 @@ def findings(source: Source) -> dict[str, Record | Refused]:
         seen[stem] += 1
         try:
             for name, _ in figure.columns.values():
-                _require_finite(source, figure.kind, name)
+                _require_drawable(source, figure.kind, name)
             shown: Record | Refused = made[figure.kind](source, figure)
         except BadInput as error:
             shown = Refused(str(error))
@@ -359,12 +366,13 @@ def findings(source: Source) -> dict[str, Record | Refused]:
     return found
 
 
-def _require_finite(source: Source, kind: str, name: str) -> None:
-    table = source.table
-    bad = np.flatnonzero(table.ok & ~np.isfinite(table.columns[name]))
+def _require_drawable(source: Source, kind: str, name: str) -> None:
+    table, sizes = source.table, np.abs(source.column(name))
+    bad = np.flatnonzero(table.ok & (sizes != 0) & ~((sizes >= 1 / LARGEST) & (sizes <= LARGEST)))
     if len(bad):
         of = f"{len(bad)} of {int(table.ok.sum())} designs with an answer, expected one for each"
-        raise source.refused(kind, name, f"no finite number for {of}; the first is design {table.design[bad[0]]}")
+        number = f"no finite number, 0 or {1 / LARGEST:g} to {LARGEST:g} in size,"
+        raise source.refused(kind, name, f"{number} for {of}; the first is design {table.design[bad[0]]}")
 
 
 # maps
@@ -374,7 +382,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     """A value over two factors, or its mean over the others where they vary too. Raises BadInput."""
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
     across, up, shown = (source.quantity(name) for name in (x, y, value))
-    cells, lines = cells_of(source.loaded, source.table, (x, y), value), list[str]()
+    cells, lines = cells_of(source, (x, y), value), list[str]()
     known = np.isfinite(cells.values)
     if not known.any():
         raise source.refused("map", value, "no design to show keeps all constraints, expected some")
@@ -392,7 +400,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
         )
     numbers = np.column_stack([cells.values, cells.points])
     ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
-    rows = [(word, *map(source.cleared, (value, x, y), numbers[place])) for word, place in ends]
+    rows = [(word, *numbers[place].tolist()) for word, place in ends]
     head = {"end": "", **{name: source.quantity(name).label for name in (value, x, y)}}
     ends_of = FoundTable("Ends of the map", head, rows)
     marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
@@ -400,12 +408,13 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     return StudyMap(caption, across, up, shown, cells, marks, source.base(x, y), ends_of)
 
 
-def cells_of(loaded: LoadedStudy, table: StudyTable, names: tuple[str, str], value: str) -> Cells:
+def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
     """The value over two factors; where other factors vary as well, its mean over them in cells of the two."""
+    loaded, table = source.loaded, source.table
     others = tuple(
         column.name for column in loaded.columns if column.name not in names and np.ptp(table.columns[column.name]) > 0
     )
-    points, values = np.column_stack([table.columns[name] for name in names]), table.columns[value]
+    points, values = np.column_stack([table.columns[name] for name in names]), source.column(value)
     grid = loaded.study.sampling.method == "grid"
     if not others:
         missing = {status: table.status == status for status in table.counts if status != "ok"}
@@ -453,7 +462,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     rows = np.flatnonzero(table.kept)
     if len(rows) == 0:
         raise source.refused("pareto", y, "no design keeps all constraints, expected some")
-    points = np.column_stack([table.columns[name][rows] for name in (x, y)])
+    points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
     def stages_at(places: Index) -> Iterator[Stage | None]:
         values = np.column_stack([table.columns[column.name][rows[places]] for column in loaded.columns])
@@ -467,11 +476,11 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     called = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
     x_name, y_name = (name._replace(log=name.log or wide(values)) for name, values in called)
     names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
-    wanted = front.places[spread(along, figure.drawn)]
-    shown_of = np.column_stack([table.columns[name][rows[wanted]] for name in names]).tolist()
+    wanted = spread(along, figure.drawn)
+    numbers = {name: source.column(name)[rows[front.places]] for name in names}
     chosen = [
-        Chosen(place, stage, [*zip(map(source.quantity, names), numbers, strict=True)])
-        for place, stage, numbers in zip(wanted.tolist(), stages_at(wanted), shown_of, strict=True)
+        Chosen(front.places[k], stage, [(source.quantity(name), float(found[k])) for name, found in numbers.items()])
+        for k, stage in zip(wanted, stages_at(front.places[wanted]), strict=True)
         if stage is not None
     ]
     without = {status: n for status, n in table.counts.items() if status != "ok"}
@@ -493,9 +502,9 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
             "is as good, and it is none of them."
         )
     head = {"design": "design", **{name: source.quantity(name).label for name in names}}
-    numbers = [source.cleared(name, table.columns[name][rows[front.places]]) for name in names]
     designs = map(str, table.design[rows[front.places]])
-    shown = FoundTable("Designs of the front", head, list(zip(designs, *numbers, strict=True)))
+    columns = [found.tolist() for found in numbers.values()]
+    shown = FoundTable("Designs of the front", head, list(zip(designs, *columns, strict=True)))
     caption = source.caption(figure, f"{y_name.name} against {x_name.name}", *said)
     better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
     return ParetoFront(caption, x_name, y_name, better, points, *places, chosen, left_out, own, power, gain, shown)
@@ -570,17 +579,17 @@ def _gain(
     source: Source, figure: Figure, rows: Index, undrawable: Index, drawn: Callable[[Index], Iterable[Stage | None]]
 ) -> float | None:
     """What the best design that can be drawn gains in y over the base stage, at no cost in x and size."""
-    x, y, nominal = figure.x or "", figure.y or "", source.nominal
-    if not {x, y, SIZE} <= nominal.keys() or nominal[y] == 0:
+    x, y, sign = figure.x or "", figure.y or "", {"larger": 1.0, "smaller": -1.0}
+    own_x, own_y, own_size = map(source.own, (x, y, SIZE))
+    if own_x is None or own_size is None or not own_y:
         return None
-    reached, gained, size = (source.table.columns[name][rows] for name in (x, y, SIZE))
-    sign = {"larger": 1.0, "smaller": -1.0}
-    fits = (sign[figure.x_better] * (reached - nominal[x]) >= 0) & (size <= nominal[SIZE])
+    reached, gained, size = (source.column(name)[rows] for name in (x, y, SIZE))
+    fits = (sign[figure.x_better] * (reached - own_x) >= 0) & (size <= own_size)
     fits[undrawable] = False
     places = np.flatnonzero(fits)
     ordered = places[np.argsort(-sign[figure.y_better] * gained[places], kind="stable")][:ATTEMPTS]
     best = next((place for place, stage in zip(ordered, drawn(ordered), strict=True) if stage is not None), None)
-    return None if best is None else float(gained[best] / nominal[y])
+    return None if best is None else float(gained[best] / own_y)
 
 
 # percentiles
@@ -592,13 +601,11 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
     saltelli = loaded.study.sampling.method == "saltelli"  # whose rows of one Sobol point are one draw
     draws = table.design[table.ok] // (len(loaded.columns) + 2) if saltelli else None
     for name in figure.values or ():
-        (values,), called = table.answered(name), source.quantity(name)
-        scatters.append(Scatter(called, values, percentiles(values, MARKED, draws), source.nominal.get(name)))
-        for p, *ends in scatters[-1].percentiles:
-            rows.append((called.name, called.unit, f"{p:g}{SPACE}%", *source.cleared(name, ends)))
-        if name in source.nominal:
-            base = source.cleared(name, source.nominal[name])
-            rows.append((called.name, called.unit, "base stage", base, np.nan, np.nan))
+        values, called, own = source.column(name)[table.ok], source.quantity(name), source.own(name)
+        scatters.append(Scatter(called, values, percentiles(values, MARKED, draws), own))
+        rows += [(called.name, called.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in scatters[-1].percentiles]
+        if own is not None:
+            rows.append((called.name, called.unit, "base stage", own, np.nan, np.nan))
     line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
     if loaded.given is not None:
         line += " They hold if the designs of the table are independent draws."

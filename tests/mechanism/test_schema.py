@@ -231,7 +231,7 @@ TRUE_LINES: dict[KeyPath, int] = {
 
 def test_the_line_of_a_key_is_where_it_stands(scratch: Path) -> None:
     scratch.write_text("\n".join(DOCUMENT))
-    lines = read_toml(scratch).lines
+    lines = read_toml(scratch)
     assert {path: lines.line(path) for path in TRUE_LINES} == TRUE_LINES
 
 

@@ -45,8 +45,8 @@ def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
     return Source(loaded, answered(loaded, **changed), own_values(loaded))
 
 
-def page_of(source: Source) -> str:
-    made = [make() for _, make in study_parts(source, findings(source), STATUS)]
+def page_of(source: Source, **status: list[str]) -> str:
+    made = [make() for _, make in study_parts(source, findings(source), STATUS | status)]
     said = {"subtitle": "", "assumptions": "", "command": "flexfem report", "made": "2026-01-02", "versions": {}}
     return html_of(made, title=source.loaded.study.name, **said)
 
@@ -75,8 +75,10 @@ def test_what_symmetry_makes_zero_is_zero_on_the_page(tmp_path):
 
 def test_the_ends_of_a_map_are_below_it(tmp_path):
     """Stiffnesses from 50 to 61 in no order: 50 at the first design, 61 at the sixth."""
-    rows = rows_of(page_of(source_of(study(tmp_path, GRID + MAP), kxx_n_per_mm=50.0 + 7 * np.arange(12) % 12)))
-    assert rows["least"] == ["50.000", "2.0000", "0.40000"] and rows["most"] == ["61.000", "2.5000", "0.80000"]
+    source = source_of(study(tmp_path, GRID + MAP), kxx_n_per_mm=50.0 + 7 * np.arange(12) % 12)
+    html = page_of(source._replace(unseen=["nothing follows it"]), warnings=["nothing follows it"])
+    assert rows_of(html)["least"] == ["50.000", "2.0000", "0.40000"] and html.count("nothing follows it") == 1
+    assert rows_of(html)["most"] == ["61.000", "2.5000", "0.80000"]
 
 
 def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_constraint(tmp_path):
@@ -109,7 +111,7 @@ def test_hostile_names_stay_text(tmp_path):
 def test_a_figure_that_cannot_be_drawn_says_why_and_the_others_are_there(tmp_path):
     bad = '[[output]]\nname = "root"\nexpression = "sqrt(kxx_n_per_mm - 1e9)"\n' + FRONT.replace("kxx_n_per_mm", "root")
     html = page_of(source_of(study(tmp_path, GRID + bad + MAP), root=np.full(12, np.nan)))
-    assert "It is not drawn." in html and "no finite number for 12 of 12" in html
+    assert "It is not drawn." in html and "in size, for 12 of 12" in html
     assert "least" in rows_of(html)
 
 

@@ -4,22 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from flexfem import units
 from flexfem.mechanism.keys import keys
 from flexfem.plot.text import percent
-from flexfem.units import (
-    COMMANDS,
-    COMPLIANCES,
-    FORCES,
-    LENGTH,
-    MICROMETRE,
-    POSES,
-    STIFFNESSES,
-    STRESS,
-    UNITS,
-    unit_for,
-    unit_of,
-    without_unit,
-)
+from flexfem.units import UNITS, unit_for, unit_of, without_unit
 
 SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K, s, tonne
     "µm/(m K)": 1e-6, "µm": 1e-3, "mrad": 1e-3, "°": 0.017453292519943295, "GPa": 1e3, "MPa/µm": 1e3, "N/µm": 1e3,
@@ -44,16 +32,16 @@ def test_the_unit_of_a_column_or_key_is_what_its_name_ends_in() -> None:
 
 
 def test_every_direction_has_its_unit() -> None:
-    assert [unit.name for unit in (LENGTH, MICROMETRE, STRESS)] == ["mm", "µm", "MPa"]
-    assert [unit.plain for unit in (MICROMETRE, UNITS["deg"], STRESS)] == ["um", "deg", "MPa"]
-    for units, names in (
-        (POSES, ["mm", "mm", "rad"]),
-        (COMMANDS, ["µm", "µm", "mrad"]),
-        (FORCES, ["N", "N", "N mm"]),
-        (STIFFNESSES, ["N/mm", "N/mm", "N mm/rad"]),
-        (COMPLIANCES, ["mm/N", "mm/N", "rad/(N mm)"]),
+    assert [unit.name for unit in (units.LENGTH, units.MICROMETRE, units.STRESS)] == ["mm", "µm", "MPa"]
+    assert [unit.plain for unit in (units.MICROMETRE, UNITS["deg"], units.STRESS)] == ["um", "deg", "MPa"]
+    for found, names in (
+        (units.POSES, ["mm", "mm", "rad"]),
+        (units.COMMANDS, ["µm", "µm", "mrad"]),
+        (units.FORCES, ["N", "N", "N mm"]),
+        (units.STIFFNESSES, ["N/mm", "N/mm", "N mm/rad"]),
+        (units.COMPLIANCES, ["mm/N", "mm/N", "rad/(N mm)"]),
     ):
-        assert list(map(str, units)) == names
+        assert list(map(str, found)) == names
 
 
 PREFIXES = [

@@ -170,3 +170,8 @@ def test_the_figure_has_the_numbers_of_every_case_and_says_where_it_is_warmer(fo
 def test_options_that_do_not_go_together_are_refused(options, said):
     with pytest.raises(flexfem.BadInput, match=said):
         cli.app(["drift", str(STAGE), *options], standalone_mode=False)
+
+
+def test_a_neck_too_thin_beside_the_others_is_refused(stage):
+    with pytest.raises(flexfem.BadInput, match=r"hinges\.base\.neck_mm = 0\.0001: this neck is so much thinner"):
+        flexfem.drift(stage.replace(neck={"base": 1e-4}), models="analytic")

@@ -118,11 +118,11 @@ def test_two_springs_of_their_own_take_all_that_slopes_can_say():
 
 
 def test_slopes_that_nothing_explains_are_said_to_be_so():
-    """X and Y of a symmetric stage differ by 10 %."""
-    slopes = made(reference(), 0.0, 1.0) * [1.05, 0.95, 1.0]
-    found = identify(reference(), measured(slopes))
-    assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 100
-    assert not found.distinct
+    """X and Y of a symmetric stage differ by 10 %; stiffer in theta alone, which no pole makes; no freedom is left."""
+    for factors, axes in (([1.05, 0.95, 1.0], (0, 1, 2)), ([1.0, 1.0, 1.1], (0, 2))):
+        found = identify(reference(), measured(made(reference(), 0.0, 1.0) * factors, axes=axes))
+        assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 20
+        assert not found.distinct
 
 
 def test_a_difference_between_alike_directions_is_no_ground_to_stand_on():

@@ -63,6 +63,17 @@ def test_the_power_along_a_front_is_that_of_its_designs_and_not_of_the_others(st
     assert found.gain is None
 
 
+def test_what_symmetry_makes_zero_makes_no_front(studies) -> None:
+    loaded = studies.of(
+        'method = "monte_carlo"\ndesigns = 50\nseed = 3', FREE, tail=FRONT.replace("kxx_n_per_mm", "kxt_n")
+    )
+    noise = np.random.default_rng(4).normal(0.0, 1e-14, 50)
+    table = table_of(loaded, range_x_um=np.arange(50.0), kxt_n=noise)
+    (found,) = found_in(loaded, table, {"range_x_um": 3.0, "kxt_n": 1e-15, "envelope_mm": 9.0})
+    assert found.front.tolist() == [48] and set(found.points[:, 1]) == {0.0} and found.base == (3.0, 0.0)
+    assert found.gain is None
+
+
 def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
     loaded = studies.of(
         'method = "monte_carlo"\ndesigns = 99\nseed = 3',
@@ -75,7 +86,10 @@ def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
     columns = {name: np.where(table.ok, value, np.nan) for name, value in table.columns.items()}
     found = found_in(loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived))
     assert [type(one) for one in found] == [Refused, Refused, Distribution]
-    assert "no finite number for 2 of 98 designs" in found[0].reason and "the first is design 0" in found[0].reason
+    assert (
+        "1e-100 to 1e+100 in size, for 2 of 98 designs" in found[0].reason
+        and "the first is design 0" in found[0].reason
+    )
     assert "98 designs have an answer, expected at least 100" in facts_of(found[1])["refused"]
 
 
@@ -94,7 +108,7 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     table = replace(table, feasible=judge(loaded, table.columns, table.ok).feasible)
     (found,) = found_in(loaded, table)
     assert isinstance(found, StudyMap) and [row["kxx_n_per_mm"] for row in found.table.facts] == [0.0, 5.0]
-    cells = cells_of(loaded, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    cells = cells_of(Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
     assert {why: np.flatnonzero(which).tolist() for why, which in cells.missing.items()} == {
         "refused": [1], "breaks a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
     nothing = replace(table, feasible=np.zeros(12, dtype=bool))
@@ -107,7 +121,7 @@ def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
     loaded = studies.of('method = "sobol"\ndesigns = 2048\nseed = 3', *factors)
     x, y, z = sample(loaded, 0, 2048).T
     table = table_of(loaded, kxx_n_per_mm=2 * x + 30 * np.log(y) + 50 * (z - 0.5))
-    cells = cells_of(loaded, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    cells = cells_of(Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
     plane = 2 * cells.points[:, 0] + 30 * np.log(cells.points[:, 1])
     assert cells.averaged == ("z",) and cells.grid and len(cells.values) == 13**2 and not cells.missing
     assert np.abs(cells.values - plane).max() < 4 * 2.95 / np.sqrt(8)  # about 12 designs a cell, 2.95 by z and place
@@ -116,7 +130,7 @@ def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:
     assert cells.size == 12
     grid = studies.of('method = "grid"', *GRID, 'label = "z"\nkey = "hinges.elbow.neck_mm"\nvalues = [0.4, 0.6, 0.5]')
     table = table_of(grid, kxx_n_per_mm=np.arange(36.0))
-    cells = cells_of(grid, table, ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
+    cells = cells_of(Source(grid, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
     neck, thickness = np.round(cells.points[:, 1], 9), cells.points[:, 0]
     first = cells.values[(neck == 0.4) & (thickness == 8.0)]
     assert first == 1.0 and cells.values[(neck == 0.4) & (thickness == 10.0)] == 4.0  # of 0 and 2: the second has none
