@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
 from flexfem.files.refusals import checked_path
-from flexfem.files.toml import Path as PathLike
+from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
 from flexfem.study import MOST_WORKERS, REPORTS, run

@@ -101,10 +101,8 @@ def view(file: Path, *, output: Path | None = None) -> View:
     skeleton = found.given("chain.link_lengths_mm", "chain.joint_angles_deg")
     if not (found.whole or skeleton or found.given("platform.radius_mm")):
         raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg to begin")
-    window, written = target is None and drawing.has_display(), list[Path]()
-    if window:
-        drawing.show_window(stage, missing)
-    else:
+    window, written = target is None and drawing.show_window(stage, missing), list[Path]()
+    if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
         written = write_beside(place, drawing.drawing_figure(stage, missing))

@@ -42,6 +42,7 @@ BAD = [  # function of the API, arguments, options, what is said
     ("modes", [STAGE], {"drives": "on"}, "drives 'on', expected disengaged or engaged"),
     ("modes", [STAGE], {"payload": (NAN, 0)}, "payload nan 0, expected two numbers from 0"),
     ("modes", [STAGE], {"payload": (-1, 0)}, "payload -1 0, expected two numbers from 0"),
+    ("modes", [STAGE], {"payload": "12"}, "payload '12', expected two numbers"),
     ("modes", [STAGE], {"count": 0}, "count 0, expected an integer from 1 to 100"),
     ("modes", [STAGE], {"damping": NAN}, "damping nan, expected a number above 0, at most 99"),
     ("modes", [STAGE], {"tilting": 3.0}, "tilting without layers"),

@@ -15,7 +15,7 @@ from flexfem.design.proof import ProposedElements, Store
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
 from flexfem.files.refusals import checked_path
-from flexfem.files.toml import Path as PathLike
+from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed

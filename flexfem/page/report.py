@@ -20,8 +20,7 @@ from flexfem.fem.fields import neck_maxima
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.toml import kind_of, read_toml
+from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
@@ -385,7 +384,7 @@ def _stress(stage: Stage) -> PageSection:
         f"{percent(100 * float(stress.max()) / stage.material.yield_strength)} of the yield strength"
         for name, stress in necks.items()
     )
-    draw = partial(stress_figure, shown, stage.platform.hub_radius)
+    draw = partial(stress_figure, shown)
     figure = shown_figure("stress-figure", draw, "The deformed stage coloured by von Mises stress.", data)
     said = f"The other directions are held; the amplitudes are assumed. {highest}."
     return _section("stress", "Stress", notes([said], "note"), figure)

@@ -141,7 +141,8 @@ def life_figure(found: Life) -> Figure:
     asked, first = found.settings, []
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
         cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
-        first.append(f"By {model}: {cycles}, {_first(stress)[1]} first")
+        chain, hinge = divmod(int(np.argmax(stress)), 3)
+        first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
     law, *others = found.notes
     lines = [
         f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
@@ -152,12 +153,6 @@ def life_figure(found: Life) -> Figure:
     )
     plot_life(axes, found)
     return figure
-
-
-def _first(stress: Array) -> tuple[tuple[int, int], str]:
-    """Chain and hinge of the highest of stresses (3, 3), and the name of that place."""
-    chain, hinge = divmod(int(np.argmax(stress)), 3)
-    return (chain, hinge), f"{HINGE_NAMES[hinge]} hinge of chain {chain + 1}"
 
 
 def plot_life(ax: Axes, found: Life) -> Axes:
@@ -189,18 +184,12 @@ def plot_life(ax: Axes, found: Life) -> Axes:
 
 
 def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
-    """The necks of one model, and the first of them by name; those that live beyond the axis are left out."""
-    hollow = model == ANALYTIC
+    """The necks of one model; those that live beyond the axis are left out."""
     style: Any = {"markersize": 5.5, "zorder": 3}
-    if hollow:
+    if model == ANALYTIC:
         style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
     for hinge, name in enumerate(HINGE_NAMES):
         shown = cycles[:, hinge] < SHOWN
         if np.any(shown):
             points = cycles[shown, hinge], stress[shown, hinge]
             ax.plot(*points, linestyle="none", marker=HINGES[name], label=f"{name}, {model}", color=COLOURS[2], **style)
-    place, first = _first(stress)
-    if hollow and cycles[place] < SHOWN:
-        look = {"arrowstyle": "-", "color": GREY}
-        at = (cycles[place], stress[place])
-        ax.annotate(f"first: {first}", at, (14, 30), textcoords="offset points", arrowprops=look)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -37,10 +37,8 @@ WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stre
 
 def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize) -> None:
     """Draw a mesh with its nodes moved, coloured by values at them; in grey its outline at rest."""
-    boundary, grid = (
-        boundary_of(triangles),
-        Triangulation(moved[:, 0], moved[:, 1], triangles[:, QUARTERS].reshape(-1, 3)),
-    )
+    boundary = boundary_of(triangles)
+    grid = Triangulation(moved[:, 0], moved[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
     ax.tripcolor(grid, values, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
     draw_boundary(ax, nodes, boundary, "#8A8A8A", 0.9, zorder=1)
     draw_boundary(ax, moved, boundary, INK, 0.5)
@@ -48,23 +46,18 @@ def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values
 
 
 def plot_displacement(
-    ax: Axes | None,
-    fields: Fields,
-    *,
-    factor: float | None = None,
-    norm: LogNorm | None = None,
-    hub_radius: float = 0.0,
+    ax: Axes | None, fields: Fields, *, factor: float | None = None, norm: LogNorm | None = None
 ) -> Axes:
     """Draw a stage displaced by finite elements, coloured by von Mises stress; in grey its outline at rest.
 
-    `factor`, `norm` : exaggeration and scale of stress, by default those that suit the fields.   `hub_radius` : of the
-    rigid disc, mm, which is filled; 0 leaves its hole. Returns `ax`, or new axes.
+    `factor`, `norm` : exaggeration and scale of stress, by default those that suit the fields. Returns `ax`, or new
+    axes.
     """
     ax = ax or new_axes()
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
     moved = fields.nodes + factor * fields.displacement
     draw_field(ax, fields.nodes, fields.triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
-    draw_hub(ax, fields.nodes, moved, hub_radius)
+    draw_hub(ax, fields.nodes, moved)
     fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
 
@@ -92,27 +85,22 @@ def draw_scale(figure: Figure, axes: Any, norm: Normalize, label: str, **place: 
 
 
 @in_house_style
-def stress_figure(fields: Mapping[str, Fields], hub_radius: float) -> Figure:
+def stress_figure(fields: Mapping[str, Fields]) -> Figure:
     """Draw the stage under every load, by what is said of it."""
-    return _displaced("", ["Displacements"], fields, [hub_radius] * len(fields), len(fields))[0]
+    return _displaced("", ["Displacements"], fields, len(fields))[0]
 
 
 def _displaced(
-    title: str,
-    lines: list[str],
-    fields: Mapping[str, Fields],
-    hubs: Sequence[float],
-    columns: int,
-    assumptions: Any = None,
+    title: str, lines: list[str], fields: Mapping[str, Fields], columns: int, assumptions: Any = None
 ) -> tuple[Figure, list[Axes], float]:
     """A panel for each stage, all with one exaggeration and one scale of stress; figure, panels and exaggeration."""
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
     size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
     said = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
     figure, found = panels(size, title, [lines[0] + said, *lines[1:]], rows, columns, assumptions, len(fields))
-    for axes, (label, each), hub in zip(found, fields.items(), hubs, strict=True):
+    for axes, (label, each) in zip(found, fields.items(), strict=True):
         axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        plot_displacement(axes, each, factor=factor, norm=norm, hub_radius=hub)
+        plot_displacement(axes, each, factor=factor, norm=norm)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
     return figure, found, factor
 
@@ -127,8 +115,7 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
         lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
-    hubs = [models[label].hub_radius for label in drawn]
-    figure, found, factor = _displaced(result.name, lines, drawn, hubs, columns, result)
+    figure, found, factor = _displaced(result.name, lines, drawn, columns, result)
     for axes, (label, each) in zip(found, drawn.items(), strict=True):
         moved, (node, place) = each.nodes + factor * each.displacement, largest_stress(models[label], each)
         text = f"largest {significant(float(each.stress[node]), 3)} {STRESS} near {place}"
@@ -186,7 +173,7 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     if case not in warm.cases:
         raise BadInput(f"case {case!r}, expected one of: {', '.join(warm.cases)}")
     fields = warm.cases[case]
-    ax = plot_displacement(ax, fields, hub_radius=warm.hub_radius)
+    ax = plot_displacement(ax, fields)
     moved = fields.nodes + exaggeration(fields) * fields.displacement
     draw_boundary(ax, moved, warm.ground, INK, 3.0, zorder=4)
     x, y = WARM[case][2]

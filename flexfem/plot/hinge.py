@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from flexfem.arrays import Array
+from flexfem.files.refusals import shown
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.stage import arrow, hinges_of, write
@@ -18,6 +19,7 @@ from flexfem.plot.style import COLOURS, GREY, INK, NOTE_COLOUR, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.questions.check import FormulaCurve, HingeReview, ThicknessReview
 from flexfem.questions.errors import CurveModels
+from flexfem.refused import BadInput
 from flexfem.results import SPACE
 from flexfem.units import LENGTH
 
@@ -73,8 +75,9 @@ def merged(review: HingeReview, freedom: str) -> list[tuple[list[str], FormulaCu
 def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
     """Draw the ratio of every formula to the finite elements in one freedom; returns `ax`.
 
-    A formula looks the same in all three freedoms.
+    A formula looks the same in all three freedoms. Raises BadInput for another freedom.
     """
+    _require(freedom, FREEDOMS)
     looks = list(dict.fromkeys(names[0] for each in FREEDOMS for names, *_ in merged(review, each)))
     x, higher = review.ratio, getattr(review.higher, freedom)
     label = f"finite elements, H = h to {review.height:g}{SPACE}h\n1 to {np.max(higher):.2f}"
@@ -89,6 +92,11 @@ def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
     ax.set(xlabel="t/R", ylabel="formula / finite elements")
     style.legend_beside(ax, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
     return ax
+
+
+def _require(freedom: str, known: Sequence[str]) -> None:
+    if freedom not in known:
+        raise BadInput(f"freedom {shown(freedom)}, expected one of {', '.join(known)}")
 
 
 def _over(ax: Axes, x: Array, ticks: Sequence[float], low: float, high: float) -> None:
@@ -128,7 +136,7 @@ def thickness_figure(review: ThicknessReview) -> Figure:
         review.source,
     ]
     figure, found = panels((WIDTH, 6.6), "Circular hinge: compliance over its thickness", lines, 2)
-    for letter, axes, freedom in zip("ab", found, FREEDOMS, strict=False):
+    for letter, axes, freedom in zip("ab", found, FREEDOMS[:2], strict=True):
         plot_thickness(axes, review, freedom)
         style.titled(axes, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
         axes.label_outer()
@@ -136,7 +144,8 @@ def thickness_figure(review: ThicknessReview) -> Figure:
 
 
 def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
-    """Draw the factor of one freedom, rotation or axial, over b/t; returns `ax`."""
+    """Draw the factor of one freedom, rotation or axial, over b/t; returns `ax`. Raises BadInput for another."""
+    _require(freedom, FREEDOMS[:2])
     strain, x = 1 - review.poissons_ratio**2, review.width
     place: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points", "ha": "right"}
     for value, name, shift in ((1.0, "plane stress", 3), (strain, f"plane strain, 1 − ν² = {strain:.3f}", -11)):

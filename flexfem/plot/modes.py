@@ -80,10 +80,8 @@ def title_of(found: NaturalModes, number: int) -> str:
     share, hertz = found.share[number - 1], UNITS["hz"].factor
     most = int(np.argmax(share))
     value, band = (hertz * each[number - 1, -1] for each in (found.frequency, found.band("frequency")))
-    name = found.axes["mode"][number - 1]
-    kind = f"mode {number}{f', {name.partition(chr(32))[2]}' if chr(32) in name else ''}"
-    frequency = f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
-    return f"{kind}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
+    label, frequency = found.axes["mode"][number - 1], f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
+    return f"mode {label}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
 
 
 def plot_mode(ax: Axes | None, found: NaturalModes, number: int) -> Axes:
@@ -112,7 +110,7 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int) -> Axes:
         factor = DRAWN * np.ptp(mesh.nodes, axis=0).max() / sizes.max()
         moved, values = mesh.nodes + factor * field[:, :2], sizes / sizes.max()
     draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
-    draw_hub(ax, mesh.nodes, moved, float(np.hypot(*mesh.nodes[mesh.edges["hub"][0, 0]])))
+    draw_hub(ax, mesh.nodes, moved)
     fit(ax, mesh.nodes, DRAWN + 0.01)
     return ax
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
-from os import environ
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -35,7 +32,7 @@ from flexfem.units import DEGREE, LENGTH
 Point = Sequence[float] | Array
 MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0072B2", "#00664A"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
-KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Hatched: clamped. Disc: rigid hub."
+KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Heavy lines: clamped. Disc: rigid hub."
 STEP = np.pi / 24  # rad of arc between two points of a small drawing
 SIDES = np.array(((0, 1, 3), (1, 2, 4), (2, 0, 5)))  # ends and middle of the sides of a triangle
 QUARTERS = np.array(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)))  # linear triangles on the nodes of a quadratic one
@@ -100,12 +97,12 @@ def draw_boundary(axes: Axes, nodes: Array, edges: Index, colour: str, width: fl
     axes.add_collection(PathCollection([path], **look), autolim=False)
 
 
-def draw_hub(axes: Axes, nodes: Array, moved: Array, radius: float) -> None:
-    """Fill the hub, whose rim is of the nodes at its radius about the origin, where these have moved."""
-    rim = np.flatnonzero(np.abs(np.hypot(*nodes.T) - radius) < 0.01 * radius)
-    if len(rim) > 2:
-        order = rim[np.argsort(np.arctan2(nodes[rim, 1], nodes[rim, 0]))]
-        axes.add_patch(Polygon(list(moved[order]), facecolor="#D0D0D0", edgecolor=INK, linewidth=0.5, zorder=2.5))
+def draw_hub(axes: Axes, nodes: Array, moved: Array) -> None:
+    """Fill the hub, whose rim is of the nodes nearest to the origin, where these have moved."""
+    distance = np.hypot(*nodes.T)
+    rim = np.flatnonzero(distance < 1.01 * distance.min())
+    order = rim[np.argsort(np.arctan2(nodes[rim, 1], nodes[rim, 0]))]
+    axes.add_patch(Polygon(list(moved[order]), facecolor="#D0D0D0", edgecolor=INK, linewidth=0.5, zorder=2.5))
 
 
 def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
@@ -116,21 +113,12 @@ def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> No
     draw_boundary(axes, nodes, boundary_of(triangles), INK, max(0.8, 2 * width))
 
 
-def hatch_ground(axes: Axes, ends: Array, depth: float) -> None:
-    """Hatch a strip of ground so deep, in mm, to the right of lines (k, 2, 2), which have the body on their left."""
-    along = ends[:, 1] - ends[:, 0]
-    outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    strips = np.concatenate([ends, (ends + depth * outward[:, None])[:, ::-1]], axis=1)
-    hatched = PolyCollection(list(strips), facecolors="none", edgecolors=INK, linewidths=0.0, hatch="//////", zorder=4)
-    for each in (hatched, LineCollection(list(ends), colors=INK, linewidths=2.2, zorder=4)):
-        axes.add_collection(each, autolim=False)
-
-
 def frame_cross(axes: Axes, length: float) -> None:
     """The platform's frame at the origin: X, Y."""
-    for head, beside, name in (((1.0, 0.0), (0.9, -0.3), "X"), ((0.0, 1.0), (-0.3, 0.9), "Y")):
-        arrow(axes, (0.0, 0.0), length * np.array(head), colour=NOTE_COLOUR, width=1.2)
-        write(axes, length * np.array(beside), name, NOTE_COLOUR)
+    look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center", "color": NOTE_COLOUR}
+    for tip, beside, name in (((length, 0.0), (0.0, -9.0), "X"), ((0.0, length), (-9.0, 0.0), "Y")):
+        arrow(axes, (0.0, 0.0), tip, colour=NOTE_COLOUR, width=1.2)
+        axes.annotate(name, tip, beside, size=9.0, zorder=8, **look)
 
 
 def fit(axes: Axes, nodes: Array, room: float = 0.1) -> float:
@@ -213,7 +201,7 @@ def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     draw_mesh(ax, nodes, triangles, width=0.18)
     size = fit(ax, nodes)
     boundary, held = boundary_of(triangles), ~np.any(fields.displacement != 0.0, axis=1)
-    hatch_ground(ax, nodes[boundary[held[boundary].all(axis=1), :2]], 0.025 * size)
+    draw_boundary(ax, nodes, boundary[held[boundary].all(axis=1)], INK, 2.8, zorder=4)
     ax.add_patch(Circle((0, 0), hub, facecolor=HUB, edgecolor=INK, linewidth=0.9, zorder=2.5))
     frame_cross(ax, max(0.6 * hub, 0.04 * size))
     taken: list[Any] = [shapely.MultiPoint(nodes[::4])]
@@ -341,7 +329,10 @@ def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
         foot, side = at - 3.2 * radius * along, radius * across
         corners = [at, foot + 1.7 * side, foot - 1.7 * side]
         axes.add_patch(Polygon(corners, facecolor="white", edgecolor=LINK, linewidth=1.5, zorder=2.5))
-        hatch_ground(axes, np.array([[foot + 2.6 * side, foot - 2.6 * side]]), 1.4 * radius)
+        ground = [foot + 2.6 * side, foot - 2.6 * side]
+        strip = [*ground, *(end - 1.4 * radius * along for end in reversed(ground))]
+        axes.add_patch(Polygon(strip, facecolor="none", edgecolor=INK, linewidth=0.0, hatch="//////", zorder=4))
+        axes.plot(*np.transpose(ground), color=INK, linewidth=2.2, zorder=4)
     sliders = [way for kind, way in (("axial", along), ("shear", across)) if kind in hinge.freedoms]
     for place, way in enumerate(sliders, start=1):
         middle = at + (1 if base else -1) * place * PITCH * radius * along
@@ -436,14 +427,7 @@ def _draw_partial(ax: Axes, found: PartialStage) -> Array:
     labels += [(f"l{k + 1} {x:.6g}", lines[0, k : k + 2].mean(axis=0)) for k, x in enumerate(stage.chain.link_lengths)]
     for line in lines:
         ax.plot(*line.T, "o-", color=INK, linewidth=1.2, markersize=3.5, zorder=4)
-    for k, name in enumerate(HINGE_NAMES):
-        known = {"R": "radius", "t": "neck"}
-        said = [
-            f"{letter} {getattr(stage.hinge(1, name), key):.6g}"
-            for letter, key in known.items()
-            if found.given(f"hinges.{name}.{key}_mm")
-        ]
-        labels.append((f"{name} hinge {', '.join(said)}".strip(), lines[0, k]))
+    labels += [(f"{name} hinge", lines[0, k]) for k, name in enumerate(HINGE_NAMES)]
     for text, anchor in labels:
         place_label(ax, anchor, text, taken, 0.04 * size, **SAID)
     return np.concatenate([*seen, 1.2 * lines.reshape(-1, 2)])
@@ -472,25 +456,18 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
     return figure
 
 
-def has_display() -> bool:
-    """Whether matplotlib can open a window here."""
-    if sys.platform.startswith("linux") and not (environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY")):
-        return False
-    from matplotlib.backends.registry import BackendFilter, backend_registry
-
-    try:
-        known: Any = backend_registry
-        return mpl.get_backend().lower() in known.list_builtin(BackendFilter.INTERACTIVE)
-    except ImportError:  # of the backend that the user asks for
-        return False
-
-
-def show_window(stage: Stage, missing: Sequence[str] = ()) -> None:
-    """Open the drawing in a window, and wait until it is closed."""
+def show_window(stage: Stage, missing: Sequence[str] = ()) -> bool:
+    """Open the drawing in a window and wait until it is closed; returns False where none can be opened."""
     from matplotlib import pyplot
 
-    figure, ax = pyplot.subplots(figsize=(8.27, 8.27), layout="constrained")
-    plot_dimensions(ax, stage, missing)
-    ax.set_title(f"{stage.origin}: missing {', '.join(missing)}" if missing else stage.name, wrap=True)
-    pyplot.show()
+    try:
+        figure, ax = pyplot.subplots(figsize=(8.27, 8.27), layout="constrained")
+    except ImportError:  # of the backend that the user asks for
+        return False
+    interactive = figure.canvas.required_interactive_framework is not None
+    if interactive:
+        plot_dimensions(ax, stage, missing)
+        ax.set_title(f"{stage.origin}: missing {', '.join(missing)}" if missing else stage.name, wrap=True)
+        pyplot.show()
     pyplot.close(figure)
+    return interactive

@@ -12,7 +12,7 @@ from flexfem import arguments
 from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
 from flexfem.analytic.responses import DrivenModel, driven_model
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
@@ -41,6 +41,7 @@ from flexfem.questions.driven import (
     sections_of,
     shares,
     stress_along,
+    unit_commands,
 )
 from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, question
 from flexfem.refused import BadInput, ComputationFailed
@@ -372,10 +373,7 @@ def _open_loop(
 
 def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) -> Array:
     """Matrix (3, 3) of the pose to command of a model so that finite elements take a pose, both without load."""
-    none, units = np.zeros(3), np.diag([1e-3, 1e-3, 1e-3 / lever])
-    strokes = [commands_for(model, own, unit, none, lever, "least energy") for unit in units]
-    reached = np.array([moved(elements, own, x, none).pose for x in strokes]).T
-    return np.asarray(units @ np.linalg.inv(reached))
+    return inverse(elements.poses @ unit_commands(model, own, lever))
 
 
 def stack_names(of: StageDrive) -> tuple[str, ...]:

@@ -93,12 +93,11 @@ class Expansion(NamedTuple):
 class WarmFields(NamedTuple):
     """Fields of the finest plane mesh by case, per kelvin or per K/mm.
 
-    ground : (k, 3), edges of the mesh that the frame carries.   hub_radius : mm, of the disc that expands freely.
+    ground : (k, 3), edges of the mesh that the frame carries.
     """
 
     cases: dict[str, Fields]
     ground: Index
-    hub_radius: float
 
 
 @setup.question
@@ -216,7 +215,7 @@ def _in_plane(
         case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, found.fields[k], stresses[k])
         for k, case in enumerate(CASES)
     }
-    return Answered(values, bands), WarmFields(drawn, mesh.edges["ground"], stage.platform.hub_radius)
+    return Answered(values, bands), WarmFields(drawn, mesh.edges["ground"])
 
 
 def _in_three_dimensions(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import io
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -20,8 +19,7 @@ from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.provenance import Assumptions, is_assumed
 from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.toml import bad_key, read_bytes, validate
+from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.designs import Designs, lower
@@ -247,9 +245,9 @@ def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tupl
         if path.suffix == ".csv":
             one_by_one = pyarrow.csv.ReadOptions(use_threads=False)  # so that errors name the row
             numbers = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[])
-            found = pyarrow.csv.read_csv(io.BytesIO(content), one_by_one, convert_options=numbers)
+            found = pyarrow.csv.read_csv(pa.BufferReader(content), one_by_one, convert_options=numbers)
         else:
-            found = pq.read_table(io.BytesIO(content))
+            found = pq.read_table(pa.BufferReader(content))
     except (pa.ArrowException, OSError, ValueError) as error:
         kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None

@@ -144,8 +144,16 @@ def test_a_stage_is_drawn_and_what_is_none_is_refused(name):
     pyplot.close("all")
 
 
-def test_a_budget_in_no_direction_is_refused(made):
-    for direction, shown in (("q", '"q"'), (None, "None"), (["x"], r'\["x"\]')):
-        with pytest.raises(flexfem.BadInput, match=f"direction {shown}, expected one of x, y, theta"):
-            flexfem.plot.plot_budget(pyplot.figure().subplots(), made.budget(), direction)
+@pytest.mark.parametrize(
+    ("name", "first", "expected"),
+    [
+        ("plot_budget", lambda made: made.budget(), "direction .*, expected one of: x, y, theta"),
+        ("plot_formulas", lambda made: hinge_review(), "freedom {}, expected one of rotation, axial, shear"),
+        ("plot_thickness", lambda made: thickness_review(), "freedom {}, expected one of rotation, axial"),
+    ],
+)
+def test_what_is_not_among_the_choices_is_refused(made, name, first, expected):
+    for asked, shown in (("q", '"q"'), (None, "None"), (["x"], r'\["x"\]')):
+        with pytest.raises(flexfem.BadInput, match=expected.format(shown)):
+            getattr(flexfem.plot, name)(pyplot.figure().subplots(), first(made), asked)
         pyplot.close()

@@ -9,13 +9,13 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 from matplotlib import pyplot
-from matplotlib.collections import PathCollection, PolyCollection
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PathCollection
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import flexfem
-from flexfem.plot import stage as drawing
 from flexfem.plot.fields import deformed_figure, largest_stress
 from flexfem.plot.hinge import hinge_rows, hinge_sketch
 from flexfem.plot.stage import links_of_chain, mobility_line, model_sketch, neck_figure, plot_dimensions, stage_figure
@@ -53,8 +53,8 @@ def test_the_stage_is_drawn_in_mm_with_numbers_hub_and_ground(made):
     assert len(mesh) == len(fields.triangles)
     sides = [{tuple(np.round(point, 9)) for point in path.vertices} for path in mesh]
     assert all(tuple(np.round(fields.nodes[n], 9)) in sides[k] for k, t in enumerate(fields.triangles) for n in t)
-    (ground,) = [each for each in axes.collections if isinstance(each, PolyCollection) and each.get_hatch()]
-    assert len(ground.get_paths()) == 3  # one clamped side of each chain
+    (ground,) = [each for each in axes.collections if max(each.get_linewidth()) > 2.0]
+    assert len(ground.get_paths()[0].vertices) == 3 * 3  # one clamped side of each chain: ends and middle
     (hub,) = [patch for patch in axes.patches if isinstance(patch, Circle)]
     assert hub.radius == 7.0
 
@@ -171,7 +171,7 @@ def test_an_unfinished_stage_is_drawn_as_far_as_it_goes():
     plot_dimensions(ax, with_changes(), missing)
     assert set(texts(ax)) == {
         *("l1 31", "l2 33.5", "l3 25", "chain 1", "chain 2", "chain 3", "hub R 7.7"),
-        *("base hinge R 3.9, t 0.53", "elbow hinge R 1.6", "platform hinge"),
+        *("base hinge", "elbow hinge", "platform hinge"),
     }
     ends = [complex(*line.get_xydata()[0]) for line in ax.get_lines()]
     np.testing.assert_allclose(ends, ends[0] * np.exp(2j * np.pi / 3 * np.arange(3)), rtol=0, atol=1e-9)
@@ -182,7 +182,7 @@ def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     with_changes().save("stage.toml")
     opened = []
-    monkeypatch.setattr(drawing, "has_display", lambda: True)
+    monkeypatch.setattr(FigureCanvasAgg, "required_interactive_framework", "any")
     with patch.object(pyplot, "show", lambda: opened.append(pyplot.gcf().axes[0].get_title())):
         found = flexfem.view("stage.toml")
     assert found.window and found.written == [] and opened == ["generic stage"]
