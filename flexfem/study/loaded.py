@@ -99,18 +99,20 @@ class LoadedStudy:
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
         followed = (o for o in stage.override if o.hinge or study.driven)
         refusing = [each for each in study.constraint if study.is_given(each.value)]
-        derived = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
+        used = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
+        numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
             "stage": stage.drive_hash if study.driven else stage.hash,
             "heat": stage.heat_hash if study.drift is not None else None,
             "draws": study.draws,
             "override": sorted((*o.place, sorted(o.changes)) for o in followed),
             "columns": [
-                [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
-                for name, keys, factor in self.columns
+                [name, paths, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
+                for name, paths, factor in self.columns
             ],
             "refused": [[each.value, each.least, each.most, each.said] for each in refusing]
-            + [[output.name, output.expression] for output in study.output if output.name in derived],
+            + [[output.name, output.expression] for output in study.output if output.name in used]
+            + [[name, keys()[name].value_in(stage)] for name in numbers],
         }
         return digest(content)
 
