@@ -251,19 +251,20 @@ def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tupl
             found = pyarrow.csv.read_csv(pa.BufferReader(content), one_by_one, convert_options=numbers)
         else:
             found = pq.read_table(pa.BufferReader(content))
+        there = found.column_names
     except (pa.ArrowException, OSError, ValueError) as error:
         kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
-    there = found.column_names
     for name in names:
-        if there.count(name) != 1:
-            close = suggestion(name, set(there)) or f", found {one_line(', '.join(there), 160)}"
-            state = "is there twice" if name in there else "is missing"
-            raise BadInput(f"{where}: column {shown(name)} {state}, expected one for each factor{close}")
+        if name not in there:
+            close = suggestion(name, there) or f", found {one_line(', '.join(there), 160)}"
+            raise BadInput(f"{where}: column {shown(name)} is missing, expected one for each factor{close}")
+        if there.count(name) > 1:
+            raise BadInput(f"{where}: column {shown(name)} is there twice, expected one for each factor")
         kind = found[name].type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             raise BadInput(f"{where}: column {shown(name)} of {kind}, expected numbers")
-    values = [found[name].cast(pa.float64()).to_numpy() for name in names]  # empty cells as nan
+    values = [found[name].cast(pa.float64(), safe=False).to_numpy() for name in names]  # empty cells as nan
     return hashlib.sha256(content).hexdigest(), np.column_stack(values)
 
 

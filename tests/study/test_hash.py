@@ -104,7 +104,10 @@ def test_every_key_of_the_stage_counts_in_the_hash_of_its_study(studies: Any) ->
 
 
 def test_a_number_of_the_stage_counts_where_a_constraint_refuses_by_it(studies: Any) -> None:
-    stage, limit = studies.folder / "stage.toml", "[[constraint]]\nvalue = 'E * material.expansion_um_per_m_k'\nmost = 9"
+    stage, limit = (
+        studies.folder / "stage.toml",
+        "[[constraint]]\nvalue = 'E * material.expansion_um_per_m_k'\nmost = 9",
+    )
     hashes = set[str]()
     for number in ("23.1", "24.2"):
         stage.write_text(stage.read_text().replace("[material]", f"[material]\nexpansion_um_per_m_k = {number}"))
