@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
 from flexfem.files.refusals import checked_path
-from flexfem.files.toml import Path as PathLike
+from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
 from flexfem.study import MOST_WORKERS, REPORTS, run
@@ -103,14 +103,20 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
 
     `study` : the study file, or the folder that its run writes, such as `reports/study-reach`.   Raises BadInput.
     """
-    path, below = checked_path(study), checked_path(output)
-    if path.is_dir():
-        try:
-            named = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
-            path, below = Path(os.path.normpath(path / named)), path.absolute().parent
-        except (OSError, ValueError, KeyError, TypeError):
-            raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
-    return status_facts(parts_of(path, below))
+    path = checked_path(study)
+    if not path.is_dir():
+        return status_facts(parts_of(path, output))
+    folder = Path(os.path.abspath(path))
+    try:
+        named = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
+        parts = parts_of(os.path.normpath(folder / named), folder.parent)
+    except (OSError, ValueError, KeyError, TypeError):
+        raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
+    if parts.loaded.stem != folder.name:
+        raise BadInput(
+            f"{path}: a folder of results of {parts.loaded.path}, expected it to be called {parts.loaded.stem}"
+        )
+    return status_facts(parts)
 
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:

@@ -45,7 +45,7 @@ from flexfem.questions.driven import drive_ranges, driven
 from flexfem.questions.life import Repeated, of_preloads, repeated
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import Rows, row_of, sizes_of, values_of
+from flexfem.study.columns import Rows, failed_row, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
 from flexfem.study.plan import Study, names_behind, names_in
 from flexfem.units import DENSITY
@@ -253,7 +253,7 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
         status, reason = "time limit", str(failure)
     except (ComputationFailed, np.linalg.LinAlgError) as failure:
         status, reason = "failed", str(failure)
-    return row_of(status, reason, np.full(len(loaded.outputs), np.nan))
+    return failed_row(len(loaded.outputs), status, reason)
 
 
 def doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:

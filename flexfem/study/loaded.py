@@ -19,8 +19,7 @@ from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.provenance import Assumptions, is_assumed
 from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.toml import bad_key, read_bytes, validate
+from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.designs import Designs, lower
