@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -229,11 +230,11 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
                 continue
             one = new[key]
             before, *bands = map(float, old[key])
-            moved = one.value - before
-            if not (one.value == before or abs(moved) <= one.accepted):
-                said = f"was {before:.15g}, is {one.value:.15g}, moved {moved:+.3g}, accepted {one.accepted:.2g}"
-                yield f"{place} {said}"
-            if bands and not np.isnan(one.band) and not abs(one.band - bands[0]) <= one.accepted_band + one.accepted:
+            if not math.isclose(one.value, before, rel_tol=0.0, abs_tol=one.accepted):
+                moved = f"moved {one.value - before:+.3g}, accepted {one.accepted:.2g}"
+                yield f"{place} was {before:.15g}, is {one.value:.15g}, {moved}"
+            accepted = one.accepted_band + one.accepted
+            if bands and not np.isnan(one.band) and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted):
                 yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}, accepted {one.accepted_band:.2g}"
         # which one of equal highest stresses has the band is up to round-off
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}

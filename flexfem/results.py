@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import checked_path, place_of
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.toml import read_bytes
+from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
 from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit

@@ -13,7 +13,8 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
-from flexfem.analytic.responses import dynamics, engaged
+from flexfem.analytic.network import with_springs
+from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh, build_mesh
@@ -338,7 +339,9 @@ def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings
         if one.name in found:
             continue
         of = dynamics(one.stage, analyse(*one), payload, *(() if drive is None else (drive.stacks,)))
-        found[one.name] = (of if drive is None else engaged(of, drive.stiffness)).frequencies
+        if drive is not None:
+            of = of._replace(compliance=with_springs(of.compliance, drive.stiffness))
+        found[one.name] = of.frequencies
     return found
 
 

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.hinges.strength import equivalent
+from flexfem.hinges.strength import checked_law, equivalent
 from flexfem.plot.experiment import plot_life
 from flexfem.questions.life import Repeated, by_elements, by_model, factor_at, repeated
 from flexfem.questions.setup import solved
@@ -80,6 +80,8 @@ def test_impossible_points_are_refused_in_one_line(stress, cycles, said):
     with pytest.raises(flexfem.BadInput, match=said) as refused:
         flexfem.fit_basquin(stress, cycles)
     assert "\n" not in str(refused.value)
+    with pytest.raises(flexfem.BadInput, match="law: range 'ab', expected fewer and more cycles"):
+        checked_law(flexfem.Basquin(900.0, -0.1, range="ab"))
 
 
 def test_the_stress_at_zero_mean_is_the_neck_stress_of_the_models(unlike):
