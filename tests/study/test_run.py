@@ -237,8 +237,13 @@ def test_commands_run_count_and_collect(flexfem, study):
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
-    code, out, _ = flexfem("study", "status", "reports/necks", "--json")  # the folder instead of the file
-    assert (code, json.loads(out)["done"]) == (0, 300)
+    for folder in ("reports/necks", "reports/necks/parts/.."):  # instead of the file
+        code, out, _ = flexfem("study", "status", folder, "--json")
+        assert (code, json.loads(out)["done"]) == (0, 300)
+    Path("reports/other").mkdir()
+    Path("reports/other/study.json").write_text(Path("reports/necks/study.json").read_text())
+    code, out, err = flexfem("study", "status", "reports/other")
+    assert (code, out) == (2, "") and err.endswith("necks.toml, expected it to be called necks\n")
     for target in ("t.csv", "t.parquet"):
         code, out, _ = flexfem("study", "collect", path, "--to", target, "--json")
         assert json.loads(out) == {"written": [target], "designs": 300, "open": 0}
