@@ -261,8 +261,8 @@ def _stored(files: Sequence[Path]) -> Subject:
     results = [Verification.read(path) for path in files if not is_design(path)]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
-        named = (name for name, tables in design.sections(plain=False).items() if tables)
-        parts += [(f"{design.name}: {name}", partial(_of_design, design, name, number)) for name in named]
+        for name in design.sections():
+            parts.append((f"{design.name}: {name}", partial(_of_design, design, name, number)))
     parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
     every: list[Any] = [*results, *designs]
     parts.append(("sources", partial(_sources, assumption_rows([(each.name, each) for each in every]), "in")))
