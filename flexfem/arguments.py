@@ -86,7 +86,7 @@ def poses(what: str, values: ArrayLike, most: int | None = None) -> Array:
 def pair(what: str, values: Any, most: tuple[float, float], named: str) -> tuple[float, float]:
     """Two numbers from zero, each at most its own of `most`. Raises BadInput that says what they are `named`."""
     try:
-        first, second = (float(value) for value in values)
+        first, second = map(float, () if isinstance(values, str) else values)
     except (TypeError, ValueError):
         raise BadInput(f"{what} {values!r}, expected two numbers: {named}") from None
     if not (0 <= first <= most[0] and 0 <= second <= most[1]):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -229,11 +230,11 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
                 continue
             one = new[key]
             before, *bands = map(float, old[key])
-            moved = one.value - before
-            if not (one.value == before or abs(moved) <= one.accepted):
-                said = f"was {before:.15g}, is {one.value:.15g}, moved {moved:+.3g}, accepted {one.accepted:.2g}"
-                yield f"{place} {said}"
-            if bands and not np.isnan(one.band) and not abs(one.band - bands[0]) <= one.accepted_band + one.accepted:
+            if not math.isclose(one.value, before, rel_tol=0.0, abs_tol=one.accepted):
+                moved = f"moved {one.value - before:+.3g}, accepted {one.accepted:.2g}"
+                yield f"{place} was {before:.15g}, is {one.value:.15g}, {moved}"
+            accepted = one.accepted_band + one.accepted
+            if bands and not np.isnan(one.band) and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted):
                 yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}, accepted {one.accepted_band:.2g}"
         # which one of equal highest stresses has the band is up to round-off
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
@@ -271,15 +272,17 @@ def kind_of(path: Path) -> str:
 
 def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
     """Keys of an input file and of the files that it names, by file as the input file names it."""
+    own = _values_of(path)
+    named = {value: path.parent / value for value in own.values() if isinstance(value, str)}
+    return {path.name: own} | {value: _values_of(other) for value, other in named.items() if os.path.isfile(other)}
+
+
+def _values_of(path: Path) -> dict[str, Any]:
+    """Values of an input file by key path, of one that is not TOML its hash."""
     if path.suffix != ".toml":
-        return {path.name: {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}}
+        return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
     data = read_toml(path).data
-    found = {path.name: {key_path(key, data): value for key, value in _leaves(data, ())}}
-    for value in list(found[path.name].values()):
-        other = path.parent / str(value)
-        if isinstance(value, str) and value not in found and os.path.isfile(other):
-            found[value] = inputs_of(other)[other.name]
-    return found
+    return {key_path(key, data): value for key, value in _leaves(data, ())}
 
 
 def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:

@@ -18,7 +18,7 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import load_case, neck_stresses
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
-from flexfem.files.toml import Path
+from flexfem.files.toml import PathLike
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.questions import warnings as warning
@@ -149,7 +149,7 @@ class Errors(NamedTuple):
     band: Array
 
 
-def load(path: Path) -> Stage:
+def load(path: PathLike) -> Stage:
     """Read a stage file, validated and feasible. Raises BadInput, one line with file, line, key and expectation.
 
     Examples

@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import checked_path, place_of
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.toml import read_bytes
+from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
 from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
@@ -284,7 +283,11 @@ class Result:
         for name, values in self.values.items():
             quantity = self.quantities[name]
             factors = quantity.factors(values.shape)
-            found[name] = {"meaning": quantity.meaning, "unit": _lists(quantity.unit), "over": list(quantity.over)}
+            found[name] = {
+                "meaning": quantity.meaning,
+                "unit": np.array(quantity.unit).tolist(),
+                "over": list(quantity.over),
+            }
             found[name]["values"] = _nested(values * factors)
             if name in self.bands:
                 found[name]["bands"] = _nested(self.bands[name] * factors)
@@ -336,7 +339,7 @@ class Result:
             values: dict[str, Any] = {"type": ["number", "null", "string"]}
             for _ in one.over:
                 values = {"type": "array", "items": values}
-            parts = {"meaning": text, "unit": {"const": _lists(one.unit)}, "over": {"const": list(one.over)}}
+            parts = {"meaning": text, "unit": {"const": np.array(one.unit).tolist()}, "over": {"const": list(one.over)}}
             quantities[name] = _table_schema(one.meaning, parts | {"values": values, "bands": values}, "bands")
         properties = {
             "result": {"const": cls.kind()},
@@ -631,11 +634,7 @@ def _table_schema(description: str, properties: dict[str, Any], optional: str) -
     return {"description": description, **parts}
 
 
-def _lists(value: Any) -> Any:
-    return [_lists(each) for each in value] if isinstance(value, tuple) else value
-
-
 def _units_said(unit: UnitNames, plain: bool = False) -> str:
-    if isinstance(unit, str):
-        return UNITS[unit].said(plain) if unit else "1"
-    return ", ".join(dict.fromkeys(", ".join(_units_said(each, plain) for each in unit).split(", ")))
+    """The different units of a quantity, with commas."""
+    names = np.ravel(unit).tolist()
+    return ", ".join(dict.fromkeys(UNITS[name].said(plain) if name else "1" for name in names))

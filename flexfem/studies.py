@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
 from flexfem.files.refusals import checked_path
-from flexfem.files.toml import Path as PathLike
+from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
 from flexfem.study import MOST_WORKERS, REPORTS, run
-from flexfem.study.answer import nominal
+from flexfem.study.answer import nominal, require_asked
 from flexfem.study.collect import Collected, collect, counted_warnings, read_table, table_path
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
@@ -92,6 +92,7 @@ def compute(
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
+    require_asked(parts.loaded)
     check_folder(parts.folder)
     with Workers(max(1, min(count, len(parts.chunks(share)))), scheduler) as pool:
         run.run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
@@ -102,14 +103,20 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
 
     `study` : the study file, or the folder that its run writes, such as `reports/study-reach`.   Raises BadInput.
     """
-    path, below = checked_path(study), checked_path(output)
-    if path.is_dir():
-        try:
-            named = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
-            path, below = Path(os.path.normpath(path / named)), path.absolute().parent
-        except (OSError, ValueError, KeyError, TypeError):
-            raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
-    return status_facts(parts_of(path, below))
+    path = checked_path(study)
+    if not path.is_dir():
+        return status_facts(parts_of(path, output))
+    folder = Path(os.path.abspath(path))
+    try:
+        named = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
+        parts = parts_of(os.path.normpath(folder / named), folder.parent)
+    except (OSError, ValueError, KeyError, TypeError):
+        raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
+    if parts.loaded.stem != folder.name:
+        raise BadInput(
+            f"{path}: a folder of results of {parts.loaded.path}, expected it to be called {parts.loaded.stem}"
+        )
+    return status_facts(parts)
 
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:

@@ -29,7 +29,7 @@ class Stopped(KeyboardInterrupt):
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
-        self.code = 128 + number
+        self.code, self.asked = 128 + number, time.monotonic()
 
 
 class Plain:
@@ -108,18 +108,16 @@ def stoppable() -> Iterator[list[Stopped]]:
     if threading.current_thread() is not threading.main_thread():
         yield raised
         return
-    asked: list[float] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if asked and time.monotonic() - asked[0] > ENDING:
-            os._exit(128 + number)
-        if not asked:
-            asked.append(time.monotonic())
+        if not raised:
             raised.append(Stopped(number))
             end(number, frame)
+        elif time.monotonic() - raised[0].asked > ENDING:
+            os._exit(128 + number)
 
     def end(number: int, frame: FrameType | None) -> None:
-        if sys.platform != "win32" and _imports(frame) and time.monotonic() - asked[0] < PATIENCE:
+        if sys.platform != "win32" and _imports(frame) and time.monotonic() - raised[0].asked < PATIENCE:
             signal.signal(signal.SIGALRM, end)
             signal.setitimer(signal.ITIMER_REAL, LOOK)
         else:
@@ -133,7 +131,7 @@ def stoppable() -> Iterator[list[Stopped]]:
     try:
         yield raised
     finally:
-        if not asked:  # else they stay, until the process is gone
+        if not raised:  # else they stay, until the process is gone
             for number, handler in before.items():
                 signal.signal(number, handler)
         elif sys.platform != "win32":

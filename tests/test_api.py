@@ -184,6 +184,7 @@ NO_FORMULA = [
     ({"function": None}, "function = None, expected a function of t/R"),
     ({"function": lambda ratio: {}["two\nlines"]}, "function at t/R from 0.1 to 1: KeyError: 'two\\nlines', expected"),
     ({"function": lambda ratio: "soft"}, "function at t/R from 0.1 to 1: expected finite positive numbers"),
+    ({"source": "two\nlines"}, "expected a source, one line of text"),
     ({"valid": "ab"}, 'valid = "ab", expected 0 < smallest t/R < largest'),
     ({"valid": (0.1, "b")}, 'valid = [0.1, "b"], expected 0 < smallest t/R < largest'),
 ]

@@ -64,6 +64,8 @@ def test_a_changed_input_is_named_key_by_key_and_no_number_is_compared(accepted,
     assert "thickness_mm was 10.0, is 11.0" in said and "the input changed" in said
     found = inputs_of(project.path("cases/fig5.toml"))
     assert "../geometry/mobility3.toml" in found and "thickness_mm" in found["../geometry/mobility3.toml"]
+    named = project.edit("geometry/mobility6.toml", ('name = "mobility six, reference"', 'name = "mobility6.toml"'))
+    assert list(inputs_of(named)) == ["mobility6.toml"]
 
 
 def test_a_kept_mesh_that_is_not_of_the_stage_is_refused(accepted):

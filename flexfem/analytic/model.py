@@ -119,15 +119,10 @@ def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, ND
     if formulas.formula(formula).charted:
         found[OFF_CHART] = formulas.formula(formula).in_range(designs.radius, designs.neck)
     if designs.plane == "corrected":
-        found[OFF_THICKNESS] = on_thickness_chart(designs)
+        b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
+        found[OFF_THICKNESS] = chart.thickness_chart().covers(designs.neck / designs.radius, b / designs.neck, nu)
     found[NOT_POSITIVE] = np.minimum(np.minimum(hinges.rotation, hinges.axial), hinges.shear) > 0
     return found
-
-
-def on_thickness_chart(designs: Designs) -> NDArray[np.bool_]:
-    """Whether each hinge (n, 3, 3) is on the chart of three-dimensional hinges."""
-    b, nu = designs.thickness[:, None, None], designs.poissons_ratio[:, None, None]
-    return chart.thickness_chart().covers(designs.neck / designs.radius, b / designs.neck, nu)
 
 
 def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:

@@ -186,14 +186,10 @@ class Dynamics(NamedTuple):
 
 
 def dynamics(stage: Stage, of: AnalyticResult, payload: drawn.Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
-    """The dynamics of one stage by an analytic model, with openings of `stacks` in the compliance, for `engaged`."""
+    """The dynamics of one stage by an analytic model, with openings of `stacks` at the end of the compliance, for
+    `network.with_springs`."""
     found = driven_model(stage, of, (*on_bodies(stage if of.links else None), *stacks))
     return Dynamics(found.compliance, _mass_of(stage, payload), FREEDOMS if of.links else of.mobility)
-
-
-def engaged(of: Dynamics, rates: Array) -> Dynamics:
-    """With stacks of stiffness (n,), N/mm, in the openings at the end of its compliance (21 + n, 21 + n)."""
-    return of._replace(compliance=network.with_springs(of.compliance, rates))
 
 
 def many(

@@ -132,7 +132,7 @@ def print_status(facts: dict[str, Any]) -> None:
         print(f"{facts['stale']:,} parts of other inputs or versions there; flexfem study clean removes them")
     for text in facts["warnings"]:
         print(f"warning: {text}")
-    print(f"stress: {facts['stress_accuracy']}")
+    print(f"accuracy: {facts['stress_accuracy']}")
     for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
         print(f"{text}: --json lists them")
     if "next" in facts:

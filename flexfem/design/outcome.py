@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +17,8 @@ from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
-from flexfem.files.refusals import key_path, path_of
+from flexfem.files.refusals import key_path, one_line, path_of
+from flexfem.files.toml import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
@@ -118,7 +118,8 @@ def made(loaded: LoadedRequirements, values: Array) -> Stage:
         before = base.sources.get(path) or "not stated"
         lead = "assumed in part" if is_assumed(before) else "in part"
         sources[path] = f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
-    return stage.model_copy(update={"name": of.name, "provenance": sources})
+    provenance = {path: one_line(text, LABEL_LENGTH) for path, text in sources.items()}
+    return stage.model_copy(update={"name": of.name, "provenance": provenance})
 
 
 def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:
@@ -138,20 +139,16 @@ def _quantity(model: Model, of: Proof, place: int, asked: Objective | Require) -
     loaded = model.loaded
     names = loaded.requirements.names_of(asked.quantity)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
-    columns = {name: np.array([value]) for name, value in of.columns.items()}
-
-    def moved(steps: Mapping[str, float]) -> float:
-        """By how much the quantity moves when columns of the design move by `steps`."""
-        changed = columns | {name: columns[name] + step for name, step in steps.items() if name in columns}
-        return float(abs(model.quantities(changed)[0, place] - of.elements[place]))
-
-    noise, spread = moved({name: float(size.max()) for name, size in outputs.round_off_of(columns).items()}), None
+    spread = None
     if names & {*outputs.ENGAGED}:
         driven = commanding(best_model(stage_of(loaded.study, of.values), []))
         part = push_spread(driven) / engaged_stiffness(driven.of)
-        steps = {name: of.columns[name] * x for name, x in zip(outputs.ENGAGED, part, strict=True)}
-        spread = max(moved({name: side * x for name, x in steps.items()}) for side in (-1, 1))
-    value, uncorrected = (float(x) if abs(x) > noise else 0.0 for x in (of.elements[place], of.uncorrected[place]))
+        columns = {name: np.full(2, value) for name, value in of.columns.items()}
+        for name, share in zip(outputs.ENGAGED, part, strict=True):
+            columns[name] *= (1 - share, 1 + share)
+        spread = float(np.max(np.abs(model.quantities(columns)[:, place] - of.elements[place])))
+    both = of.elements[place], of.uncorrected[place]
+    value, uncorrected = (float(x) if abs(x) > of.round_off[place] else 0.0 for x in both)
     return {
         "name": asked.quantity,
         "label": asked.title,

@@ -28,7 +28,18 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import solved_values
-from flexfem.study.columns import COUPLINGS, DRIFTS, DRIVE_RANGES, ENGAGED, ERRORS, GRADIENTS, RANGES, STRESSES, lasting
+from flexfem.study.columns import (
+    COUPLINGS,
+    DRIFTS,
+    DRIVE_RANGES,
+    ENGAGED,
+    ERRORS,
+    GRADIENTS,
+    RANGES,
+    STRESSES,
+    lasting,
+    round_off_of,
+)
 from flexfem.study.loaded import LoadedStudy, designs_of, stage_of
 from flexfem.study.workers import Failure, Workers, versions_of
 
@@ -39,6 +50,7 @@ LIMIT = 600.0  # s for one mesh
 LOCAL = 0.01  # gap of both models below which the next search is beside the last design alone
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
+OF_ELEMENTS = 1e4  # round-off of finite elements over that of the model
 OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
 OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
 
@@ -178,8 +190,9 @@ class Proof(NamedTuple):
     """What finite elements say of a design, quantities in their order (q,).
 
     `predicted` is by the model as it was corrected when it proposed the design, `uncorrected` by the analytic model
-    itself; `bands` are by meshes and `sampling`. `gap` is the largest difference of prediction and finite elements over
-    the sizes; with `corrections` the model agrees here. `columns` are those of finite elements if any.
+    itself; `bands` are by meshes and `sampling`; below `round_off` a quantity is zero by symmetry. `gap` is the largest
+    difference of prediction and finite elements over the sizes; with `corrections` the model agrees here. `columns` are
+    those of finite elements if any.
     """
 
     values: Array
@@ -188,6 +201,7 @@ class Proof(NamedTuple):
     elements: Array
     bands: Array
     sampling: Array
+    round_off: Array
     gap: float
     corrections: Mapping[str, Correction]
     columns: dict[str, float]
@@ -290,6 +304,10 @@ def proof(model: Model, elements: ProposedElements, values: Array) -> Proof:
     by_mesh = zip(of.quantities, quantities(*meshed), strict=True)
     bands = np.array([quantity_band(of.names_of(text), resolutions, each) for text, each in by_mesh])
     (q,) = quantities({}).T
+    columns = own | found
+    vanishing = round_off_of({name: np.array(value) for name, value in columns.items()})
+    moved = {name: columns[name] + float(step) for name, step in vanishing.items() if name in columns}
+    round_off = np.abs(quantities(moved)[:, 0] - q)
     sampling = np.zeros(len(q))
     if scattered is not None:
         half = scattered.half_widths
@@ -297,7 +315,8 @@ def proof(model: Model, elements: ProposedElements, values: Array) -> Proof:
         sampling = np.max(np.abs(ends - q[:, None]), axis=1)
         if len(scattered.factors) > 1:
             scattering = quantities(*map(named, scattered.elements))
-            bands = np.maximum(bands, [_mesh_band(np.array(SCATTER, dtype=float), each) for each in scattering])
+            bands = np.maximum(bands, [mesh_band(np.array(SCATTER, dtype=float), each, 0.0) for each in scattering])
+    bands = np.maximum(bands, OF_ELEMENTS * round_off)
     predicted = model.found(values[None])[0]
     size = np.maximum(np.abs(q), np.concatenate([np.zeros(model.objectives), model.sizes]))
     off = np.abs(predicted - q)
@@ -310,9 +329,10 @@ def proof(model: Model, elements: ProposedElements, values: Array) -> Proof:
         elements=q,
         bands=bands + sampling,
         sampling=sampling,
+        round_off=round_off,
         gap=float(np.max(np.where(zero, 0.0, off) / np.where(size > 0, size, 1.0))),
         corrections={name: correction_of(own[name], value) for name, value in found.items() if name in own},
-        columns=own | found,
+        columns=columns,
         scattered=scattered,
     )
 
@@ -337,12 +357,8 @@ def named(couplings: Array) -> dict[str, float]:
 
 def quantity_band(columns: frozenset[str], resolutions: Array, values: Array) -> float:
     """Half-width by meshes of a quantity (levels,), coarse to fine: the largest by the columns that it uses."""
-    bands = [_mesh_band(resolutions, values)]
+    bands = [mesh_band(resolutions, values, 0.0)]
     if len(resolutions) > 2:  # two in three dimensions
         ways = ((OF_CORNERS, corner_bands), (OF_STRESS, stress_bands))
         bands += [float(band(resolutions, values)) for own, band in ways if columns & own]
     return max(bands)
-
-
-def _mesh_band(resolutions: Array, values: Array) -> float:
-    return mesh_band(resolutions, values) if np.ptp(values) > 0 else 0.0

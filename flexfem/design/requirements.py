@@ -17,8 +17,7 @@ from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
-from flexfem.files.toml import Label, Table, bad_key, validate
-from flexfem.files.toml import Path as PathLike
+from flexfem.files.toml import Label, PathLike, Table, bad_key, validate
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility

@@ -20,9 +20,6 @@ Verdict: TypeAlias = Literal["met", "within the band", "missed"]
 Checked: TypeAlias = Literal["finite elements", "finite elements in three dimensions", "analytic model alone", "exact"]
 
 
-SECTIONS = ("design", "requirements", "sensitivity", "front", "search")
-
-
 class Record(BaseModel):
     """Stored data: frozen, no unknown keys."""
 
@@ -222,11 +219,11 @@ class Designed(Record):
 
     def sections(self, plain: bool = True) -> dict[str, list[TextTable]]:
         """Tables by what they are about; none of what there is nothing to say about."""
-        found: dict[str, list[TextTable]] = {name: [] for name in SECTIONS}
+        found: dict[str, list[TextTable]] = {}
 
         def add(section: str, caption: str, head: list[str], rows: Iterable[list[str]], names: int = 1) -> None:
             if made := list(rows):
-                found[section].append(TextTable(head, made, names, caption))
+                found.setdefault(section, []).append(TextTable(head, made, names, caption))
 
         limit, rests = "limits the objective", ["checked by", "model by itself"]
         every = {each.name: each.label for each in (*self.requirements, *self.objectives)}

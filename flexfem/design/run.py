@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -14,9 +15,9 @@ from flexfem.design.outcome import designed
 from flexfem.design.proof import ProposedElements, Store
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
-from flexfem.files.refusals import checked_path
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.writing import check_file, check_folder, write_atomically
+from flexfem.files.refusals import checked_path, place_of
+from flexfem.files.toml import PathLike
+from flexfem.files.writing import LONGEST_NAME, check_file, check_folder, write_atomically
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed
 from flexfem.study import MOST_WORKERS
@@ -71,34 +72,30 @@ def run_design(
         names += [f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
         for name in names if folder.is_dir() else ():
             check_file(folder / name, base, loaded.path)
+        if len(os.fsencode(longest := max(names, key=len))) > LONGEST_NAME:
+            raise BadInput(f"{place_of(folder / longest)}: a name of more than {LONGEST_NAME} bytes, expected less")
     store = Store(None if folder is None else folder / f".{stem}-design.found")
     with nullcontext() if workers == 1 else Workers(workers) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store, say))
     if folder is not None:
-        _remove_older(folder, write_design(found, folder), base)
+        _write(found, folder, base)
         store.forget()
     return found
 
 
-def write_design(found: Designed, folder: Path) -> list[Path]:
-    """Write the stage file of a design, those of its front, and the record; returns their paths. Raises BadInput."""
+def _write(found: Designed, folder: Path, base: Path) -> None:
+    """Write the stage file of a design, those of its front, and the record. Raises BadInput.
+
+    Stage files of an earlier, longer front are removed: they would pass for designs of this one.
+    """
     stem = Path(found.file).stem
     texts = {STAGE.format(stem): found.stage}
     texts |= {FRONT.format(stem, number): one.stage for number, one in enumerate(found.front, 1)}
     for name, text in texts.items():
         write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
-    return [
-        *(folder / name for name in texts),
-        write_sealed(folder / f"{stem}-design.json", found.model_dump(mode="json")),
-    ]
-
-
-def _remove_older(folder: Path, written: list[Path], base: Path) -> None:
-    """Remove stage files of an earlier, longer front: they would pass for designs of this one."""
-    stem = written[-1].stem.removesuffix("-design")
+    write_sealed(folder / f"{stem}-design.json", found.model_dump(mode="json"))
     for path in folder.glob(FRONT.format(escape(stem), "*")):
-        if path in written or not path.stem.rpartition("-")[2].isdecimal():
-            continue
-        with suppress(OSError):
-            if "designed: " in path.read_text(errors="replace") and not path.samefile(base):
-                path.unlink()
+        if path.name not in texts and path.stem.rpartition("-")[2].isdecimal():
+            with suppress(OSError):
+                if "designed: " in path.read_text(errors="replace") and not path.samefile(base):
+                    path.unlink()

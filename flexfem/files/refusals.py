@@ -21,6 +21,7 @@ from pydantic import BaseModel
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from flexfem.refused import BadInput
+from flexfem.units import ENDING
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
@@ -149,6 +150,7 @@ _EXPECTED = {  # by pydantic's kind of mistake
     "int_parsing_size": "an integer of at most 4300 digits",
     "bool_type": "true or false",
     "string_type": "text in quotes",
+    "string_pattern_mismatch": "at most 60 of A-Z, a-z, 0-9 and _, a letter first",
     "tuple_type": "an array",
     "literal_error": "{expected}",
     "model_type": "a table",
@@ -167,7 +169,9 @@ class Problem(NamedTuple):
 def problem_of(details: ErrorDetails, data: dict[str, Any]) -> Problem:
     """Say in the file's terms what pydantic found."""
     kind, context = details["type"], details.get("ctx", {})
-    path = _present((*details["loc"], *context.get("at", ())), data)
+    at = context.get("at", ())
+    named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)  # as Python has them
+    path = max((_present((*details["loc"], *below), data) for below in (at, named)), key=len)
     if kind == "missing" and isinstance(details["loc"][-1], int):
         return Problem("short", path, f"{details['loc'][-1] + 1} values, not {len(reduce(_inside, path, data))}")
     if kind == "missing":

@@ -123,7 +123,7 @@ def _paths(content: Any, above: KeyPath) -> Iterator[KeyPath]:
         yield from _paths(value, (*above, part))
 
 
-Path: TypeAlias = str | os.PathLike[str]
+PathLike: TypeAlias = str | os.PathLike[str]
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -174,7 +174,7 @@ class Table(BaseModel):
         return {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
 
 
-def read_toml(path: Path) -> TomlFile:
+def read_toml(path: PathLike) -> TomlFile:
     """Read a TOML file of at most `MAX_BYTES`, nested at most `MAX_DEPTH` deep. Raises BadInput for any other file."""
     text = read_text(path)
     try:
@@ -196,13 +196,13 @@ def read_toml(path: Path) -> TomlFile:
         raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
 
-def bad_key(path: Path, key: KeyPath, said: str) -> BadInput:
+def bad_key(path: PathLike, key: KeyPath, said: str) -> BadInput:
     """What is said of a key of a file, after the file and the line of it."""
     return BadInput(f"{place_of(path, read_toml(path).line(key))}: {said}")
 
 
 def validate(
-    model_class: type[Model], path: Path, completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None
+    model_class: type[Model], path: PathLike, completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None
 ) -> Model:
     """Read a TOML file into a model of it; `completed` adds what the file says by naming another file.
 
@@ -230,7 +230,7 @@ def validate(
     raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(said)}"))
 
 
-def require_plain_stem(path: Path) -> None:
+def require_plain_stem(path: PathLike) -> None:
     """Raise BadInput for a file whose stem would name results that are hidden, elsewhere, or taken for an option."""
     stem = PurePath(path).stem
     device = stem.partition(".")[0].rstrip().upper() in DEVICES
@@ -241,7 +241,7 @@ def require_plain_stem(path: Path) -> None:
         )
 
 
-def read_text(path: Path) -> str:
+def read_text(path: PathLike) -> str:
     """The text of a file of at most `MAX_BYTES`. Raises BadInput as `read_toml`, but for what TOML is."""
     data = read_bytes(path)
     if data.startswith(b"\xef\xbb\xbf"):
@@ -256,13 +256,13 @@ def read_text(path: Path) -> str:
         raise BadInput(f"{place}: byte {data[error.start]:#04x} is not UTF-8") from None
 
 
-def read_csv(path: Path, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
+def read_csv(path: PathLike, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
     """Rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
     texts = {k: text for k, text in enumerate(read_text(path).splitlines(), 1) if text.strip() and text[0] != "#"}
     try:
         rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
     except csv.Error as error:
-        raise BadInput(f"{place_of(path)}: not CSV: {error}") from None
+        raise BadInput(f"{place_of(path)}: {error}, expected CSV") from None
     line, head = rows.pop(0)
     if len(set(head)) < len(head) or not set(required) <= set(head) <= {*required, *optional}:
         columns = f"{one_line(', '.join(head), 60) or 'none'}, expected {', '.join(required)}"
@@ -273,7 +273,7 @@ def read_csv(path: Path, required: Sequence[str], optional: Sequence[str] = ()) 
     return {line: dict(zip(head, row, strict=True)) for line, row in rows}
 
 
-def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
+def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
     """Content of a regular file of at most `most` bytes, a whole number of MiB. Raises BadInput for any other."""
     path = checked_path(path)
     try:

@@ -76,8 +76,10 @@ class Formula:
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
         tau = t / R
-        axial = (self.axial or chart.axial_paros_weisbord)(tau)
-        bending = (self.bending or chart.bending_closed)(tau)
+        own = f"hinge formula {self.name!r}"
+        rotation = _values(f"{own}: function", self.rotation, tau)
+        axial = _values(f"{own}: axial", self.axial or chart.axial_paros_weisbord, tau)
+        bending = _values(f"{own}: bending", self.bending or chart.bending_closed, tau)
         stretch = axial if self.bending is not None else chart.axial_paros_weisbord(tau)
         factors, sideways = Compliance(*np.ones(3)), stretch
         if self.charted:
@@ -85,7 +87,7 @@ class Formula:
             factors, sideways = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
         shear = factors.shear * (bending + SHEAR_CORRECTION * 2.0 * stretch) + SHEAR_CORRECTION * 2.0 * nu * sideways
         return Compliance(
-            rotation=factors.rotation * self.rotation(tau) / (E * b * R**2),  # (2)
+            rotation=factors.rotation * rotation / (E * b * R**2),  # (2)
             axial=factors.axial * axial / (E * b) + 0.0 * nu,  # (3)
             shear=shear / (E * b),
         )
@@ -235,7 +237,7 @@ def register_formula(
     known = FORMULAS.get(name)
     if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
         raise BadInput(f"hinge formula {name!r} is known already, expected another name")
-    if not isinstance(source, str) or not source.strip():
+    if not isinstance(source, str) or not source.strip() or not source.isprintable():
         raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
     low, high = _ends(name, valid)
     ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
@@ -261,14 +263,21 @@ def _check_own(what: str, function: Any, ratio: Array) -> None:
     """Refuse a function of the user's that is none, or has no values at t/R (...)."""
     if not callable(function):
         raise BadInput(f"{what} = {shown(function)}, expected a function of t/R")
-    try:
-        found = np.asarray(function(ratio))
-        good = found.shape == ratio.shape and np.all(np.isfinite(found) & (found > 0))
-    except Exception as error:  # the user's function may raise anything
-        said = one_line(f"{type(error).__name__}: {error}", LONGEST_SAID)
-        raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {said}, {EXPECTED}") from None
-    if not good or found.dtype.kind not in "iuf":
+    found = _values(what, function, ratio)
+    if not np.all(np.isfinite(found) & (found > 0)):
         raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {EXPECTED}")
+
+
+def _values(what: str, function: Callable[[Array], Array], ratio: Array) -> Array:
+    """Values (...) of a function at t/R (...). Raises BadInput where one of the user's gives none of that shape."""
+    said = ""
+    try:
+        found = np.asarray(function(ratio.copy()))
+        if found.shape == ratio.shape and found.dtype.kind in "iuf":
+            return found
+    except Exception as error:  # the user's function may raise anything
+        said = one_line(f"{type(error).__name__}: {error}", LONGEST_SAID) + ", "
+    raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {said}{EXPECTED}")
 
 
 def formula(name: str) -> Formula:

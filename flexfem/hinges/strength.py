@@ -167,7 +167,11 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
         value = getattr(found, name)
         if not isinstance(value, Real) or not (low < float(value) <= high or value == low != 0):
             raise BadInput(f"law: {name} {value!r}, expected a number from {low:g} to {high:g}")
-    if not 0 < found.range[0] < found.range[1]:
+    try:
+        low, high = map(float, found.range)
+    except (TypeError, ValueError):
+        low = high = 0.0
+    if not 0 < low < high:
         raise BadInput(f"law: range {found.range!r}, expected fewer and more cycles")
     return found
 
@@ -196,10 +200,11 @@ class BasquinFit(NamedTuple):
         return Basquin(self.coefficient, self.exponent, range=self.range, range_stated=True)
 
 
-def law_of(material: Material) -> Basquin | None:
-    """Basquin's law of a material; None where its constants are not known."""
+def required_law(material: Material, instead: str = "") -> Basquin:
+    """Basquin's law of a material. Raises BadInput where there are no constants; `instead` is what else would do."""
     if material.fatigue_strength_coefficient is None or material.fatigue_strength_exponent is None:
-        return None
+        known = ", ".join(name for name, each in materials().items() if each.fatigue_strength_exponent is not None)
+        raise BadInput(f"{KEY} is missing: expected fatigue constants, as {known} have them{instead}")
     return Basquin(
         material.fatigue_strength_coefficient,
         material.fatigue_strength_exponent,
@@ -207,15 +212,6 @@ def law_of(material: Material) -> Basquin | None:
         material.fatigue_range or RANGE,
         material.fatigue_range is not None,
     )
-
-
-def required_law(material: Material, instead: str = "") -> Basquin:
-    """As `law_of`. Raises BadInput where there is none; `instead` is what else would do."""
-    found = law_of(material)
-    if found is None:
-        known = ", ".join(name for name, each in materials().items() if law_of(each))
-        raise BadInput(f"{KEY} is missing: expected fatigue constants, as {known} have them{instead}")
-    return found
 
 
 def equivalent(amplitude: Array, mean: Array, walker: float | Array) -> Array:

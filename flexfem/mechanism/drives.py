@@ -136,11 +136,11 @@ def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
     body = actuator.between[1]
     path = centrelines(stage, chain)[BODY_NAMES.index(body)]
     length, radius = sum(segment.length for segment in path), stage.hinge(chain, actuator.hinge).radius
-    s = actuator.arm - radius
-    if not 0 <= s <= length:
+    s, gap = actuator.arm - radius, BESIDE * stage.chain.link_width
+    if not gap < s < length - gap:  # at a corner there is no normal
         raise BadInput(
             f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}, contact off the metal: expected "
-            f"{radius:g} to {radius + length:.6g}, from notch to notch of {body} of chain {chain}"
+            f"between {radius:g} and {radius + length:.6g}, from notch to notch of {body} of chain {chain}"
         )
     s = s if actuator.hinge == ENDS[body][0] else length - s
     for segment in path:

@@ -57,10 +57,11 @@ class Key(NamedTuple):
     def impossible(self, values: Array) -> AnyArray:
         """Which values (...), file units, no file can give.
 
-        The possible ones fill an interval, some and zero, so its ends and the least one above zero decide.
+        The possible ones of either sign fill an interval, some beside zero, so the ends of each sign decide.
         """
-        above_zero = values[values > 0]
-        ends = [part(each) for each in (values, above_zero) if each.size for part in (np.min, np.max)]
+        below, above = values < 0, values > 0
+        signs = (values[below], values[~(below | above)], values[above])  # those between are zero, or nan
+        ends = [part(each) for each in signs if each.size for part in (np.min, np.max)]
         if all(self.expected(end) is None for end in ends):
             return np.zeros(values.shape, dtype=bool)
         found: AnyArray = np.vectorize(lambda value: self.expected(value) is not None, otypes=[bool])(values)

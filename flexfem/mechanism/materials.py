@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping
 from itertools import compress
-from pathlib import Path as FilePath
+from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
@@ -16,7 +16,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_m
 from flexfem.files import quantities
 from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import key_path, place_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, Path, Table, bad_key, read_toml, validate
+from flexfem.files.toml import LABEL_LENGTH, Label, PathLike, Table, bad_key, read_toml, validate
 from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
@@ -285,7 +285,7 @@ class Entry(Material):
         return self
 
 
-def read_materials(path: Path) -> dict[str, Registered]:
+def read_materials(path: PathLike) -> dict[str, Registered]:
     """The materials of a TOML file, a table each with their numbers and `source`, by name.
 
     Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not possible.
@@ -308,7 +308,7 @@ def _named(data: dict[str, Any]) -> dict[str, Any]:
     return {name: {"name": name} | table if isinstance(table, dict) else table for name, table in data.items()}
 
 
-def with_material_of_file(path: Path, data: dict[str, Any]) -> dict[str, Any]:
+def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any]:
     """What the stage file at `path` says, with the numbers of a material that it names in a `file` beside it.
 
     Raises BadInput as `read_materials`, and when the file has no material of that name.
@@ -319,7 +319,7 @@ def with_material_of_file(path: Path, data: dict[str, Any]) -> dict[str, Any]:
     file, name, at = table["file"], table.get("name"), ("material", "file")
     if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
         raise bad_key(path, at, f"material.file = {shown(file)}, expected a file name, beside material.name alone")
-    beside = FilePath(path).parent / file
+    beside = Path(path).parent / file
     found = read_materials(beside)
     if name not in found:
         known = ", ".join(found) or "one material or more"

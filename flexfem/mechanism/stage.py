@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions, key_paths, values_by_key
 from flexfem.files.refusals import Problem, checked_path, key_path, needed
-from flexfem.files.toml import Path, validate
+from flexfem.files.toml import PathLike, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
@@ -111,7 +111,7 @@ link, expected < chain.link_width_mm = 9
         sources = content.pop("provenance", {})
         return toml_text(content | ({"provenance": sources} if sources else {}))
 
-    def save(self, path: Path) -> None:
+    def save(self, path: PathLike) -> None:
         """Write `to_toml` to a file. Raises BadInput when its folder is not there or does not take it."""
         target = checked_path(path)
         check_file(target)
@@ -214,18 +214,18 @@ link, expected < chain.link_width_mm = 9
         return Assumptions([*super().assumed, *ball], [key for key in super().numbers if sources[key] is None])
 
 
-def load_stage(path: Path) -> Stage:
+def load_stage(path: PathLike) -> Stage:
     """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for what no stage can have."""
     return _read(path, partial(with_material_of_file, path))
 
 
-def _read(path: Path, completed: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
+def _read(path: PathLike, completed: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
     stage = validate(Stage, path, completed)
     stage.__dict__["origin"] = Origin(os.fspath(path))
     return stage
 
 
-def load_feasible(path: Path) -> Stage:
+def load_feasible(path: PathLike) -> Stage:
     """Read a stage file and refuse what cannot be made or driven as it says. Raises BadInput, naming the file."""
     stage = load_stage(path)
     check_feasible(stage)
@@ -258,7 +258,7 @@ class PartialStage(NamedTuple):
         return not set(keys) & set(self.missing)
 
 
-def load_partly(path: Path) -> PartialStage:
+def load_partly(path: PathLike) -> PartialStage:
     """Read a stage file in which keys may be missing.
 
     Raises BadInput as `load_stage` for what is wrong in it, and as `check_feasible` where nothing is missing.

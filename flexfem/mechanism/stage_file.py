@@ -6,8 +6,7 @@ File keys end in their unit; the attributes carry none and hold inside units (th
 from __future__ import annotations
 
 import re
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
@@ -160,28 +159,15 @@ def of_heat(key: str) -> bool:
     return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
 
 
-FILES = {"measured": "the measurements", "necks": "the measured necks"}  # where the word before a key is not the file's
-
-
 def assumptions_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
     """How many numbers are assumed and how many have no stated source, in words, each if there are any."""
     verbs = ((assumed, ("is assumed", "are assumed")), (not_stated, ("has no stated source", "have no stated source")))
-    return [f"{counted(len(keys), *(of + verb for verb in both))} ({scopes_of(keys)})" for keys, both in verbs if keys]
+    return [counted(len(keys), *(of + verb for verb in both)) for keys, both in verbs if keys]
 
 
 def counted(count: int, one: str, many: str) -> str:
     """A count with what agrees with it: "1 number is", "2 numbers are"."""
     return f"{count} {one if count == 1 else many}"
-
-
-def scopes_of(doubted: Iterable[str]) -> str:
-    """What key paths of numbers in doubt are of, counted: "17 of geometry and material, 2 of the case"."""
-    counts = Counter[str]()
-    for key in doubted:
-        file, _, own = key.rpartition(": ")
-        scope = "the drive" if of_drive(own) else "expansion" if of_heat(own) else "geometry and material"
-        counts[scope if file in ("", "stage") else FILES.get(file, f"the {file}")] += 1
-    return ", ".join(f"{count} of {scope}" for scope, count in counts.items())
 
 
 class _About(Dimensioned):

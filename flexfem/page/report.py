@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -20,15 +20,14 @@ from flexfem.fem.fields import neck_maxima
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
-from flexfem.files.toml import Path as PathLike
-from flexfem.files.toml import kind_of, read_toml
+from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.mechanism.stage_file import assumptions_said, counted, located
 from flexfem.models import solve
 from flexfem.page.section import PageSection, facts, html_of, notes, shown_figure, table, tables_of
-from flexfem.page.study import study_parts
+from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
@@ -75,7 +74,6 @@ OF_DESIGNS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = { 
 WHERE = "Where the numbers come from"
 AT = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
 KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # of assumptions, as pages say them
-Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
 
 class PageReport(NamedTuple):
@@ -263,8 +261,8 @@ def _stored(files: Sequence[Path]) -> Subject:
     results = [Verification.read(path) for path in files if not is_design(path)]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
-        named = (name for name, tables in design.sections(plain=False).items() if tables)
-        parts += [(f"{design.name}: {name}", partial(_of_design, design, name, number)) for name in named]
+        for name in design.sections():
+            parts.append((f"{design.name}: {name}", partial(_of_design, design, name, number)))
     parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
     every: list[Any] = [*results, *designs]
     parts.append(("sources", partial(_sources, assumption_rows([(each.name, each) for each in every]), "in")))

@@ -21,7 +21,7 @@ from flexfem.study.loaded import LoadedStudy
 DIGITS = 5
 REASONS = 20  # lines of reasons; more are counted
 ROWS = 400  # of a table; more are in the JSON of flexfem study plot
-Part: TypeAlias = tuple[str, Callable[[], PageSection]]
+Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
 
 def study_parts(source: Source, found: dict[str, Record | Refused], status: dict[str, Any]) -> list[Part]:

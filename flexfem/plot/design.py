@@ -14,7 +14,7 @@ from flexfem.files.refusals import shown
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.stage import draw_to_one_scale, plot_stage
-from flexfem.plot.style import COLOURS, GREY, INK, new_axes, panels, titled, wrapped
+from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
 
@@ -26,7 +26,10 @@ SENSITIVITY = (
     "the corrected model at the design, by central differences, or one-sided ones where only one side can be made; "
     "steps that can be made are left aside."
 )
-FRONT = "Designs that no other beats in both objectives, by finite elements; each is a stage file, by its number."
+FRONT = (
+    "Designs that no other beats in both objectives, by finite elements; each is a stage file, by its number. The "
+    "design is the best in the first objective; there the model is corrected, and along the front it differs."
+)
 
 
 @style.in_house_style
@@ -41,9 +44,6 @@ def design_figure(found: Designed) -> Figure:
         f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
         *found.warnings,
     ]
-    if found.front:
-        lines.insert(3, f"The design is the best in {found.objectives[0].label} alone, an end of the front; the model "
-                     "is corrected at the design and differs from finite elements along the front.")  # fmt: skip
     columns = 4 if found.front else 3
     size = 3.6 * columns + 0.2, max(4.6, 0.42 * len(found.requirements) + 1.6)
     figure, axes = panels(size, found.name, lines, 1, columns, found)
@@ -86,19 +86,14 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
 
 
 def plot_history(ax: Axes | None, found: Designed) -> Axes:
-    """Draw the best objective, or what is missed before one is found, over evaluations; returns `ax`, or new axes."""
+    """Draw the best objective, or what is missed where none is found, over evaluations; returns `ax`, or new axes."""
     ax, goal = new_axes() if ax is None else ax, found.objectives[0]
     ends = [(step.evaluations, step.objective) for step in found.history if step.objective is not None]
     if ends:
-        rising = np.diff([value for _, value in ends]) * (1 if goal.better == "larger" else -1)
-        label = "best that meets all" + (";\nsteps begin where it falls" if np.any(rising < 0) else "")
-        ax.step(*np.array(ends, dtype=float).T, where="post", color=COLOURS[0], label=label)
+        ax.step(*np.array(ends, dtype=float).T, where="post", color=COLOURS[0], label="best that meets all")
         ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="finite elements, in the end")
         ax.set_ylabel(wrapped(goal.headed(), 3.2, 9.0))
-        early = [step.evaluations for step in found.history if step.objective is None]
-        if early:
-            ax.axvspan(0, max(early), color=GREY, alpha=0.25, linewidth=0, label="none meets all yet")
-        ax.legend(loc="center right", framealpha=1.0, edgecolor="none")
+        ax.legend(framealpha=0.8, edgecolor="none")
     else:
         missed = [(step.evaluations, 100 * step.missed) for step in found.history]
         ax.step(*np.array(missed).T, where="post", color=COLOURS[1])
@@ -110,9 +105,14 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
 
 
 def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
-    """Draw both objectives of every design on the front, by its number, and the design itself; returns the axes."""
+    """Draw both objectives of every design on the front, by its number, and the design itself; returns the axes.
+
+    Raises BadInput for a design without a front.
+    """
+    if not found.front:
+        raise BadInput(f"{found.file}: a design without a front, expected one of two objectives that meets all")
     ax = new_axes() if ax is None else ax
-    values = np.array([one.values for one in found.front]).reshape(-1, 2)
+    values = np.array([one.values for one in found.front])
     ax.plot(*values.T, color=COLOURS[0], linewidth=1.2, label="by finite elements")
     ax.plot(*np.array([one.predicted for one in found.front]).T, "+", color=INK, markersize=9, label="corrected model")
     for place, (at, one) in enumerate(zip(values, found.front, strict=True), 1):

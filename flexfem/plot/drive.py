@@ -15,7 +15,6 @@ from matplotlib.patches import Circle, Patch, Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
 from flexfem.arrays import Array
-from flexfem.files.refusals import shown
 from flexfem.mechanism.actuators import BODY_NAMES
 from flexfem.mechanism.bodies import draw_sector, polygon_points, turn
 from flexfem.mechanism.designs import CHAIN_TURN
@@ -28,7 +27,7 @@ from flexfem.plot.style import COLOURS, GREY, INK, NAMES, NOTE_COLOUR, PALE, tit
 from flexfem.plot.text import minus, round_factor, scientific, significant
 from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
-from flexfem.questions.large import EXACT, HELD, LOADED, STATED, STEPS, TANGENT, WITHOUT, Large
+from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
 from flexfem.questions.reach import KINDS, PoseEdge, Reach
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC
@@ -112,8 +111,6 @@ def plot_open_loop(ax: Axes, found: Drive, direction: Direction) -> Axes:
 
     Raises BadInput for another direction than x, y or theta, and a record without finite elements.
     """
-    if direction not in DIRECTIONS:
-        raise BadInput(f"direction {shown(direction)}, expected one of {', '.join(DIRECTIONS)}")
     if "error" not in found.values:
         raise BadInput("this record has no open-loop errors: expected one with finite elements")
     error = found.at("error", direction=direction)
@@ -385,6 +382,8 @@ def plot_large(
 
     `column` : the change of the tangent stiffness, or the error of linear theory along or across the command.
     """
+    if column not in COLUMNS:
+        raise BadInput(f"column {column!r}, expected one of: {', '.join(COLUMNS)}")
     far, aside = float(found.at("amplitude", direction=direction)), column == "across"
     unit = unit_for(direction, far)
     commanded = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS
@@ -400,12 +399,9 @@ def plot_large(
         known = np.isfinite(curves[:, theory])
         if known.any() and not (aside and theory == LOADED):
             ax.plot(commanded[known], curves[known, theory], label=label, **look)
-    if not aside:  # what the second-order terms change at both ends, in the corner that the curves leave free
-        ends = [float(every[0][k, TANGENT] - every[0][k, WITHOUT]) for k in STEPS + STATED[[0, -1]]]
-        text = minus("the two terms at the ends:\n" + ", ".join(f"{end:+.2f}" for end in ends))
-        y, va = (0.06, "bottom") if ends[1] > ends[0] else (0.94, "top")
-        ax.text(0.96, y, text, transform=ax.transAxes, ha="right", va=va, color=INK, size=8.5)
-    elif max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
+    if not aside:
+        return ax
+    if max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
         ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
         style.boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
     else:

@@ -80,10 +80,8 @@ def title_of(found: NaturalModes, number: int) -> str:
     share, hertz = found.share[number - 1], UNITS["hz"].factor
     most = int(np.argmax(share))
     value, band = (hertz * each[number - 1, -1] for each in (found.frequency, found.band("frequency")))
-    name = found.axes["mode"][number - 1]
-    kind = f"mode {number}{f', {name.partition(chr(32))[2]}' if chr(32) in name else ''}"
-    frequency = f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
-    return f"{kind}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
+    label, frequency = found.axes["mode"][number - 1], f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
+    return f"mode {label}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
 
 
 def plot_mode(ax: Axes | None, found: NaturalModes, number: int) -> Axes:

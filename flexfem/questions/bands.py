@@ -69,7 +69,6 @@ class Convergence(NamedTuple):
     order : the order used.   observed : that of the finest three levels, nan where there is none.
     """
 
-    resolutions: Array
     values: Array
     verdict: Verdict
     order: float
@@ -100,7 +99,7 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     finest, larger = float(values[-1]), max(abs(e21), abs(e32))
     noise = round_off * max(1.0, float(np.max(np.abs(values))))
     if larger <= noise:
-        return Convergence(resolutions, values, "round-off", ORDER, np.nan, finest, noise)
+        return Convergence(values, "round-off", ORDER, np.nan, finest, noise)
     observed = _observed_order(e21, e32, r21, r32)
     verdict: Verdict = "converging" if TRUSTED[0] <= observed <= TRUSTED[1] else "out of range"
     if e21 * e32 < 0:
@@ -110,7 +109,7 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     order, safety = (observed, SAFETY) if verdict == "converging" else (ORDER, CAUTIOUS)
     left = 1 / (r21**order - 1)
     band = max(safety * left * (larger if verdict == "oscillatory" else abs(e21)), noise)
-    return Convergence(resolutions, values, verdict, order, observed, finest - left * e21, band)
+    return Convergence(values, verdict, order, observed, finest - left * e21, band)
 
 
 def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -12,7 +12,7 @@ from flexfem import arguments
 from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
 from flexfem.analytic.responses import DrivenModel, driven_model
-from flexfem.arrays import Array
+from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
@@ -41,6 +41,7 @@ from flexfem.questions.driven import (
     sections_of,
     shares,
     stress_along,
+    unit_commands,
 )
 from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, question
 from flexfem.refused import BadInput, ComputationFailed
@@ -372,10 +373,7 @@ def _open_loop(
 
 def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) -> Array:
     """Matrix (3, 3) of the pose to command of a model so that finite elements take a pose, both without load."""
-    none, units = np.zeros(3), np.diag([1e-3, 1e-3, 1e-3 / lever])
-    strokes = [commands_for(model, own, unit, none, lever, "least energy") for unit in units]
-    reached = np.array([moved(elements, own, x, none).pose for x in strokes]).T
-    return np.asarray(units @ np.linalg.inv(reached))
+    return inverse(elements.poses @ unit_commands(model, own, lever))
 
 
 def stack_names(of: StageDrive) -> tuple[str, ...]:
@@ -385,22 +383,22 @@ def stack_names(of: StageDrive) -> tuple[str, ...]:
 
 def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
     """Limits that commands (m,) break, a sentence for each kind: how many, and the one farthest beyond."""
-    force, ends = own.preload + moved(of, own, x, load).force, 1e3 * np.stack([x, own.lowest, own.highest])
-    broken = {name: used > 1 + ROUND_OFF for name, used in shares(of, own, x, load).items()}
-    outside, above = "need {:.4g} um, outside {:.4g} to {:.4g} um", "have to push with {:.4g} N, above {:.4g} N"
-    strokes = np.any(broken["stroke"].reshape(2, -1), axis=0)
-    kinds = (
-        ("strokes", strokes, np.maximum(x - own.highest, own.lowest - x), outside, own.names, ends),
-        ("contacts", broken["contact"], -force, "have to pull with {:.4g} N", stack_names(own), (-force,)),
+    force, stacks, found = own.preload + moved(of, own, x, load).force, stack_names(own), list[str]()
+    um, low, high = 1e3 * x, 1e3 * own.lowest, 1e3 * own.highest
+    kinds: tuple[tuple[str, Array, tuple[str, ...], Callable[[int], str]], ...] = (  # in the order of `LIMITS`
         (
-            "forces", broken["blocking force"], force - own.blocking_force, above, stack_names(own),
-            (force, own.blocking_force),
+            "strokes", np.maximum(um - high, low - um), own.names,
+            lambda k: f"need {um[k]:.4g} um, outside {low[k]:.4g} to {high[k]:.4g} um",
+        ),
+        ("contacts", -force, stacks, lambda k: f"have to pull with {-force[k]:.4g} N"),
+        (
+            "forces", force - own.blocking_force, stacks,
+            lambda k: f"have to push with {force[k]:.4g} N, above {own.blocking_force[k]:.4g} N",
         ),
     )  # fmt: skip
-    found = list[str]()
-    for kind, which, beyond, text, names, numbers in kinds:
-        if which.any():
-            k, count = int(np.argmax(np.where(which, beyond, -np.inf))), np.count_nonzero(which)
-            said = text.format(*(number[k] for number in numbers))
-            found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {said}")
+    for used, (kind, beyond, names, said) in zip(shares(of, own, x, load).values(), kinds, strict=True):
+        broken = np.any(np.reshape(used > 1 + ROUND_OFF, (-1, len(names))), axis=0)
+        if broken.any():
+            k, count = int(np.argmax(np.where(broken, beyond, -np.inf))), np.count_nonzero(broken)
+            found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {said(k)}")
     return found

@@ -37,6 +37,7 @@ SINGULAR = 1e-9  # of the largest: a direction in which no command moves the pla
 BESIDE, SECTIONS = 0.7, 141  # how far beside the centre, per radius of the notch, and at how many places
 SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of bending and of tension
 YIELDING = 1e-11  # of the yield strength: round-off
+NO_MOTION = 1e-16  # of the largest size of a limit: commands so small are none to a linear program
 TOGETHER = 256  # designs at a time: their programs stay in the cache of a processor
 FAR = 1e7  # of rows of unit norm and ends of at most one: beyond every solution of a bounded program
 FLAT, KEPT = 1e-11, 1e-12  # of such rows: pivots that are round-off; by how much of the point one may be broken
@@ -138,6 +139,13 @@ def commands_for(of: Driven, drive: StageDrive, pose: Array, load: Array, lever:
     return np.asarray(found + np.linalg.lstsq(G, wanted - G @ found, rcond=None)[0])  # what the programs rounded off
 
 
+def unit_commands(of: Driven, drive: StageDrive, lever: float) -> Array:
+    """Commands of least energy (m, 3) per mm in x and y and per rad, without load."""
+    units, none = np.diag([1.0, 1.0, 1.0 / lever]), np.zeros(3)
+    each = [commands_for(of, drive, unit, none, lever, "least energy") for unit in units]
+    return np.array(each).T @ np.diag([1.0, 1.0, lever])
+
+
 def _least_energy(of: Driven, G: Array, wanted: Array, load: Array) -> Array:
     """min f' C_dd f with f = Y (T x - C_dF F) and G x = wanted, in the null space of G.
 
@@ -172,7 +180,8 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, wanted: Array) -
 def _program(of: DriveLimits, G: Array, wanted: Array) -> Array | None:
     """min t with rows x <= offsets + t sizes and G x = wanted; None where there is no such x."""
     rows, offsets, sizes = of
-    unit = float(np.max(np.abs(np.linalg.lstsq(G, wanted, rcond=None)[0]))) or float(np.max(sizes)) or 1.0
+    unit, most = float(np.max(np.abs(np.linalg.lstsq(G, wanted, rcond=None)[0]))), float(np.max(sizes)) or 1.0
+    unit = unit if unit > NO_MOTION * most else most
     size = np.max(np.abs(G)) * unit
     norm = np.maximum(np.max(np.abs(rows), axis=1) * unit, np.finfo(float).tiny)
     found = linear_program(

@@ -92,7 +92,6 @@ class CurveModels(BaseModel):
     plane: str
     mobility: int
     formula: str
-    formula_in_range: bool
     links: bool
     assumed: list[str]
     not_stated: list[str]
@@ -224,6 +223,9 @@ def verification(
         loaded.append(LoadedCase(path, load))
         if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
+        for suffix in (".json", ".npz"):
+            if folder is not None and (taken := folder / f"{path.stem}{suffix}").is_dir():
+                raise BadInput(f"{taken}: is a folder, expected a file or none")
     found = []
     for case in loaded:
         found.append(run_case(case))
@@ -305,7 +307,7 @@ def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> Answered:
 
 def _said(label: str, of: CurveModels) -> str:
     """The stage and the models of a curve in a line."""
-    formula = f"{of.formula}{'' if of.formula_in_range else ', outside its range'}{', elastic links' * of.links}"
+    formula = f"{of.formula}{', elastic links' * of.links}"
     layers = f", {of.layers} layers" if of.layers else ""
     return (
         f"{label}: {of.stage}, {of.plane.replace('_', ' ')}, mobility {of.mobility}, {formula}; {of.resolution} "
@@ -332,7 +334,6 @@ def _described(case: Case, run: CurveRun) -> CurveModels:
         plane=stage.model,
         mobility=model.mobility,
         formula=model.formula,
-        formula_in_range=bool(np.all(model.in_range)),
         links=curve.links,
         assumed=list(own.assumed),
         not_stated=list(own.not_stated),
@@ -378,14 +379,16 @@ def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> Answer:
 
 
 def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> Answer:
-    """Finite elements under the force of a model, on three meshes."""
+    """Finite elements under the force of a model, on three meshes; in a nonlinear case under that of equilibrium."""
     steps, command, lever = levels(case.resolution), case.commands, stage.chain.link_lengths[2]
     meshes = [solved(stage, level) for level in steps]
     finest, compliances = meshes[-1], np.array([each.compliance for each in meshes])
     force = command @ model.stiffness.T  # (18)
     pose = force @ finest.compliance.T
     if case.analysis == "nonlinear":
-        force, pose = _exact(stage, curve, finest.mesh, command)
+        force = at_pose(assemble(stage, curve.mobility, curve.formula), command).load
+        for side in outwards(np.sum(command, axis=1)):  # from rest, on each side of it
+            pose[side] = equilibrium(finest.mesh, plate_of(stage), force[side]).pose
     at_full = [
         (each.mesh, each.compliance @ force[-1], np.tensordot(force[-1], each.fields, axes=1)) for each in meshes
     ]
@@ -415,18 +418,6 @@ def _in_plane(stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array
         peak_band=float(bands.stress_bands(steps, np.array(reached))),
         **others,
     )
-
-
-def _exact(stage: Stage, curve: Curve, mesh: StageMesh, command: Array) -> tuple[Array, Array]:
-    """Loads of the exact equilibrium of the pseudo-rigid stage, and poses of nonlinear finite elements under them.
-
-    The loads are reached outwards from rest, on each side of it. Raises ComputationFailed when one is not reached.
-    """
-    force = at_pose(assemble(stage, curve.mobility, curve.formula), command).load
-    pose = np.zeros_like(command)
-    for side in outwards(np.sum(command, axis=1)):
-        pose[side] = equilibrium(mesh, plate_of(stage), force[side]).pose
-    return force, pose
 
 
 def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:

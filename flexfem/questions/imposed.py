@@ -23,7 +23,7 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
 from flexfem.questions.case import Case, Drive
-from flexfem.questions.driven import Driven, commands_for, driven, held
+from flexfem.questions.driven import Driven, driven, held, unit_commands
 from flexfem.units import DIRECTIONS
 
 RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of fewer freedoms does not allow
@@ -77,9 +77,7 @@ def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
         return Imposed(couples, couple_names(positions), given, None, None)
     stacks, lever = drive_of(stage), stage.chain.link_lengths[2]
     seen = driven(driven_model(stage, model).compliance, stacks)
-    units = np.diag([1.0, 1.0, 1.0 / lever])
-    each = [commands_for(seen, stacks, unit, np.zeros(3), lever, "least energy") for unit in units]
-    return Imposed(stacks.stacks, stacks.names, np.array(each).T @ np.diag([1.0, 1.0, lever]), seen, stacks)
+    return Imposed(stacks.stacks, stacks.names, unit_commands(seen, stacks, lever), seen, stacks)
 
 
 @once

@@ -26,6 +26,7 @@ from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question, solved
@@ -301,7 +302,8 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
             raise BadInput(f"{fit}: {refusal}") from None
         source, notes = f"fitted to the points of {fit}", [_fit_said(law)]
     if law is None:
-        taken = strength.required_law(stage.material, ", or a fit of S-N points")
+        with located(stage):
+            taken = strength.required_law(stage.material, ", or a fit of S-N points")
         source = stage.sources.get(strength.KEY) or "not stated"
     else:
         taken = strength.checked_law(law)
@@ -328,7 +330,7 @@ def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tu
     endless = not np.isfinite(factor)
     found = {"amplitude": of.amplitude[worst], "mean": of.mean[worst], "equivalent": stress, "peak": peak}
     found["cycles"] = law.cycles(stress)
-    most, fewest = (float(law.cycles((1 + each) * highest)) for each in error)
+    most, fewest = (float(law.cycles(np.maximum(1 + each, 0.0) * highest)) for each in error)
     return {name: part.reshape(3, 3) for name, part in found.items()} | {
         "life": float(law.cycles(highest)),
         "fewest": fewest,

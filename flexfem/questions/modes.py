@@ -13,7 +13,8 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
-from flexfem.analytic.responses import dynamics, engaged
+from flexfem.analytic.network import with_springs
+from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh, build_mesh
@@ -28,7 +29,6 @@ from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import counted
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
 from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question, sectors_of
@@ -129,20 +129,11 @@ class DynamicModel(NamedTuple):
 
     @property
     def truncation(self) -> Array:
-        """By how many per cent (k,) the lowest frequencies of the Craig-Bampton matrices are above `frequencies`."""
+        """By how many per cent (k,) the lowest frequencies of the truncated Craig-Bampton matrices are too high."""
         from scipy.linalg import eigh
 
         squares = eigh(self.craig_bampton.stiffness, self.craig_bampton.mass, eigvals_only=True)
         return np.asarray(100 * (np.sqrt(squares[: len(self.frequencies)]) / self.frequencies - 1))
-
-    @property
-    def truncation_note(self) -> str:
-        """The same in a sentence."""
-        above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
-        return (
-            f"K_cb and M_cb are truncated, {kept} with the platform held: by them as many lowest frequencies are "
-            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of all freedoms"
-        )
 
     def response(self, frequencies: Array) -> Any:
         """Complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
@@ -157,7 +148,6 @@ class DynamicModel(NamedTuple):
             "frequencies_rad_per_s": self.frequencies,
             "damping_ratio": self.damping,
             "K_cb_above_percent": self.truncation,
-            "K_cb_note": self.truncation_note,
             "inputs": list(self.inputs),
             "input_units": list(self.inputs.values()),
             "outputs": [f"pose {name}" for name in DIRECTIONS],
@@ -256,7 +246,7 @@ def modes(
         if in_depth:
             raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
         drive = drive_of(stage)
-    warnings, notes = list(warning.of_stage(stage)), list[str]()
+    warnings = list(warning.of_stage(stage))
     drawn = bodies.drawn_inertia(stage) + load.matrix
     values = {
         "mass": drawn[0, 0],
@@ -277,13 +267,12 @@ def modes(
     elif mesh is not None:
         elements[ELEMENTS], others, fields = _in_plane(stage, load, drive, count, mesh.resolution, ratio, progress)
         values |= others
-        notes = [fields.reduced.truncation_note] if fields.reduced else []
         warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
     found = {name: Answered({"frequency": _placed(each, places, count)}) for name, each in rigid.items()} | elements
     said = f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2" if any(load) else None
     settings = {"drives": drives, "payload": said}
     of = about(stage, drive=drive is not None)
-    return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, notes=notes, fields=fields)
+    return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, fields=fields)
 
 
 @question
@@ -350,7 +339,9 @@ def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings
         if one.name in found:
             continue
         of = dynamics(one.stage, analyse(*one), payload, *(() if drive is None else (drive.stacks,)))
-        found[one.name] = (of if drive is None else engaged(of, drive.stiffness)).frequencies
+        if drive is not None:
+            of = of._replace(compliance=with_springs(of.compliance, drive.stiffness))
+        found[one.name] = of.frequencies
     return found
 
 

@@ -167,12 +167,6 @@ def of_numbers(stage: Stage) -> Warnings:
     return [f"{said}: is the unit right?" for said, is_plausible in plausible.items() if not is_plausible]
 
 
-RIGID = (
-    "with rigid links the stress is too high, by 14 to 34 % with paros-weisbord where it was compared with finite "
-    "elements; `summary` takes calibrated hinges and elastic links"
-)
-
-
 def stress_above(formula: str, links: bool = True, plane: Plane = "plane_stress") -> tuple[float, float] | None:
     """Per cent by which the highest neck stress is above finite elements, least and most; None where not compared."""
     if plane == "corrected":
@@ -184,7 +178,10 @@ def stress_accuracy(formula: str, links: bool = True, plane: Plane = "plane_stre
     """How far the analytic neck stress is from finite elements, in words."""
     found, solid = stress_above(formula, links, plane), plane == "corrected"
     if found is None and not links and formula not in RIGID_ABOVE:
-        return RIGID
+        return (
+            "with rigid links the stress is too high, by 14 to 34 % with paros-weisbord where it was compared with "
+            "finite elements; `summary` takes calibrated hinges and elastic links"
+        )
     how = f"stress by {formula} with {'elastic' if links else 'rigid'} links"
     if found is None:
         return f"{how} has not been compared with finite elements{' in three dimensions' if solid else ''}"

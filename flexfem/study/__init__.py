@@ -28,7 +28,7 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     BadInput
         The file is missing, or no table of a study.
     """
-    from pyarrow import ArrowException, concat_tables, csv, parquet
+    from pyarrow import ArrowException, BufferReader, concat_tables, csv, parquet
 
     from flexfem.files.refusals import checked_path
     from flexfem.refused import BadInput
@@ -36,8 +36,8 @@ def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
     place, tables = checked_path(path), []
     try:
         for each in sorted(place.glob("*.parquet")) if place.is_dir() else [place]:
-            with each.open("rb") as file:  # pyarrow takes no name that is not UTF-8
-                tables.append(csv.read_csv(file) if each.suffix == ".csv" else parquet.read_table(file))
+            content = BufferReader(each.read_bytes())  # pyarrow takes no name that is not UTF-8
+            tables.append(csv.read_csv(content) if each.suffix == ".csv" else parquet.read_table(content))
         found = concat_tables(tables)
     except (OSError, ArrowException) as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else "damaged, or neither Parquet nor CSV"

@@ -22,7 +22,7 @@ from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
 from flexfem.study.columns import DRIFTS, FEASIBLE, STIFFNESSES, sizes_of
 from flexfem.study.loaded import LoadedStudy, judge
-from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, read_part, survey
+from flexfem.study.run import ABOUT, PARQUET, READING, TEXTS, Parts, read_part, survey
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least designs a row group of Parquet
@@ -196,7 +196,7 @@ def _opened(path: Path) -> Iterator[Any]:
     try:
         with (
             path.open("rb") as content,
-            pq.ParquetFile(content, page_checksum_verification=True, read_dictionary=TEXTS) as file,
+            pq.ParquetFile(content, read_dictionary=TEXTS, **READING) as file,
         ):
             yield file
     except (OSError, ValueError, pa.ArrowException):

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import compress
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -184,7 +183,7 @@ GROUPS = (
  GRADIENTS, ERRORS, CROSSES, BANDS) = (group.names for group in GROUPS)  # fmt: skip
 ASKED = tuple(dict.fromkeys(group.asked for group in GROUPS if group.asked))
 LIFE_AMPLITUDES = LIVES[1:4]
-MEANINGS: Mapping[tuple[str, ...], str] = MappingProxyType({group.names: group.meaning for group in GROUPS})
+MEANINGS = {group.names: group.meaning for group in GROUPS}
 LABELS = {name: label for group in GROUPS for name, label in group.labels.items()}
 CROSS = {  # stiffnesses between two directions, and those along them
     "kxy_n_per_mm": ("kxx_n_per_mm", "kyy_n_per_mm"),

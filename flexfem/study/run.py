@@ -34,6 +34,10 @@ from flexfem.study.workers import Failure, Workers, require_same_versions, versi
 ABOUT = b"flexfem.study"  # metadata: what a part belongs to
 TEXTS = ["status", "reason"]
 PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": TEXTS, "write_page_checksum": True}
+READING: Mapping[str, Any] = {  # a thread that reads ahead would abort a process that ends meanwhile
+    "page_checksum_verification": True,
+    "pre_buffer": False,
+}
 SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs a part: some seconds of work, which a stop may lose
 LINKED, DRAWN, BROADCAST = 32, 512, 8192  # analytic ones: with elastic links, drawn one by one, all at once
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
@@ -116,7 +120,7 @@ def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
 def read_part(path: Path, columns: list[str] | None = None) -> Any:
     """The Arrow table of a part. Raises FileNotFoundError, or BadInput where it is damaged: pages have checksums."""
     try:
-        with path.open("rb") as content, pq.ParquetFile(content, page_checksum_verification=True) as file:
+        with path.open("rb") as content, pq.ParquetFile(content, **READING) as file:
             return file.read(columns=columns, use_threads=False)
     except FileNotFoundError:
         raise

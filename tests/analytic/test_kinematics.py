@@ -1,14 +1,31 @@
-"""Finite poses of the chains, and their influence coefficients against differences."""
+"""Mobility and the tables of joint freedoms, and finite poses of the chains."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, chain_poses, joints_of
+from flexfem.analytic.paper import (
+    FREEDOMS_BY_MOBILITY,
+    chain_poses,
+    freedoms_of,
+    gruebler_kutzbach,
+    joints_of,
+    mobility,
+)
 from flexfem.mechanism.designs import frames
 
-H = 1e-5  # step of the central differences, rad and mm: truncation and rounding are both near 1e-9 for 30 mm links
-DIFFERENCE = 1e-7  # relative to the link length, two orders above H's own error
+
+@pytest.mark.parametrize("expected", [3, 6, 12, 21])
+def test_the_tables_have_the_mobility_they_are_named_after(expected: int) -> None:
+    assert mobility(FREEDOMS_BY_MOBILITY[expected]) == expected
+    assert joints_of(freedoms_of(expected)).mobility == expected
+
+
+def test_known_mechanisms_have_their_known_mobility() -> None:
+    assert gruebler_kutzbach(4, [1, 1, 1, 1]) == 1  # four-bar linkage
+    assert gruebler_kutzbach(5, [1, 1, 1, 1, 1]) == 2  # five-bar linkage
+    assert gruebler_kutzbach(14, [2] * 6 + [1] * 6 + [3] * 6, dimension=6) == 6  # Stewart platform, universal below
 
 
 def displaced(count, seed):

@@ -11,7 +11,7 @@ import pytest
 from flexfem.design import proof as module
 from flexfem.design.model import MISSED, Correction, Model
 from flexfem.design.outcome import checked_by
-from flexfem.design.proof import Proof, ProposedElements, Store, mapped, quantity_band
+from flexfem.design.proof import Proof, ProposedElements, Store, mapped, proof, quantity_band
 from flexfem.design.search import BestDesign
 from flexfem.refused import ComputationFailed
 from flexfem.study.workers import Failure
@@ -187,6 +187,13 @@ def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid
     others = {by[name] for name in COLUMNS - alone}
     assert others == {"finite elements in three dimensions" if solid else "finite elements"}
     assert checked_by(loaded, frozenset({"mass_kg", "thickness_mm"})) == "exact"
+
+
+def test_a_band_follows_the_unit_in_which_a_quantity_is_asked(load, solved):
+    loaded = load(NECK, require("kxx_n_per_mm / 1e9", 1e-7), best("minimise", "1 / kxx_n_per_mm"), STIFFEST)
+    of = proof(Model(loaded), ProposedElements(loaded, Counter()), OWN[:1])
+    inverse, stiffness, small = of.bands / of.elements
+    assert small == pytest.approx(stiffness) and inverse > 0 and of.round_off.tolist() == [0, 0, 0]
 
 
 CORNER, STRESS = 3 * 0.003 / (2**1.4 - (4 / 3) ** 1.4), 3 * 0.001 / ((4 / 3) ** 3 - 1)

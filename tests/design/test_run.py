@@ -97,6 +97,13 @@ def test_stage_files_of_a_longer_front_before_are_removed_and_no_others(load, tm
     assert left == {base.name, "wanted-front-7.toml", "wanted-front-last.toml"}
 
 
+def test_a_name_too_long_for_figures_is_refused_before_anything_is_computed(load, tmp_path):
+    path = load(NECK, RANGE).path
+    long = path.rename(path.with_name(f"{'x' * 230}.toml"))
+    with pytest.raises(BadInput, match=r"x-design-sensitivity.p..: a name of more than 240 bytes"):
+        flexfem.run_design(long, tmp_path / "out")
+
+
 @pytest.mark.parametrize("argument", [{"workers": 0}, {"workers": True}, {"workers": 2000}, {"say": 5}])
 def test_an_argument_that_cannot_be_is_refused_in_one_line(load, argument):
     with pytest.raises(BadInput, match=rf"^{next(iter(argument))} .*, expected [^\n]*$"):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from flexfem.hinges.chart import quadrature
-from flexfem.hinges.formulas import FORMULAS, formula
+from flexfem.hinges.formulas import FORMULAS, Formula, formula
 from flexfem.refused import BadInput
 
 E, NU, B = 68.9e3, 0.29, 9.3
@@ -148,3 +148,13 @@ def test_every_formula_names_its_source_status_and_range(name: str) -> None:
 def test_unknown_formula_is_refused_with_the_names() -> None:
     with pytest.raises(BadInput, match=r"'paros'.*paros-weisbord, .*quadrature"):
         formula("paros")
+
+
+def test_a_formula_that_fails_at_some_ratio_is_refused_there_and_keeps_the_ratio_as_it_is() -> None:
+    """As interpolation does outside its table; one that changes its argument does not change that of the next."""
+    table = Formula("table", "a test", "", (0.1, 0.2), lambda ratio: {}[0])
+    with pytest.raises(BadInput, match=r"^hinge formula 'table': function at t/R from 0.25 to 0.25: KeyError: 0, exp"):
+        table.compliance(2.0, 0.5, B, E, NU)
+    doubling = Formula("doubling", "a test", "", (0.1, 0.2), lambda ratio: np.multiply(ratio, 2.0, out=ratio))
+    shear = formula("paros-weisbord").compliance([2.0], [0.5], B, E, NU).shear
+    np.testing.assert_array_equal(doubling.compliance([2.0], [0.5], B, E, NU).shear, shear)

@@ -66,6 +66,8 @@ def test_a_loose_ball_has_two_contacts_in_series_and_what_is_assumed_of_it_is_sa
     unsaid = stage.replace(actuator=[drawn.model_copy(update={"ball_loose": None})])
     assert (driven.drive_hash == unsaid.drive_hash) == (not loose)
     said = {None: ["steel", "fixed to the stack"], False: ["steel"], True: ["steel", "steel end of the stack"]}[loose]
+    with pytest.raises(BadInput, match=r"^Actuator: ball_radius = 2\.0, expected a preload_n"):
+        drawn.model_copy(update={"preload": 0.0})
     of_balls = [key for key in driven.drive_assumptions.assumed if "ball (" in key]
     assert of_balls == [f"actuator.base.ball ({each})" for each in said]
 
@@ -81,8 +83,8 @@ BAD = [  # edits of the first actuator, what is said, what is named
     ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 0.0 #"), ANYWHERE], "not into the metal", "84 degrees"),
     ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 90.0 #")], "not both", "side"),
     ([(LINK, "point_mm = [44.0, -36.5] #"), ANYWHERE], "or point_mm and direction_deg", "where the contact is"),
-    ([(LINK, 'hinge = "base"\narm_mm = 3.9 #')], "contact off the metal", "expected 4 to 28.5"),
-    ([(LINK, 'hinge = "base"\narm_mm = 28.6 #')], "contact off the metal", "arm_mm = 28.6"),
+    ([(LINK, 'hinge = "base"\narm_mm = 4.0 #')], "contact off the metal", "between 4 and 28.5"),
+    ([(LINK, 'hinge = "base"\narm_mm = 28.5 #')], "contact off the metal", "arm_mm = 28.5"),
     ([(LINK, 'hinge = "platform"\narm_mm = 10.0 #')], "base or elbow, at an end of link 1", "hinge"),
     ([(LINK, 'hinge = "base" #')], "hinge, arm_mm and side", "where the contact is"),
     ([(SIDE, 'side = "left"\ntilt_deg = 85.0 #')], "tilt_deg = 85.0", "<= 80"),

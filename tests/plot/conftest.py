@@ -34,7 +34,7 @@ def hinges(mobility: int = 6, neck: float = 0.4) -> list[HingeDrawing]:
 def model(**changes: Any) -> CurveModels:
     given: dict[str, Any] = {
         "stage": "a stage $x_1$", "file": "../geometry/one.toml", "hash": "1234567890abcdef" * 4,
-        "plane": "plane_stress", "mobility": 6, "formula": "paros-weisbord", "formula_in_range": True, "links": False,
+        "plane": "plane_stress", "mobility": 6, "formula": "paros-weisbord", "links": False,
         "assumed": [], "not_stated": [], "lever": 21.0, "hub_radius": 7.0, "hinges": hinges(), "resolution": 5,
         "layers": 0, "triangles": 12345, "unknowns": 54321, "verdicts": ["converging"] * 3,
     }  # fmt: skip

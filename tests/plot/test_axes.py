@@ -147,7 +147,7 @@ def test_a_stage_is_drawn_and_what_is_none_is_refused(name):
 @pytest.mark.parametrize(
     ("name", "first", "expected"),
     [
-        ("plot_budget", lambda made: made.budget(), "direction {}, expected one of x, y, theta"),
+        ("plot_budget", lambda made: made.budget(), "direction .*, expected one of: x, y, theta"),
         ("plot_formulas", lambda made: hinge_review(), "freedom {}, expected one of rotation, axial, shear"),
         ("plot_thickness", lambda made: thickness_review(), "freedom {}, expected one of rotation, axial"),
     ],

@@ -101,7 +101,7 @@ def test_what_are_no_nine_necks_is_refused_with_its_line(stage, tmp_path, spoil,
     assert str(refused.value).startswith(str(path)) and "\n" not in str(refused.value)
 
 
-@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "chain,hinge\n", '"chain,hinge,neck_um\n1,base,500\n'])
+@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "a" * 140_000, '"chain,hinge,neck_um\n1,base,500\n'])
 def test_what_is_no_table_is_refused(stage, tmp_path, text):
     (tmp_path / "n.csv").write_text(text)
     with pytest.raises(BadInput, match=r"n\.csv.*expected") as refused:

@@ -75,8 +75,9 @@ def test_pose_to_strokes_to_pose(stage, criterion, load):
     drive = drive_of(stage)
     for choice in ((3, DEFAULT_FORMULA, False), (6, DEFAULT_FORMULA, False), (None, CALIBRATED, True)):
         of = model(stage, *choice).of
-        x = commands_for(of, drive, POSE, load, LEVER, criterion)
-        np.testing.assert_allclose(moved(of, drive, x, load).pose, POSE, rtol=1e-12)
+        for pose in (POSE, 1e-13 * POSE, 1e-28 * POSE) if load is not LOAD else (POSE,):
+            x = commands_for(of, drive, pose, load, LEVER, criterion)
+            np.testing.assert_allclose(moved(of, drive, x, load).pose, pose, rtol=1e-12)
 
 
 def test_least_energy_turns_the_joints_as_29_says(stage):

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.hinges.strength import equivalent
+from flexfem.hinges.strength import checked_law, equivalent
 from flexfem.plot.experiment import plot_life
 from flexfem.questions.life import Repeated, by_elements, by_model, factor_at, repeated
 from flexfem.questions.setup import solved
@@ -80,6 +80,8 @@ def test_impossible_points_are_refused_in_one_line(stress, cycles, said):
     with pytest.raises(flexfem.BadInput, match=said) as refused:
         flexfem.fit_basquin(stress, cycles)
     assert "\n" not in str(refused.value)
+    with pytest.raises(flexfem.BadInput, match="law: range 'ab', expected fewer and more cycles"):
+        checked_law(flexfem.Basquin(900.0, -0.1, range="ab"))
 
 
 def test_the_stress_at_zero_mean_is_the_neck_stress_of_the_models(unlike):
@@ -187,7 +189,9 @@ def test_off_the_chart_of_hinges_nothing_is_said_of_the_error_of_the_stress(unli
 
 
 def test_a_figure_counts_the_necks_whose_life_is_beyond_it(unlike):
-    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two."""
+    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two. Those of less than a reversal are drawn there."""
+    short = analytic(unlike, (100.0, 100.0, 100.0), law=flexfem.Basquin(1000.0, -0.01))
+    assert np.any(short.cycles == 0) and 0 < plot_life(Figure().subplots(), short).get_xlim()[0] < 0.5
     for size, count in ((1e-3, 9), (0.1, 2)):
         found = analytic(unlike, (size, size, 0), ratio=0.5)
         axes = plot_life(Figure().subplots(), found)

@@ -139,6 +139,6 @@ def test_modes_write_shapes_the_response_and_reduced_models(tmp_path, capsys):
     command = ["modes", str(ROOT / "geometry/mobility3.toml"), "--resolution", "4", "--count", "1"]
     cli.app([*command, "--drives", "engaged", "-o", str(tmp_path / "out")], standalone_mode=False)
     out = capsys.readouterr().out
-    assert "drives engaged" in out and "their own mass is left out" in out and "K_cb and M_cb are truncated" in out
+    assert "drives engaged" in out and "their own mass is left out" in out
     ends = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat", "-response.png", "-response.pdf")
     assert {each.name for each in (tmp_path / "out").iterdir()} == {f"mobility3-modes{end}" for end in ends}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -24,9 +26,9 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.studies import shard_of, status_facts
 from flexfem.study import table as table_of
 from flexfem.study import workers as worker_module
-from flexfem.study.collect import collect
+from flexfem.study.collect import collect, read_table
 from flexfem.study.loaded import load_study
-from flexfem.study.run import parts_of, remove_stale, run_parts, survey
+from flexfem.study.run import parts_of, read_part, remove_stale, run_parts, survey
 from flexfem.study.workers import Workers, require_same_versions, versions_of
 
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
@@ -133,6 +135,22 @@ def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path
     assert run_parts(parts, here).known == 300 and here.asked == []
 
 
+def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, monkeypatch):
+    """One that does so while the process ends aborts it, with exit code 134."""
+    parts, threads = parts_of(load_study(study(designs=40)), tmp_path), set[int]()
+    run_parts(parts, Here())
+    path = collect(parts, tmp_path / "t.parquet").path
+
+    class Watched(io.FileIO):
+        def read(self, *size):
+            threads.add(threading.get_ident())
+            return super().read(*size)
+
+    monkeypatch.setattr(Path, "open", lambda self, mode: Watched(self))
+    assert len(read_part(parts.path(range(40)))) == len(read_table(path).columns["kxx_n_per_mm"]) == len(table_of(path))
+    assert threads == {threading.get_ident()}
+
+
 def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_those_alone(study, tmp_path, monkeypatch):
     first, said = parts_of(load_study(study()), tmp_path, 64), []
     run_parts(first, Here())
@@ -219,8 +237,13 @@ def test_commands_run_count_and_collect(flexfem, study):
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
-    code, out, _ = flexfem("study", "status", "reports/necks", "--json")  # the folder instead of the file
-    assert (code, json.loads(out)["done"]) == (0, 300)
+    for folder in ("reports/necks", "reports/necks/parts/.."):  # instead of the file
+        code, out, _ = flexfem("study", "status", folder, "--json")
+        assert (code, json.loads(out)["done"]) == (0, 300)
+    Path("reports/other").mkdir()
+    Path("reports/other/study.json").write_text(Path("reports/necks/study.json").read_text())
+    code, out, err = flexfem("study", "status", "reports/other")
+    assert (code, out) == (2, "") and err.endswith("necks.toml, expected it to be called necks\n")
     for target in ("t.csv", "t.parquet"):
         code, out, _ = flexfem("study", "collect", path, "--to", target, "--json")
         assert json.loads(out) == {"written": [target], "designs": 300, "open": 0}
