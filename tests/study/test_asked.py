@@ -99,6 +99,13 @@ def test_lives_are_asked_of_materials_that_have_constants(studies: Any) -> None:
     assert "\n" not in str(refused.value)
 
 
+def test_a_number_that_no_question_has_is_refused_before_anything_runs(studies: Any) -> None:
+    path = studies.write(("mobility = 21\n", 'mobility = 21\nask = ["stiffness.nope"]\n'))
+    with pytest.raises(BadInput, match=r"study\.toml, line 6: ask: no number stiffness\.nope of this stage"):
+        flexfem.run_study(path, studies.folder / "out", 1)
+    assert not (studies.folder / "out").exists()
+
+
 @pytest.mark.parametrize("head", [HEAD, 'model = "fe"\n'])
 def test_constants_that_no_material_has_together_are_refused_by_every_model(lasting: Any, head: str) -> None:
     strong = 'key = "material.yield_strength_mpa"\nvalues = [3000.0]'
