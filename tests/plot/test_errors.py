@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 
 import numpy as np
 import pytest
@@ -109,6 +110,15 @@ def test_labels_of_any_kind_and_what_is_assumed_are_said(made, drawn):
     assert "a $dollar_{ label" in shown[1]
     assert len(shown) == 3
     assert not any("assumed" in text for text in made.texts(drawn["x"][1]))
+
+
+def test_a_title_of_wide_letters_ends_before_the_note_beside_it(made):
+    for name in ("MOBILITY STUDY OF WIDE MW STAGES", "Case 1 \u4e2d\u6587 <b>&amp; @@ %% | pipe"):
+        figure = error_figure(made.result({"one": (0.1, 0.2, 0.3)}, name=name, assumed=["t"], not_stated=["t"]))
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph .* missing")
+            title, note = (figure.texts[k].get_window_extent() for k in (0, -1))
+        assert title.x1 < note.x0
 
 
 SHARES = {  # along the command, percentage points; the total and its band

@@ -74,8 +74,3 @@ def test_no_file_is_refused(tmp_path):
 @pytest.mark.parametrize("case", ["../escape", "/root", "..", "a b"])
 def test_figures_stay_in_their_folder(made, case):
     assert not any("/" in name or name.startswith(".") for name in plans([stored(made, case=case)]))
-
-
-def test_page_is_written_without_matplotlib():
-    code = "import sys, flexfem.plot.text; sys.exit('matplotlib' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
