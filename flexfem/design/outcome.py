@@ -17,7 +17,8 @@ from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
-from flexfem.files.refusals import key_path, path_of
+from flexfem.files.refusals import key_path, one_line, path_of
+from flexfem.files.toml import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
@@ -117,7 +118,8 @@ def made(loaded: LoadedRequirements, values: Array) -> Stage:
         before = base.sources.get(path) or "not stated"
         lead = "assumed in part" if is_assumed(before) else "in part"
         sources[path] = f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
-    return stage.model_copy(update={"name": of.name, "provenance": sources})
+    provenance = {path: one_line(text, LABEL_LENGTH) for path, text in sources.items()}
+    return stage.model_copy(update={"name": of.name, "provenance": provenance})
 
 
 def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:

@@ -131,6 +131,7 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
 
 
 SHOWN = 1e14  # cycles; necks beyond are not drawn, but counted: no such life is ever seen
+REVERSAL = 0.5  # cycles; what does not bear it is drawn at it
 FIRST = 1e2  # cycles at the left edge
 HINGES = {"base": "s", "elbow": "o", "platform": "^"}
 
@@ -159,7 +160,7 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     """Draw Basquin's law, dashed where it is extrapolated, the yield strength, and the necks on it; returns `ax`."""
     law, wanted, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
     low, high = law.range
-    lives = np.minimum(found.cycles, SHOWN)
+    lives = np.clip(found.cycles, REVERSAL, SHOWN)
     right = 10.0 * max(high, wanted, float(np.max(lives)))
     left = min(FIRST, low / 3.0, 0.3 * float(np.min(lives)))
     label = "where the law was fitted" if law.range_stated else "where the law is taken to hold, assumed"
@@ -171,7 +172,7 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
     ax.axvline(wanted, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
     for k, model in enumerate(found.axes["model"]):
-        _plot_necks(ax, model, found.cycles[k], found.equivalent[k])
+        _plot_necks(ax, model, lives[k], found.equivalent[k])
     beyond = int(np.sum(found.cycles >= SHOWN))
     left_out = f"; {beyond} of {found.cycles.size} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")

@@ -223,6 +223,9 @@ def verification(
         loaded.append(LoadedCase(path, load))
         if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
+        for suffix in (".json", ".npz"):
+            if folder is not None and (taken := folder / f"{path.stem}{suffix}").is_dir():
+                raise BadInput(f"{taken}: is a folder, expected a file or none")
     found = []
     for case in loaded:
         found.append(run_case(case))

@@ -330,7 +330,7 @@ def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tu
     endless = not np.isfinite(factor)
     found = {"amplitude": of.amplitude[worst], "mean": of.mean[worst], "equivalent": stress, "peak": peak}
     found["cycles"] = law.cycles(stress)
-    most, fewest = (float(law.cycles((1 + each) * highest)) for each in error)
+    most, fewest = (float(law.cycles(np.maximum(1 + each, 0.0) * highest)) for each in error)
     return {name: part.reshape(3, 3) for name, part in found.items()} | {
         "life": float(law.cycles(highest)),
         "fewest": fewest,

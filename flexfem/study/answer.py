@@ -30,6 +30,7 @@ from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
+from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
 from flexfem.mechanism.designs import Designs
@@ -64,7 +65,7 @@ Parts = TypeVar("Parts", WarmBodies, LinkParts, Moments)  # arrays by name
 
 def drawn_one_by_one(study: Study) -> bool:
     """Whether a study of the analytic model makes a stage of every design."""
-    return study.draws or study.links or study.frequencies is not None
+    return study.draws or study.links or study.frequencies is not None or bool(study.ask)
 
 
 def _each(stages: Stages, reason: AnyArray, of: Callable[[Stage], Found]) -> dict[int, Found]:
@@ -166,6 +167,10 @@ def _warm_bodies(study: Study, stage: Stage) -> WarmBodies:
     return WarmBodies(body_compliance(stage), np.zeros((3, 3, 3)) if study.drift is None else edge_motions(stage))
 
 
+class NoSuchNumber(BadInput):
+    """No question that a study asks has a number of this path for a stage."""
+
+
 def asked_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
     """Numbers that questions answer of one stage, by the paths of the study. Raises BadInput, ComputationFailed."""
     from flexfem.questions.setup import Analytic
@@ -187,8 +192,19 @@ def asked_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
     for path in study.ask:
         if path not in found:
             close = suggestion(path, found) or f", such as {next(iter(found))}"
-            raise BadInput(f"ask: no number {path} of this stage and model{close}")
+            raise NoSuchNumber(f"ask: no number {path} of this stage and model{close}")
     return [found[path] for path in study.ask]
+
+
+def require_asked(loaded: LoadedStudy) -> None:
+    """Raise BadInput where a study asks for a number that the analytic model has not, as the base stage shows."""
+    try:
+        if loaded.study.ask and loaded.study.model == "analytic":
+            asked_numbers(loaded, loaded.stage)
+    except NoSuchNumber as error:
+        raise bad_key(loaded.path, ("ask",), str(error)) from None
+    except BadInput:  # what the base stage lacks, factors may set
+        pass
 
 
 def _units(study: Study, designs: Designs) -> list[Broken]:

@@ -98,18 +98,20 @@ class LoadedStudy:
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
         followed = (o for o in stage.override if o.hinge or study.driven)
         refusing = [each for each in study.constraint if study.is_given(each.value)]
-        derived = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
+        used = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
+        numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
             "stage": stage.drive_hash if study.driven else stage.hash,
             "heat": stage.heat_hash if study.drift is not None else None,
             "draws": study.draws,
             "override": sorted((*o.place, sorted(o.changes)) for o in followed),
             "columns": [
-                [name, keys, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
-                for name, keys, factor in self.columns
+                [name, paths, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
+                for name, paths, factor in self.columns
             ],
             "refused": [[each.value, each.least, each.most, each.said] for each in refusing]
-            + [[output.name, output.expression] for output in study.output if output.name in derived],
+            + [[output.name, output.expression] for output in study.output if output.name in used]
+            + [[name, keys()[name].value_in(stage)] for name in numbers],
         }
         return digest(content)
 
@@ -248,19 +250,20 @@ def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tupl
             found = pyarrow.csv.read_csv(pa.BufferReader(content), one_by_one, convert_options=numbers)
         else:
             found = pq.read_table(pa.BufferReader(content))
+        there = found.column_names
     except (pa.ArrowException, OSError, ValueError) as error:
         kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
-    there = found.column_names
     for name in names:
-        if there.count(name) != 1:
-            close = suggestion(name, set(there)) or f", found {one_line(', '.join(there), 160)}"
-            state = "is there twice" if name in there else "is missing"
-            raise BadInput(f"{where}: column {shown(name)} {state}, expected one for each factor{close}")
+        if name not in there:
+            close = suggestion(name, there) or f", found {one_line(', '.join(there), 160)}"
+            raise BadInput(f"{where}: column {shown(name)} is missing, expected one for each factor{close}")
+        if there.count(name) > 1:
+            raise BadInput(f"{where}: column {shown(name)} is there twice, expected one for each factor")
         kind = found[name].type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             raise BadInput(f"{where}: column {shown(name)} of {kind}, expected numbers")
-    values = [found[name].cast(pa.float64()).to_numpy() for name in names]  # empty cells as nan
+    values = [found[name].cast(pa.float64(), safe=False).to_numpy() for name in names]  # empty cells as nan
     return hashlib.sha256(content).hexdigest(), np.column_stack(values)
 
 

@@ -94,11 +94,14 @@ def test_a_result_reads_back_with_its_fields_and_of_another_run_they_are_refused
         again.read_fields(tmp_path / "fig5.json")
 
 
-def test_two_cases_of_one_name_are_refused_before_any_is_run(project, tmp_path):
+def test_results_that_cannot_be_kept_are_refused_before_any_case_is_run(project, tmp_path):
     other = tmp_path / "fig5.toml"
     other.write_text(project.path("cases/fig5.toml").read_text().replace("../geometry", str(ROOT / "geometry")))
     with pytest.raises(BadInput, match="would overwrite those of"):
         verification(project.path("cases/fig5.toml"), other, output=tmp_path)
+    (tmp_path / "fig5.json").mkdir()
+    with pytest.raises(BadInput, match=r"fig5.json: is a folder, expected a file"):
+        verification(other, output=tmp_path)
 
 
 SOLID = ("points = 21", 'points = 3\nmodel = "three_dimensional"\nresolution = 4')

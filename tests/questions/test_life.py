@@ -189,7 +189,9 @@ def test_off_the_chart_of_hinges_nothing_is_said_of_the_error_of_the_stress(unli
 
 
 def test_a_figure_counts_the_necks_whose_life_is_beyond_it(unlike):
-    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two."""
+    """At 1 um all nine live longer than 1e14 cycles, at 0.1 mm two. Those of less than a reversal are drawn there."""
+    short = analytic(unlike, (100.0, 100.0, 100.0), law=flexfem.Basquin(1000.0, -0.01))
+    assert np.any(short.cycles == 0) and 0 < plot_life(Figure().subplots(), short).get_xlim()[0] < 0.5
     for size, count in ((1e-3, 9), (0.1, 2)):
         found = analytic(unlike, (size, size, 0), ratio=0.5)
         axes = plot_life(Figure().subplots(), found)

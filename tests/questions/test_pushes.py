@@ -97,7 +97,7 @@ def test_any_set_up_reads_what_a_network_of_all_its_springs_says(p, a, angle, si
         assert abs(force[k] - F) < 1e-6 * abs(F) and abs(found[k] - moved / load) < 1e-6 * size
 
 
-def test_a_pole_of_steel_by_hand():
+def test_a_pole_and_a_bar_of_steel_by_hand():
     """206 GPa, 8 by 40 mm: I = 201.06 mm^4, A = 50.27 mm^2, G = 79231 MPa; bending h^3/(3EI), shear 10/9 h/(GA)."""
     found = pole_compliance(Pole(diameter=8.0, height=40.0, youngs_modulus=206e3, poissons_ratio=0.3))
     bending = 64000 / (3 * 206e3 * 201.0619) + 40 / 0.9 / (79230.77 * 50.26548)
@@ -108,11 +108,7 @@ def test_a_pole_of_steel_by_hand():
     assert half.read == pytest.approx(400 * 100 / (6 * 206e3 * 201.0619) + shear, rel=1e-6)
     assert half.end == pytest.approx(bending, rel=1e-6)
     assert half.pushed == pytest.approx(8000 / (3 * 206e3 * 201.0619) + shear, rel=1e-6)
-
-
-def test_a_bar_by_hand():
-    """206 GPa, 8 mm wide in the plane, in which it bends, 5 mm thick, 30 mm: EI = 4.3947e7 N mm^2, a^3/(3EI)."""
-    bar = Bar(arm=30.0, width=8.0, thickness=5.0, youngs_modulus=206e3)
+    bar = Bar(arm=30.0, width=8.0, thickness=5.0, youngs_modulus=206e3)  # 8 mm in the plane, in which it bends
     assert bar_compliance(bar) == pytest.approx(27000 / (3 * 206e3 * 5 * 8**3 / 12), rel=1e-12)
 
 

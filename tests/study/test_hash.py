@@ -103,6 +103,19 @@ def test_every_key_of_the_stage_counts_in_the_hash_of_its_study(studies: Any) ->
     assert repeated.hash == loaded.stage.hash and replace(loaded, stage=repeated).hash != loaded.hash
 
 
+def test_a_number_of_the_stage_counts_where_a_constraint_refuses_by_it(studies: Any) -> None:
+    stage, limit = (
+        studies.folder / "stage.toml",
+        "[[constraint]]\nvalue = 'E * material.expansion_um_per_m_k'\nmost = 9",
+    )
+    hashes = set[str]()
+    for number in ("23.1", "24.2"):
+        stage.write_text(stage.read_text().replace("[material]", f"[material]\nexpansion_um_per_m_k = {number}"))
+        hashes.add(studies.load(("sd = 1.5\n", f"sd = 1.5\n{limit}\n")).hash)
+        stage.write_text(stage.read_text().replace(f"expansion_um_per_m_k = {number}\n", ""))
+    assert len(hashes) == 2
+
+
 def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
     driven = studies.load(DRIVEN)
     pair = {"name": "base", "between": ("frame", "link 1"), "hinge": "base", "arm": 10.0, "side": "left", "pair": True}
