@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from flexfem.design.requirements import load_requirements
+from flexfem.files.writing import digest
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.fixture import fixture_of
 from flexfem.study.loaded import load_study
@@ -46,9 +47,12 @@ def now(source):
         return hashlib.sha256(content.encode()).hexdigest()[:16]
     if path == "drive":
         return load_stage(ROOT / name).drive_hash[:16]
+    if name.startswith("cases/design-"):
+        found = load_requirements(ROOT / name)
+        asked = found.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
+        return digest([asked, found.stage.model_dump(mode="json", exclude={"name", "provenance"})])[:16]
     if not path:
-        load = load_study if "study-" in name else load_requirements if "cases/design-" in name else load_stage
-        return load(ROOT / name).hash[:16]
+        return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
     question, _, key = path.partition(".")
     return accepted(name)[question][key][0]
 

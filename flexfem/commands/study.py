@@ -19,8 +19,6 @@ from flexfem.terminal import EVERY, Stopped, working
 if TYPE_CHECKING:
     from flexfem.study.run import Parts, Progress
 
-SHOWN = 10  # reasons of a status
-
 app = typer.Typer(
     help="Study many designs: run, see how far it is, collect the table, plot.",
     no_args_is_help=True,
@@ -121,10 +119,8 @@ def print_status(facts: dict[str, Any]) -> None:
     print(f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} open{elsewhere}")
     print(f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, {facts['failed']:,} failed")
     for state, reasons in facts["reasons"].items():
-        for reason, n in list(reasons.items())[:SHOWN]:
+        for reason, n in reasons.items():
             print(f"  {n:,} {state}: {reason}")
-        if others := list(reasons.values())[SHOWN:]:
-            print(f"  {sum(others):,} {state} for {len(others):,} other reasons")
     print(f"{facts['parts']:,} parts in {facts['folder']}")
     for text in facts["damaged"]:
         print(f"{text}; flexfem study run computes it again")

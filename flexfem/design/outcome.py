@@ -17,7 +17,8 @@ from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
-from flexfem.files.refusals import key_path, path_of
+from flexfem.files.refusals import key_path, one_line, path_of
+from flexfem.files.toml import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
@@ -38,6 +39,7 @@ SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # part of its size within which a requirement is kept just so, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
 DIFFERENCE = 1e-4  # of a dimension, by which sensitivities are found
+FLAT = 1e-8  # sensitivity below which it is the round-off of a difference
 KEPT = 1e-6  # part of an objective within which it is kept: room for programs at the end of a range
 APART = 1e-3  # of the spans of a front, within which two designs are one
 SHARED = 2000  # stages with scattered necks that the share is of
@@ -117,7 +119,8 @@ def made(loaded: LoadedRequirements, values: Array) -> Stage:
         before = base.sources.get(path) or "not stated"
         lead = "assumed in part" if is_assumed(before) else "in part"
         sources[path] = f"{lead}: [{', '.join(map(str, sorted(indices)))}] {source}; the others {before}"
-    return stage.model_copy(update={"name": of.name, "provenance": sources})
+    provenance = {path: one_line(text, LABEL_LENGTH) for path, text in sources.items()}
+    return stage.model_copy(update={"name": of.name, "provenance": provenance})
 
 
 def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Checked:
@@ -273,7 +276,8 @@ def sensitivities(model: Model, values: Array) -> Array:
     with np.errstate(all="ignore"):
         both, up, down = (above - below) / 2, above - own, own - below
         slopes = np.where(np.isfinite(both), both, np.where(np.isfinite(up), up, down))
-        return np.asarray(slopes / (DIFFERENCE * own))
+        found = slopes / (DIFFERENCE * own)
+        return np.where(np.abs(found) < FLAT, 0.0, found)
 
 
 def _sensitivities(model: Model, of: Proof) -> dict[str, dict[str, float | None]]:

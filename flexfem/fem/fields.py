@@ -14,7 +14,6 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, StaticSolution, clamped_nodes
 from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.fem.symmetry import under_loads
-from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import BODIES
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, stage_frames, turned
 from flexfem.mechanism.stage import Stage
@@ -65,8 +64,8 @@ def _near_necks(stage: Stage, mesh: StageMesh, chain: int, frame: int = 0) -> li
     frame : the chain in whose frame the nodes are.
     """
     centres = turned(stage_frames(stage).centres[chain], -frame * CHAIN_TURN)
-    radii = (stage.hinge(chain + 1, name).radius for name in HINGE_NAMES)
-    return [np.hypot(*(mesh.nodes - centre).T) <= radius for centre, radius in zip(centres, radii, strict=True)]
+    places = zip(centres, stage.array("radius")[chain], strict=True)
+    return [np.hypot(*(mesh.nodes - centre).T) <= radius for centre, radius in places]
 
 
 class NeckStress(NamedTuple):

@@ -150,6 +150,7 @@ _EXPECTED = {  # by pydantic's kind of mistake
     "int_parsing_size": "an integer of at most 4300 digits",
     "bool_type": "true or false",
     "string_type": "text in quotes",
+    "string_pattern_mismatch": "at most 60 of A-Z, a-z, 0-9 and _, a letter first",
     "tuple_type": "an array",
     "literal_error": "{expected}",
     "model_type": "a table",

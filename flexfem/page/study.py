@@ -19,7 +19,6 @@ from flexfem.study.findings import Record, Refused, Source, drawn_words, factor,
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
-REASONS = 20  # lines of reasons; more are counted
 ROWS = 400  # of a table; more are in the JSON of flexfem study plot
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
 
@@ -71,9 +70,6 @@ def asked_section(source: Source, status: dict[str, Any]) -> PageSection:
     }
     reasons = [(text, state, n) for state, found in status["reasons"].items() for text, n in found.items()]
     reasons.sort(key=lambda row: -row[2])
-    if len(reasons) > REASONS:
-        others = reasons[REASONS:]
-        reasons[REASONS:] = [(f"{len(others)} other reasons", "", sum(n for _, _, n in others))]
     tables = [
         TextTable(["factor", "keys", "unit", "values", "source"], [*_factors(loaded)], 5, "Factors"),
         TextTable(["output", "column", "unit", "found by"], outputs, 4, "Outputs"),

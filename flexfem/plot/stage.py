@@ -138,7 +138,7 @@ def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
     if not isinstance(given, Stage):
         raise BadInput(f"{shown(given)}: expected a stage")
     check_feasible(given)
-    axial = [[given.hinge(chain, name).prismatic for name in HINGE_NAMES] for chain in CHAINS]
+    axial = given.array("prismatic").tolist()
     return HingeDrawing.of_stage(given, [[["rotation", *(["axial"] * free)] for free in row] for row in axial])
 
 

@@ -88,6 +88,14 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
     return textwrap.fill(text, max(int(72 * width / (LETTER[weight] * size)), 4), break_on_hyphens=False)
 
 
+def _width(text: str, size: float, weight: str) -> float:
+    """Width in inches of a text on one line."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        figure = Figure()
+        return float(figure.text(0, 0, text, size=size, weight=weight).get_window_extent().width / figure.dpi)
+
+
 def below_header(size: tuple[float, float], title: str, lines: Sequence[str], assumptions: Any = None) -> Figure:
     """A figure with a header, and so much room below it, in inches, which matplotlib lays out.
 
@@ -100,7 +108,10 @@ def below_header(size: tuple[float, float], title: str, lines: Sequence[str], as
     else:
         room = width - 2 * MARGIN
         beside = room - (LETTER["bold"] * 11 / 72 * len(note) + 0.4 if note else 0.0)
-        texts = [(wrapped(title, beside, 13, "bold"), 13, "bold", INK)]
+        wide = _width(title, 13, "bold") / (
+            LETTER["bold"] * 13 / 72 * max(len(title), 1)
+        )  # than letters are on average
+        texts = [(wrapped(title, beside / max(wide, 1.0), 13, "bold"), 13, "bold", INK)]
         texts += [(wrapped(line, 0.92 * room, 9), 9, "normal", "#404040") for line in lines]
         heights = [(text.count("\n") + 1) * points * 1.32 / 72 + 0.06 for text, points, *_ in texts]
         ends = np.cumsum([0.22, *heights]).tolist()

@@ -65,7 +65,7 @@ Parts = TypeVar("Parts", WarmBodies, LinkParts, Moments)  # arrays by name
 
 def drawn_one_by_one(study: Study) -> bool:
     """Whether a study of the analytic model makes a stage of every design."""
-    return study.draws or study.links or study.frequencies is not None
+    return study.draws or study.links or study.frequencies is not None or bool(study.ask)
 
 
 def _each(stages: Stages, reason: AnyArray, of: Callable[[Stage], Found]) -> dict[int, Found]:

@@ -36,7 +36,6 @@ MARKED = (2.5, 50.0, 97.5)  # percentiles
 ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each
 SIZE = "envelope_mm"
 TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
-SAME = 1e-9  # part by which numbers of one design may differ
 LARGEST = 1e100  # number that is drawn; squares of it, and of the least number, can be computed
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
@@ -495,19 +494,15 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     if gain is not None:
         best_of = f"The best design no worse in {x_name.name} and no larger than the base stage"
         said.append(f"{best_of} has {gain:.3g} times its {y_name.name}.")
-    own, sign = source.base(x, y), np.where(larger, 1.0, -1.0)
-    if own is not None and not np.any(np.all(sign * (best - own) >= -SAME * np.abs(own), axis=1)):
-        said.append(
-            "The base stage lies beyond the front: no design of the study that can be drawn and keeps all constraints "
-            "is as good, and it is none of them."
-        )
     head = {"design": "design", **{name: source.quantity(name).label for name in names}}
     designs = map(str, table.design[rows[front.places]])
     columns = [found.tolist() for found in numbers.values()]
     shown = FoundTable("Designs of the front", head, list(zip(designs, *columns, strict=True)))
     caption = source.caption(figure, f"{y_name.name} against {x_name.name}", *said)
     better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
-    return ParetoFront(caption, x_name, y_name, better, points, *places, chosen, left_out, own, power, gain, shown)
+    return ParetoFront(
+        caption, x_name, y_name, better, points, *places, chosen, left_out, source.base(x, y), power, gain, shown
+    )
 
 
 class Front(NamedTuple):

@@ -84,6 +84,8 @@ def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):
     text = stage.provenance["chain.link_lengths_mm"]
     assert text.startswith("assumed in part: [0, 1] designed: a test, seed 7; the others assumed")
     assert "chain.link_lengths_mm" in stage.assumed
+    long = outcome.made(load(*free, RANGE, head=HEAD.replace("a test", 500 * "x")), np.array([33.0, 34.0]))
+    assert Stage.model_validate(tomllib.loads(long.to_toml())).assumed == stage.assumed
 
 
 def test_what_symmetry_makes_zero_is_zero(load):

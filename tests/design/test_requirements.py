@@ -24,6 +24,7 @@ DENSITY = '[[free]]\nkey = "material.density_kg_m3"\nfrom = 2000.0\nto = 3000.0\
         ((NECK, require("kxx_per_mm", 50), RANGE), "did you mean kxx_n_per_mm"),
         ((NECK, RANGE, NECK.replace('"neck"', '"other"')), "free[0] sets hinges.elbow.neck_mm"),
         ((NECK, best("maximise", "thickness_mm")), 'maximise = "thickness_mm", expected what a free dimension changes'),
+        ((NECK, RANGE, OUTPUT.replace('"o"', '"o p"')), 'name = "o p", expected at most 60 of A-Z, a-z, 0-9 and _,'),
         ((NECK, best("minimise", "2 * o"), OUTPUT), 'minimise = "2 * o", expected what a free dimension changes'),
         ((NECK, best("minimise", "actuator.base.arm_mm")), "expected what a free dimension changes"),
         ((NECK, best("maximise", "range_x_um + hinges.base.axis_deg")), "the stage has no hinges.base.axis_deg of its"),

@@ -1,12 +1,19 @@
-"""The skeleton against (19) to (21) walked link by link: both models stand on it, so neither would see it wrong."""
+"""The skeleton against (19) to (21) walked link by link: both models stand on it, so neither would see it wrong.
+
+What is remembered of a stage is that stage's, and nobody can change it for the others."""
 
 from __future__ import annotations
+
+import pickle
 
 import numpy as np
 import pytest
 
 from flexfem.mechanism.designs import CHAIN_TURN, direction, frames, stage_frames
-from flexfem.mechanism.stage import HINGE_NAMES
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.stage import HINGE_NAMES, Stage
+
+from ..conftest import StageMaker
 
 ROUND_OFF = 1e-12  # mm or rad; lengths are around 30 mm, so this is a few thousand roundings
 LENGTHS = np.array([31.0, 33.5, 25.0])
@@ -53,3 +60,23 @@ def test_frames_of_a_stage_take_each_axis_from_its_hinge_or_override(make_stage)
     found = stage_frames(stage)
     np.testing.assert_array_equal(found.centres, expected.centres)
     np.testing.assert_array_equal(found.axes, expected.axes)
+
+
+def test_what_was_computed_of_a_stage_is_not_computed_again_and_leaves_with_it(make_stage: StageMaker) -> None:
+    asked = []
+
+    @once
+    def length(stage: Stage, chain: int, twice: bool = False) -> float:
+        asked.append((stage, chain))
+        return stage.chain.link_lengths[chain] * (2 if twice else 1)
+
+    one, other = make_stage(), make_stage()
+    found = [length(one, 1), length(one, 2), length(one, 1), length(one, 1, twice=True), length(one, 1)]
+    assert found == [33.5, 25.0, 33.5, 67.0, 33.5] and len(asked) == 3
+    length(other, 1)
+    assert asked[-1][0] is other and len(asked) == 4
+    length(one, 1)
+    assert len(asked) == 4  # each stage keeps its own
+    assert stage_frames(one) and stage_frames(other) and one == other
+    sent = pickle.loads(pickle.dumps(one))
+    assert sent == one and sent.origin == one.origin and set(vars(sent)) <= {*vars(one)} - {"kept"}

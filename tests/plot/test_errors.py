@@ -111,6 +111,14 @@ def test_labels_of_any_kind_and_what_is_assumed_are_said(made, drawn):
     assert not any("assumed" in text for text in made.texts(drawn["x"][1]))
 
 
+@pytest.mark.filterwarnings("ignore:Glyph")
+def test_a_title_of_wide_letters_ends_before_the_note_beside_it(made):
+    for name in ("MOBILITY STUDY OF WIDE MW STAGES", "Case 1 \u4e2d\u6587 <b>&amp; @@ %% | pipe"):
+        figure = error_figure(made.result({"one": (0.1, 0.2, 0.3)}, name=name, assumed=["t"], not_stated=["t"]))
+        title, note = (figure.texts[k].get_window_extent() for k in (0, -1))
+        assert title.x1 < note.x0
+
+
 SHARES = {  # along the command, percentage points; the total and its band
     "X": ([0.216, 11.796, 0.526, -0.308, -0.139], 12.091, 0.013),
     "Y": ([-0.411, 8.523, 0.731, 0.092, 0.253], 9.188, 0.127),

@@ -304,24 +304,6 @@ def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_thos
     assert shown.left_out == [f"not drawn: {table.counts['refused']} refused"]
 
 
-@pytest.mark.parametrize(
-    ("x", "y", "said"), [(0.999, 1.0, True), (1.0, 1.001, True), (1.0, 1.0, False), (1.1, 0.9, False)]
-)
-def test_a_base_stage_beyond_the_front_is_said_to_be_no_design_of_it(
-    tmp_path: Path, x: float, y: float, said: bool
-) -> None:
-    """Beside the best design in stiffness: in a smaller envelope, as stiff; as large, stiffer; equal; worse in both."""
-    loaded = study(tmp_path, GRID)
-    table = answered(loaded)
-    figure, own = loaded.study.figure[1], source_of(loaded, table)
-    found = front_of(own, figure)
-    sizes, stiffnesses = table.answered("envelope_mm", "kxx_n_per_mm")
-    k = max(found.front, key=lambda place: stiffnesses[place])
-    at = {"envelope_mm": x * float(sizes[k]), "kxx_n_per_mm": y * float(stiffnesses[k])}
-    lines = front_of(own._replace(nominal=at), figure).caption.lines
-    assert ("The base stage lies beyond the front" in " ".join(lines)) is said
-
-
 def test_a_failed_design_is_refused_by_the_sensitivity(tmp_path: Path) -> None:
     loaded = study(tmp_path, SCATTERED)
     table = answered(loaded)

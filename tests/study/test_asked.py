@@ -15,7 +15,8 @@ from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES
-from flexfem.study.loaded import sample, stage_of
+from flexfem.study.loaded import load_study, sample, stage_of
+from flexfem.study.run import parts_of
 
 from ..conftest import GENERIC, UNLIKE
 from .conftest import columns, random
@@ -104,6 +105,8 @@ def test_a_number_that_no_question_has_is_refused_before_anything_runs(studies: 
     with pytest.raises(BadInput, match=r"study\.toml, line 6: ask: no number stiffness\.nope of this stage"):
         flexfem.run_study(path, studies.folder / "out", 1)
     assert not (studies.folder / "out").exists()
+    path = studies.write(("mobility = 21\n", 'mobility = 21\nask = ["reach.range.x"]\n'))
+    assert parts_of(load_study(path), studies.folder).size * 0.5 < 60  # s, at half a second a design
 
 
 @pytest.mark.parametrize("head", [HEAD, 'model = "fe"\n'])
