@@ -10,7 +10,7 @@ import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -27,19 +27,8 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.study import columns as outputs
 from flexfem.study.answer import solved_values
-from flexfem.study.columns import (
-    COUPLINGS,
-    DRIFTS,
-    DRIVE_RANGES,
-    ENGAGED,
-    ERRORS,
-    GRADIENTS,
-    RANGES,
-    STRESSES,
-    lasting,
-    round_off_of,
-)
 from flexfem.study.loaded import LoadedStudy, designs_of, stage_of
 from flexfem.study.workers import Failure, Workers, versions_of
 
@@ -51,8 +40,8 @@ LOCAL = 0.01  # gap of both models below which the next search is beside the las
 ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
 OF_ELEMENTS = 1e4  # round-off of finite elements over that of the model
-OF_CORNERS = {*DRIVE_RANGES, *ENGAGED, *DRIFTS, *GRADIENTS}
-OF_STRESS = {*STRESSES, *RANGES, *lasting((True, True, True))}
+OF_CORNERS = {*outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS}
+OF_STRESS = {*outputs.STRESSES, *outputs.RANGES, *outputs.lasting((True, True, True))}
 
 Row: TypeAlias = list[float] | Failure  # outputs of a study
 
@@ -111,21 +100,22 @@ def solved(loaded: LoadedStudy, stage: Stage) -> Row:
         return Failure("failed", str(error))
 
 
+@dataclass
 class ProposedElements:
     """Finite elements of designs; without workers one after the other in this process."""
 
-    def __init__(
-        self,
-        loaded: LoadedRequirements,
-        counts: Counter[str],
-        workers: Workers | None = None,
-        store: Store | None = None,
-        say: Say = silent,
-    ) -> None:
-        self.loaded, self.counts, self.workers, self.store, self.say = loaded, counts, workers, store or Store(), say
-        self._counted = set[str]()
-        plane = tuple((level, 2) for level in levels(loaded.requirements.resolution))
-        self.meshes = SOLID if loaded.solid else plane  # triangles across every neck and layers, coarse to fine
+    loaded: LoadedRequirements
+    counts: Counter[str]
+    workers: Workers | None = None
+    store: Store = field(default_factory=Store)
+    say: Say = silent
+    _counted: set[str] = field(default_factory=set, init=False)
+
+    @property
+    def meshes(self) -> tuple[tuple[int, int], ...]:
+        """Triangles across every neck and layers, coarse to fine."""
+        of = self.loaded
+        return SOLID if of.solid else tuple((level, 2) for level in levels(of.requirements.resolution))
 
     def of(self, values: Array) -> list[dict[str, float]]:
         """Columns of a design (d,) by name on every mesh. Raises ComputationFailed."""
@@ -143,13 +133,13 @@ class ProposedElements:
         for resolution in SCATTER:
             study = _asking(self._study(resolution, 2), dict.fromkeys(("drive", "frequencies", "life", "drift")))
             rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks]))
-            found.append(rows[:, [study.outputs.index(name) for name in COUPLINGS]].T)
+            found.append(rows[:, [study.outputs.index(name) for name in outputs.COUPLINGS]].T)
         return found
 
     def _study(self, resolution: int, layers: int) -> LoadedStudy:
         """What is asked of a stage on one mesh."""
         of, study = self.loaded.requirements, self.loaded.study
-        model = "three_dimensional" if self.loaded.solid else "verify" if of.used & {*ERRORS} else "fe"
+        model = "three_dimensional" if self.loaded.solid else "verify" if of.used & {*outputs.ERRORS} else "fe"
         changes: dict[str, Any] = {"model": model, "resolution": resolution, "layers": layers, "bands": False}
         changes |= {"links": False, "mobility": None, "formula": of.paper_formula, "time_limit": LIMIT, "check": None}
         if self.loaded.solid:
@@ -305,7 +295,7 @@ def proof(model: Model, elements: ProposedElements, values: Array) -> Proof:
     bands = np.array([quantity_band(of.names_of(text), resolutions, each) for text, each in by_mesh])
     (q,) = quantities({}).T
     columns = own | found
-    vanishing = round_off_of({name: np.array(value) for name, value in columns.items()})
+    vanishing = outputs.round_off_of({name: np.array(value) for name, value in columns.items()})
     moved = {name: columns[name] + float(step) for name, step in vanishing.items() if name in columns}
     round_off = np.abs(quantities(moved)[:, 0] - q)
     sampling = np.zeros(len(q))

@@ -15,7 +15,8 @@ from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.columns import FREQUENCIES
-from flexfem.study.loaded import sample, stage_of
+from flexfem.study.loaded import load_study, sample, stage_of
+from flexfem.study.run import parts_of
 
 from ..conftest import GENERIC, UNLIKE
 from .conftest import columns, random
@@ -104,15 +105,17 @@ def test_a_number_that_no_question_has_is_refused_before_anything_runs(studies: 
     with pytest.raises(BadInput, match=r"study\.toml, line 6: ask: no number stiffness\.nope of this stage"):
         flexfem.run_study(path, studies.folder / "out", 1)
     assert not (studies.folder / "out").exists()
+    path = studies.write(("mobility = 21\n", 'mobility = 21\nask = ["reach.range.x"]\n'))
+    assert parts_of(load_study(path), studies.folder).size * 0.5 < 60  # s, at half a second a design
 
 
 @pytest.mark.parametrize("head", [HEAD, 'model = "fe"\n'])
 def test_constants_that_no_material_has_together_are_refused_by_every_model(lasting: Any, head: str) -> None:
     strong = 'key = "material.yield_strength_mpa"\nvalues = [3000.0]'
-    loaded = study(lasting, head, 1, LIFE, (strong,))
-    rows = answer(loaded, 0, 1)
-    assert rows.status[0] == "refused" and "fatigue_strength_coefficient" in rows.reason[0]
-    assert "expected 0.5 to 50 of" in rows.reason[0]
+    for tail in (LIFE, ""):
+        rows = answer(study(lasting, head, 1, tail, (strong,)), 0, 1)
+        assert rows.status[0] == "refused" and "fatigue_strength_coefficient" in rows.reason[0]
+        assert "expected 0.5 to 50 of" in rows.reason[0]
 
 
 def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any) -> None:
