@@ -102,7 +102,8 @@ def plain_streams() -> Iterator[None]:
 def stoppable() -> Iterator[list[Stopped]]:
     """Raise Stopped at the first signal to stop, and yield a list that has it; later ones wait `ENDING` s.
 
-    A library that is being imported is imported first: broken off, it prints what it likes, or goes on in pieces.
+    A library that is being imported is imported first: broken off, it prints what it likes, or goes on in pieces. Where
+    nothing can be raised, the stop is raised a moment later.
     """
     raised: list[Stopped] = []
     if threading.current_thread() is not threading.main_thread():
@@ -118,19 +119,31 @@ def stoppable() -> Iterator[list[Stopped]]:
 
     def end(number: int, frame: FrameType | None) -> None:
         if sys.platform != "win32" and _imports(frame) and time.monotonic() - raised[0].asked < PATIENCE:
-            signal.signal(signal.SIGALRM, end)
-            signal.setitimer(signal.ITIMER_REAL, LOOK)
+            end_soon()
         else:
             raise raised[0]
 
+    def end_soon() -> None:
+        signal.signal(signal.SIGALRM, end)
+        signal.setitimer(signal.ITIMER_REAL, LOOK)
+
+    def unraisable(lost: Any) -> None:
+        """Raise a stop again that came where nothing can be raised, such as in C code of a library."""
+        if not isinstance(lost.exc_value, Stopped):
+            sys.__unraisablehook__(lost)
+        elif sys.platform != "win32":
+            end_soon()
+
     taken = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
     before = {number: signal.getsignal(number) for number in taken}
+    hook, sys.unraisablehook = sys.unraisablehook, unraisable
     for number in taken:
         if before[number] is not signal.SIG_IGN:  # nohup, and jobs in the background of a shell
             signal.signal(number, stop)
     try:
         yield raised
     finally:
+        sys.unraisablehook = hook
         if not raised:  # else they stay, until the process is gone
             for number, handler in before.items():
                 signal.signal(number, handler)

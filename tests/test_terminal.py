@@ -154,6 +154,18 @@ def test_a_stop_waits_for_the_import_that_is_going_on(tmp_path, monkeypatch, han
     assert raised == [stop.value] and stop.value.code == 130 and sys.modules.pop("slow_library").whole
 
 
+def test_a_stop_where_nothing_can_be_raised_comes_later(capsys, handlers):
+    class Dropped:
+        def __del__(self):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+
+    with pytest.raises(terminal.Stopped), terminal.stoppable():
+        Dropped()
+        time.sleep(2.0)  # ended by the stop
+    assert capsys.readouterr().err == ""
+
+
 def test_no_alarm_is_left_of_a_stop_during_an_import_that_ends_the_command(tmp_path, monkeypatch, handlers):
     (tmp_path / "last_library.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGTERM)\n")
     monkeypatch.syspath_prepend(tmp_path)

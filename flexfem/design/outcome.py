@@ -39,6 +39,7 @@ SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # part of its size within which a requirement is kept just so, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
 DIFFERENCE = 1e-4  # of a dimension, by which sensitivities are found
+FLAT = 1e-8  # sensitivity below which it is the round-off of a difference
 KEPT = 1e-6  # part of an objective within which it is kept: room for programs at the end of a range
 APART = 1e-3  # of the spans of a front, within which two designs are one
 SHARED = 2000  # stages with scattered necks that the share is of
@@ -275,7 +276,8 @@ def sensitivities(model: Model, values: Array) -> Array:
     with np.errstate(all="ignore"):
         both, up, down = (above - below) / 2, above - own, own - below
         slopes = np.where(np.isfinite(both), both, np.where(np.isfinite(up), up, down))
-        return np.asarray(slopes / (DIFFERENCE * own))
+        found = slopes / (DIFFERENCE * own)
+        return np.where(np.abs(found) < FLAT, 0.0, found)
 
 
 def _sensitivities(model: Model, of: Proof) -> dict[str, dict[str, float | None]]:

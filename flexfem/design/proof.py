@@ -114,9 +114,8 @@ class ProposedElements:
     @property
     def meshes(self) -> tuple[tuple[int, int], ...]:
         """Triangles across every neck and layers, coarse to fine."""
-        return (
-            SOLID if self.loaded.solid else tuple((level, 2) for level in levels(self.loaded.requirements.resolution))
-        )
+        of = self.loaded
+        return SOLID if of.solid else tuple((level, 2) for level in levels(of.requirements.resolution))
 
     def of(self, values: Array) -> list[dict[str, float]]:
         """Columns of a design (d,) by name on every mesh. Raises ComputationFailed."""

@@ -100,3 +100,11 @@ def test_where_bodies_touch_sensitivities_are_by_the_side_that_has_an_answer(loa
     model = Model(load(neck, width, best("minimise", "kxx_n_per_mm")))
     touching, apart = (sensitivities(model, np.array([0.5, w]))[0, 0] for w in (8.5, 8.9))
     assert apart == pytest.approx(touching, rel=1e-3) and abs(apart) > 0.1
+
+
+def test_a_dimension_that_a_quantity_does_not_follow_has_no_sensitivity(load):
+    thickness = '[[free]]\nkey = "thickness_mm"\nfrom = 6.0\nto = 12.0\n'
+    model = Model(
+        load(thickness, best("maximise", "kxx_n_per_mm / ktt_n_mm_per_rad"), best("maximise", "stress_x_mpa_per_um"))
+    )
+    assert [sensitivities(model, np.array([t])).tolist() for t in (7.0, 9.1)] == [[[0.0, 0.0]]] * 2

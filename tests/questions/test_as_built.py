@@ -14,6 +14,7 @@ NECKS = [[481.0, 507.0, 493.0], [512.0, 498.0, 520.0], [476.0, 503.0, 489.0]]
 SDS = [[2.0, 1.0, 3.0], [1.5, 2.5, 1.0], [2.0, 3.0, 1.0]]
 OWN = flexfem.Analytic(formula="calibrated", links=True)
 HINGES = ("base", "elbow", "platform")
+MADE = {(c, h): {"neck": NECKS[c - 1][k] / 1e3} for c in (1, 2, 3) for k, h in enumerate(HINGES)}
 
 
 def lines(necks=NECKS, sds=SDS):
@@ -35,8 +36,7 @@ def in_toml():
 
 def test_measured_necks_give_their_own_stiffness(stage, tmp_path):
     found = flexfem.as_built(stage, written(tmp_path / "n.csv", lines()[::-1]), analytic=OWN)
-    override = {(c, h): {"neck": NECKS[c - 1][k] / 1e3} for c in (1, 2, 3) for k, h in enumerate(HINGES)}
-    K = flexfem.analyse(stage.replace(override=override), links=True, formula="calibrated").stiffness
+    K = flexfem.analyse(stage.replace(override=MADE), links=True, formula="calibrated").stiffness
     np.testing.assert_allclose(found.stiffness, K, rtol=1e-12)
     np.testing.assert_allclose(found.necks, np.array(NECKS) / 1e3)
     drawn = flexfem.analyse(stage, links=True, formula="calibrated").stiffness
@@ -49,14 +49,12 @@ def test_measured_necks_give_their_own_stiffness(stage, tmp_path):
 def test_the_scatter_is_that_of_the_nine_sensitivities(stage, tmp_path):
     """Monte Carlo against differences, neck by neck, each with its own deviation."""
     found = flexfem.as_built(stage, written(tmp_path / "n.csv", lines()), analytic=flexfem.Analytic(3))
-    override = {(c, h): {"neck": NECKS[c - 1][k] / 1e3} for c in (1, 2, 3) for k, h in enumerate(HINGES)}
-    made, variance = stage.replace(override=override), np.zeros(3)
+    made, variance = stage.replace(override=MADE), np.zeros(3)
     K = np.diag(flexfem.analyse(made, 3).stiffness)
-    for c in (1, 2, 3):
-        for k, h in enumerate(HINGES):
-            other = made.replace(override={(c, h): {"neck": NECKS[c - 1][k] / 1e3 + 1e-5}})
-            slope = (np.diag(flexfem.analyse(other, 3).stiffness) - K) / 1e-5
-            variance += (slope * SDS[c - 1][k] / 1e3) ** 2
+    for (hinge, own), sd in zip(MADE.items(), np.ravel(SDS), strict=True):
+        other = made.replace(override={hinge: {"neck": own["neck"] + 1e-5}})
+        slope = (np.diag(flexfem.analyse(other, 3).stiffness) - K) / 1e-5
+        variance += (slope * sd / 1e3) ** 2
     np.testing.assert_allclose(found.spread, np.sqrt(variance), rtol=0.04)
     np.testing.assert_allclose(np.array(found.high) - found.low, 2 * 1.96 * np.sqrt(variance), rtol=0.06)
     assert found.settings["analytic model"] == "paros-weisbord, mobility 3, plane stress"
