@@ -372,6 +372,12 @@ def summed_loads(of: PaperModel, commanded: Array, axis: int) -> dict[str, Array
     return loads
 
 
+def at_every(of: PaperModel) -> PaperModel:
+    """The mechanism with one more leading axis, for poses: each of its designs at each of them."""
+    frames = Frames(of.frames.centres[..., None, :, :, :], of.frames.axes[..., None, :, :])
+    return of._replace(frames=frames, springs=of.springs[..., None, :])
+
+
 def missed(of: PaperModel, amplitude: Array, lever: ArrayLike) -> Missed:
     """What linear positions and tangents miss at corners, edges and faces of a box of poses (3,), mm and rad.
 
@@ -379,9 +385,7 @@ def missed(of: PaperModel, amplitude: Array, lever: ArrayLike) -> Missed:
     """
     far = np.asarray(lever, dtype=float)
     poses = amplitude * np.array([np.subtract(place, 1.0) for place in np.ndindex(3, 3, 3) if place != (1, 1, 1)])
-    frames = Frames(of.frames.centres[..., None, :, :, :], of.frames.axes[..., None, :, :])
-    each = of._replace(frames=frames, springs=of.springs[..., None, :])  # with one more axis, for the poses
-    scale = np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)[..., None, :]
+    each, scale = at_every(of), np.stack([np.ones_like(far), np.ones_like(far), far], axis=-1)[..., None, :]
     found = at_pose(each, poses)
     off = np.linalg.norm((apply(stiffness(each).C_uu, found.load) - poses) * scale, axis=-1)
     with_, less = (np.diagonal(inverse(one.stiffness()), axis1=-2, axis2=-1) for one in (found, found.without_terms))
