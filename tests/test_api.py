@@ -18,6 +18,7 @@ import flexfem
 from flexfem import sources
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.materials import REGISTERED
+from flexfem.study.collect import read_table
 
 from .conftest import ROOT, with_changes
 
@@ -275,7 +276,9 @@ def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_f
     table, koster = flexfem.study.table(place), rigid(flexfem.load(reference), mobility=3, formula="koster")[0][0, 0]
     np.testing.assert_allclose(table["kxx_n_per_mm"], [3.6 * koster, 4.0 * koster], rtol=1e-9)
     assert table["thickness_mm"].tolist() == [9.0, 10.0] and set(table["status"]) == {"ok"}
-    assert flexfem.study.table(place, as_arrow=True).num_rows == 2
+    other = place.parent.rename(tmp_path / os.fsdecode(b"\xff")) / place.name  # no UTF-8
+    assert flexfem.study.table(other, as_arrow=True).num_rows == 2
+    np.testing.assert_array_equal(read_table(other).columns["thickness_mm"], [9.0, 10.0])
     for wrong in ("stage.toml", "missing.parquet"):
         with pytest.raises(flexfem.BadInput, match=wrong):
             flexfem.study.table(tmp_path / wrong)

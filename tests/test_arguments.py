@@ -35,7 +35,10 @@ BAD = [  # function of the API, arguments, options, what is said
     ("drive", [STAGE], {"pose": (1e9, 0, 0)}, r"pose: expected numbers within ±100"),
     ("reach", [STAGE], {"analytic": (6, None, False)}, r"analytic \(6, None, False\), expected a flexfem.Analytic"),
     ("large", [STAGE], {"amplitude": 1e-300}, "amplitude 1e-300, expected a number from 1e-09 to 1000"),
-    ("converge", [STAGE], {"resolutions": []}, r"resolutions \[\], expected three or more"),
+    *(
+        ("converge", [STAGE], {"resolutions": given}, rf"resolutions \[{', '.join(map(str, given))}\], expected three")
+        for given in ([], [10, 13], [4, 5, 8])
+    ),
     ("verification", [ROOT / "cases" / "fig5.toml"], {"output": 3}, "3, expected the path"),
     ("verification", [ROOT / "cases" / "fig5.toml"], {"output": FIXTURE}, "fixture.toml is a file, expected a folder"),
     ("summary", [STAGE], {"resolution": 4.5}, "resolution 4.5"),

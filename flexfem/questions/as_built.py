@@ -121,10 +121,8 @@ def _of_table(path: Path) -> tuple[Necks, list[int]]:
     """The necks of a CSV file, and their lines."""
     chain, hinge, neck, sd = (each.alias or name for name, each in MeasuredNeck.model_fields.items())
     rows = read_csv(path, (chain, hinge, neck), (sd,))
-    data, lines = (
-        {"neck": [{key: _value(cell) for key, cell in row.items() if cell} for row in rows.values()]},
-        list(rows),
-    )
+    data = {"neck": [{key: _value(cell) for key, cell in row.items() if cell} for row in rows.values()]}
+    lines = list(rows)
     try:
         return Necks.model_validate(data), lines
     except ValidationError as error:

@@ -412,11 +412,9 @@ def converge(
     """
     check_feasible(stage)
     steps = tuple(arguments.resolutions(RESOLUTIONS if resolutions is None else resolutions))
-    if len(steps) < 3 or min(steps) < 2 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
-        raise BadInput(
-            f"resolutions {list(steps)}, expected three or more from 2 upwards, each at least "
-            f"{COARSER:g} times the one before"
-        )
+    if len(steps) < 3 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
+        said = f"expected three or more, each at least {COARSER:g} times the one before"
+        raise BadInput(f"resolutions {list(steps)}, {said}")
     meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
     C = np.array([each.compliance for each in meshes])
     own = np.diagonal(C, axis1=1, axis2=2)

@@ -33,7 +33,6 @@ from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
-from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
@@ -93,6 +92,7 @@ def payload(loaded: LoadedStudy) -> Payload | None:
     return None if of is None else payload_of(of.payload_kg, of.payload_kg_mm2)
 
 
+FATIGUE = f"{KEY}: expected {UNLIKELY.format(*STRENGTHS, 'material.yield_strength_mpa')}"
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 SINGULAR = "chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"
 BATCH = 4096  # analytic designs at a time, whatever is asked: bounds the memory
@@ -119,7 +119,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
         refused = [*_off_limits(loaded, values), *(each.broken for each in conditions(designs))]
-        refused += [*unanswered(designs, study.formula, hinges), *_units(study, designs)]
+        unlike = unlikely(designs.fatigue[:, 0], designs.yield_strength)
+        refused += [*unanswered(designs, study.formula, hinges), Broken(FATIGUE, unlike)]
         first = [np.array(each.reason, object) for each in refused]
         reason = np.select([each.where for each in refused], first, refusals_of(loaded, values))
         freedoms = freedoms_of(study.mobility, designs.prismatic)
@@ -205,14 +206,6 @@ def require_asked(loaded: LoadedStudy) -> None:
         raise bad_key(loaded.path, ("ask",), str(error)) from None
     except BadInput:  # what the base stage lacks, factors may set
         pass
-
-
-def _units(study: Study, designs: Designs) -> list[Broken]:
-    """Fatigue constants and yield strengths, where lives are asked for, that no material has together."""
-    if study.life is None:
-        return []
-    text = f"{KEY}: expected {UNLIKELY.format(*STRENGTHS, 'material.yield_strength_mpa')}"
-    return [Broken(text, unlikely(designs.fatigue[:, 0], designs.yield_strength))]
 
 
 def _repeated(loaded: LoadedStudy) -> Repeated | None:

@@ -34,10 +34,8 @@ from flexfem.study.workers import Failure, Workers, require_same_versions, versi
 ABOUT = b"flexfem.study"  # metadata: what a part belongs to
 TEXTS = ["status", "reason"]
 PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": TEXTS, "write_page_checksum": True}
-READING: Mapping[str, Any] = {  # a thread that reads ahead would abort a process that ends meanwhile
-    "page_checksum_verification": True,
-    "pre_buffer": False,
-}
+# a thread of Arrow that reads ahead would abort a process that ends meanwhile
+READING: Mapping[str, Any] = {"page_checksum_verification": True, "pre_buffer": False}
 SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs a part: some seconds of work, which a stop may lose
 LINKED, DRAWN, BROADCAST = 32, 512, 8192  # analytic ones: with links or questions, drawn, all at once
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")

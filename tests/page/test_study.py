@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -79,18 +78,6 @@ def test_the_ends_of_a_map_are_below_it(tmp_path):
     html = page_of(source._replace(unseen=["nothing follows it"]), warnings=["nothing follows it"])
     assert rows_of(html)["least"] == ["50.000", "2.0000", "0.40000"] and html.count("nothing follows it") == 1
     assert rows_of(html)["most"] == ["61.000", "2.5000", "0.80000"]
-
-
-def test_a_front_shows_its_designs_though_others_have_no_answer_or_break_a_constraint(tmp_path):
-    limited = GRID + FRONT + '[[constraint]]\nvalue = "kxx_n_per_mm"\nmost = 90.0\n'
-    loaded = study(tmp_path, limited)
-    stiffness = np.array([10.0, 99.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 89.0, 80.0, 11.0, 12.0])
-    source = source_of(loaded, kxx_n_per_mm=stiffness, range_x_um=stiffness)
-    status = np.array(["refused", *["ok"] * 11], dtype=object)
-    feasible = (status == "ok") & (stiffness <= 90.0)
-    source = source._replace(table=replace(source.table, status=status, feasible=feasible))
-    (found,) = findings(source).values()
-    assert [(row["design"], row["range_x_um"]) for row in found.table.facts] == [("8", 89.0)]
 
 
 HOSTILE = '</script><img src=x onerror=alert(1)> {{7*7}} $x^2$ "'

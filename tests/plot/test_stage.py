@@ -182,6 +182,7 @@ def test_with_a_display_a_window_opens_and_nothing_is_written(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     with_changes().save("stage.toml")
     opened = []
+    pyplot.switch_backend("agg")  # before it seems to need a display
     monkeypatch.setattr(FigureCanvasAgg, "required_interactive_framework", "any")
     with patch.object(pyplot, "show", lambda: opened.append(pyplot.gcf().axes[0].get_title())):
         found = flexfem.view("stage.toml")

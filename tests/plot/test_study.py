@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,6 @@ from flexfem.study.findings import (
     Indices,
     ParetoFront,
     Percentile,
-    Refused,
     Scatter,
     Sensitivity,
     Share,
@@ -77,22 +75,6 @@ x = "envelope_mm"
 y = "kxx_n_per_mm"
 x_better = "smaller"
 drawn = 2
-"""
-SCATTERED = f"""{HEAD}
-[sampling]
-method = "saltelli"
-base = 16
-seed = 4
-[[factor]]
-key = "hinges.*.neck_mm"
-distribution = "normal"
-sd = 0.005
-[[figure]]
-kind = "distribution"
-values = ["kxx_n_per_mm", "coupling_xy"]
-[[figure]]
-kind = "sensitivity"
-values = ["kxx_n_per_mm", "ktt_n_mm_per_rad"]
 """
 
 
@@ -302,15 +284,6 @@ def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_thos
     for one in shown.chosen:
         assert {q.name: v for q, v in one.numbers}["radius of base hinges"] == radius[one.place]
     assert shown.left_out == [f"not drawn: {table.counts['refused']} refused"]
-
-
-def test_a_failed_design_is_refused_by_the_sensitivity(tmp_path: Path) -> None:
-    loaded = study(tmp_path, SCATTERED)
-    table = answered(loaded)
-    table.status[5], table.reason[5] = "failed", "mesh: no"
-    refused = list(findings(Source(loaded, table, {})).values())[1]
-    assert isinstance(refused, Refused)
-    assert re.search(r"sensitivity of kxx_n_per_mm: 1 of 80 designs.*design 5: failed: mesh: no", refused.reason)
 
 
 def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:

@@ -112,10 +112,10 @@ def test_a_number_that_no_question_has_is_refused_before_anything_runs(studies: 
 @pytest.mark.parametrize("head", [HEAD, 'model = "fe"\n'])
 def test_constants_that_no_material_has_together_are_refused_by_every_model(lasting: Any, head: str) -> None:
     strong = 'key = "material.yield_strength_mpa"\nvalues = [3000.0]'
-    loaded = study(lasting, head, 1, LIFE, (strong,))
-    rows = answer(loaded, 0, 1)
-    assert rows.status[0] == "refused" and "fatigue_strength_coefficient" in rows.reason[0]
-    assert "expected 0.5 to 50 of" in rows.reason[0]
+    for tail in (LIFE, ""):
+        rows = answer(study(lasting, head, 1, tail, (strong,)), 0, 1)
+        assert rows.status[0] == "refused" and "fatigue_strength_coefficient" in rows.reason[0]
+        assert "expected 0.5 to 50 of" in rows.reason[0]
 
 
 def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any) -> None:
