@@ -151,7 +151,7 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["stifness", STAGE], "Did you mean 'stiffness'?"),
         (["summary", STAGE, "--models", "none"], "'none'"),
         (["life", STAGE], "'--amplitude'"),
-        (["converge", STAGE, "--resolutions", "2", "4"], "resolutions 2, 4, expected three or more"),
+        (["converge", STAGE, "--resolutions", "2", "4"], "resolutions [2, 4], expected three or more"),
         (["mesh", STAGE, "-o", "stage.stl"], "stage.stl"),
         (["mesh", STAGE, "-o", "none/stage.msh"], "no folder none"),
         (["verify", STAGE], "expected a case file"),

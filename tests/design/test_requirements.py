@@ -72,7 +72,7 @@ def test_a_search_begins_at_the_base_stage_or_at_the_end_next_to_it(load):
     assert load(*free, RANGE).base_values.tolist() == [0.5, 32.0, 1.4]
 
 
-def test_steps_and_lists_are_what_can_be_made(load):
+def test_steps_and_lists_are_what_can_be_made_and_a_logarithmic_range_is_even_in_ratios(load):
     listed = '[[free]]\nkey = "chain.link_lengths_mm[1]"\nvalues = [40.0, 30.0, 32.0]\n'
     space = DesignSpace(load(NECK + "step = 0.005\n", RADIUS, listed, RANGE).columns)
     values = np.array([[0.3024, 2.22, 32.0], [0.6976, 1.5, 40.0]])
@@ -85,9 +85,6 @@ def test_steps_and_lists_are_what_can_be_made(load):
     space = DesignSpace(load(LINK + "step = 3.0\n", RANGE).columns)
     assert space.from_unit(np.array([[1.0]])).item() == 38.0
     assert space.snapped(np.array([[40.0], [27.4], [27.6]])).ravel().tolist() == [38.0, 26.0, 29.0]
-
-
-def test_a_logarithmic_range_is_even_in_ratios(load):
     space = DesignSpace(load(RADIUS.replace("to = 4.0", 'to = 6.0\nscale = "log"'), RANGE).columns)
     assert space.from_unit(np.array([[0.0], [0.5], [1.0]])).ravel() == pytest.approx([1.5, 3.0, 6.0])
     assert space.to_unit(np.array([[1.5], [3.0], [6.0]])).ravel() == pytest.approx([0.0, 0.5, 1.0])

@@ -93,16 +93,13 @@ def test_what_cannot_be_met_is_missed_least_and_each_requirement_says_how_much_i
     assert stiffness.percent == pytest.approx(100 * (1 - q[0, 2] / 400), rel=1e-6)
 
 
-def test_where_bodies_touch_sensitivities_are_by_the_side_that_has_an_answer(load):
+def test_sensitivities_are_by_the_side_that_has_an_answer_where_bodies_touch_and_zero_where_nothing_follows(load):
     """A link as wide as its base hinges are high, 8 mm + 0.5 mm: narrower, or with wider necks, there is no stage."""
     neck = NECK.replace("hinges.elbow", "hinges.base")
     width = '[[free]]\nlabel = "w"\nkey = "chain.link_width_mm"\nfrom = 8.0\nto = 9.0\n'
     model = Model(load(neck, width, best("minimise", "kxx_n_per_mm")))
     touching, apart = (sensitivities(model, np.array([0.5, w]))[0, 0] for w in (8.5, 8.9))
     assert apart == pytest.approx(touching, rel=1e-3) and abs(apart) > 0.1
-
-
-def test_a_dimension_that_a_quantity_does_not_follow_has_no_sensitivity(load):
     thickness = '[[free]]\nkey = "thickness_mm"\nfrom = 6.0\nto = 12.0\n'
     model = Model(
         load(thickness, best("maximise", "kxx_n_per_mm / ktt_n_mm_per_rad"), best("maximise", "stress_x_mpa_per_um"))
