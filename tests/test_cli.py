@@ -157,6 +157,7 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["verify", STAGE], "expected a case file"),
         (["study", "rn"], "Did you mean 'run'?"),
         (["--bogus"], "--bogus"),
+        (["solve", STAGE], "this command is now: flexfem stiffness --models elements"),
         (["--with", "pipe.py", "check", STAGE], "pipe.py: a directory, pipe, socket or device, expected a Python file"),
         (["--install-completion", "nosh"], "--install-completion nosh: expected nothing behind it"),
         (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),

@@ -43,6 +43,14 @@ GROUPS = {
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
+RENAMED = {  # old names of commands, and what they are called now
+    "solve": "flexfem stiffness --models elements",
+    "command": "flexfem drive",
+    "workspace": "flexfem large, or flexfem reach for the poses of the drive",
+    "claims": "make claims",
+    "benchmark": "make validation",
+    "cross-check": "make validation",
+}
 OWN = ("study", "design")  # commands with code of their own
 MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in OWN}  # the functions
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
@@ -74,6 +82,8 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the arguments begin with; an unknown one is refused with the nearest names."""
         known = self.list_commands(ctx)
+        if args and args[0] in RENAMED:
+            ctx.fail(f"{args[0]}: this command is now: {RENAMED[args[0]]}")
         if args and args[0] not in known:
             near = " or ".join(f"'{each}'" for each in get_close_matches(args[0], known))
             ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {near}?' if near else ''}")

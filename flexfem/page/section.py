@@ -5,17 +5,21 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
+from flexfem.arrays import Array
 from flexfem.plot.style import headless, rendered
+from flexfem.plot.text import significant
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from flexfem.results import Result, TextTable
@@ -23,6 +27,9 @@ if TYPE_CHECKING:
 TEMPLATES = Path(__file__).with_name("templates")
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 FONTS = "'DejaVu Sans', Verdana, sans-serif"  # Verdana's letters are as wide
+POINTS = 72.0  # per inch
+LEAST = 5.0  # points, half the size of the smallest target of the pointer
+MOST = 300  # points of a curve that have targets
 
 
 class PageSection(NamedTuple):
@@ -99,7 +106,10 @@ def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: 
 
 
 def inline_svg(figure: Figure, name: str) -> Markup:
-    """A figure as an SVG element, at most as wide as it was drawn; its ids begin with `name`."""
+    """A figure as an SVG element of a page, as wide as its column and at most as wide as it was drawn.
+
+    Its ids begin with `name`; points of marked curves and bars tell their values when they are pointed at.
+    """
     text = NOT_XML.sub("\ufffd", rendered(figure, "svg").decode())
     text = re.sub(r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :])
     text = re.sub(r'\b(id="|href="#)', rf"\1{name}-", text.replace("url(#", f"url(#{name}-"))
@@ -108,4 +118,45 @@ def inline_svg(figure: Figure, name: str) -> Markup:
     width = figure.get_figwidth() * 96.0  # px an inch
     opening = f'<svg class="drawn" style="max-width: {width:.0f}px" '
     text = re.sub(r'<svg |\s(width|height)="[\d.]+pt"', lambda m: opening if m[0] == "<svg " else "", text, count=3)
-    return Markup(text)
+    targets = "".join(
+        Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format(*each)
+        for each in _targets(figure)
+    )
+    return Markup(text.replace("</svg>", f'<g class="spots">{targets}</g></svg>' if targets else "</svg>"))
+
+
+def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]:
+    """Left, top, width, height in points from the upper left corner, and text, of all marked points and bars."""
+    for ax in figure.axes:
+        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel()
+        for line in ax.lines:
+            xy = np.asarray(line.get_xydata(), dtype=float)
+            if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MOST:
+                continue
+            label = str(line.get_label()).strip()
+            for (x, y), (left, top) in zip(xy.tolist(), places_on(ax, xy).tolist(), strict=True):
+                lines = [label, f"{x_name}: {significant(x)}", f"{y_name}: {significant(y)}"]
+                if np.isfinite(left + top):
+                    text = "\n".join(lines[label.startswith("_") :])
+                    yield left - LEAST, top - LEAST, 2 * LEAST, 2 * LEAST, text
+        rows = {round(at): name.get_text() for at, name in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)}
+        for bars in ax.containers:
+            label = str(bars.get_label())
+            for bar in getattr(bars, "patches", ()):
+                corners = places_on(ax, bar.get_corners()[[0, 2]])
+                name = rows.get(round(bar.get_y() + bar.get_height() / 2), "").replace("\n", " ")
+                name += "" if label.startswith("_") else f", {label}"
+                if np.isfinite(corners).all():
+                    (left, top), (wide, high) = corners.min(axis=0).tolist(), np.ptp(corners, axis=0).tolist()
+                    yield left, top, wide, high, f"{name}\n{x_name}: {significant(bar.get_width())}"
+
+
+def places_on(ax: Axes, points: Array) -> Array:
+    """Points (n, 2) of the data of axes in points from the upper left corner of their figure; nan outside the axes."""
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    places = ax.transData.transform(points)
+    low, high = ax.get_window_extent().get_points()
+    inside = ((places >= low - 1.0) & (places <= high + 1.0)).all(axis=1)
+    shown = np.where(inside[:, None], places * POINTS / figure.dpi, np.nan)
+    return np.asarray(np.abs([0.0, figure.get_figheight() * POINTS] - shown))

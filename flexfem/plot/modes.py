@@ -1,30 +1,38 @@
-"""Vibration: mode shapes coloured by how far they move, and the frequency response."""
+"""Vibration: mode shapes coloured by how far they move, animations of them, and the frequency response."""
 
 from __future__ import annotations
 
 import math
+from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 from matplotlib.tri import Triangulation
 
+from flexfem.arrays import Array
+from flexfem.fem.mesh import StageMesh
+from flexfem.files.writing import replacing
 from flexfem.plot import style
 from flexfem.plot.fields import draw_field, draw_scale
-from flexfem.plot.stage import QUARTERS, draw_hub, fit
+from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, draw_hub, fit
 from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import significant
 from flexfem.plot.write import write_beside
 from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
 from flexfem.refused import BadInput
-from flexfem.units import DIRECTIONS, POSES, UNITS, Direction
+from flexfem.units import DIRECTIONS, UNITS, Direction
 
 DRAWN = 0.07  # largest drawn displacement, per size of the stage
 SHARE = Normalize(0, 1)
 PANEL = 3.6  # in, width
+FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames of a cycle, per second, and its size in inches
 CONTOURS = np.arange(-4, 5) / 5  # of w over its largest size
 POINTS = 1500
 LOWEST, HIGHEST = 0.05, 1.2  # of the drawn frequencies, over the first and the last natural one
@@ -33,10 +41,12 @@ Kind = Literal["load", "stroke"]
 
 
 def figures(found: NaturalModes) -> dict[str, Any]:
-    """What is written beside natural modes: their shapes and the frequency response."""
+    """What is written beside natural modes: their shapes, the frequency response, and an animation of each mode."""
     drawn: dict[str, Any] = {"": modes_figure(found)}
     if (model := _fields(found).reduced) is not None:
         drawn["-response"] = lambda beside: write_beside(beside, response_figure(model, found))
+        for number in range(1, len(found.axes["mode"]) + 1):
+            drawn[f"-{number}"] = partial(write_animation, found, number)
     return drawn
 
 
@@ -84,11 +94,11 @@ def title_of(found: NaturalModes, number: int) -> str:
     return f"mode {label}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
 
 
-def plot_mode(ax: Axes | None, found: NaturalModes, number: int) -> Axes:
-    """Draw the stage in one mode (from 1), displaced as far as it goes; returns `ax`, or new axes.
+def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float = math.pi / 2) -> Axes:
+    """Draw the stage in one mode (from 1) at a phase, rad, of its vibration; returns `ax`, or new axes.
 
-    Colours are the size of the displacement over the largest. In three dimensions the mid-plane is drawn: displaced in
-    its plane, or contours of how far it leaves it. Raises BadInput for a mode that is not there.
+    Colours are the size of the displacement over the largest, at any phase. In three dimensions the mid-plane is drawn:
+    displaced in its plane, or contours of how far it leaves it. Raises BadInput for a mode that is not there.
     """
     fields, count = _fields(found), len(found.axes["mode"])
     if not 1 <= number <= count:
@@ -107,12 +117,45 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int) -> Axes:
         moved, values = mesh.nodes, np.abs(w)
     else:
         sizes = np.linalg.norm(field[:, :2], axis=1)
-        factor = DRAWN * np.ptp(mesh.nodes, axis=0).max() / sizes.max()
-        moved, values = mesh.nodes + factor * field[:, :2], sizes / sizes.max()
+        moved, values = mesh.nodes + math.sin(phase) * _exaggerated(mesh, field[:, :2]), sizes / sizes.max()
     draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
     draw_hub(ax, mesh.nodes, moved)
     fit(ax, mesh.nodes, DRAWN + 0.01)
     return ax
+
+
+def _exaggerated(mesh: StageMesh, field: Array) -> Array:
+    """A field (n, 2) made so large that its largest displacement is visible, mm."""
+    largest = float(np.linalg.norm(field, axis=1).max())
+    return np.asarray(DRAWN * float(np.ptp(mesh.nodes, axis=0).max()) / largest * field)
+
+
+def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
+    """Write one mode (from 1) in the plane as an animated GIF of one cycle: the outline, and that at rest in grey.
+
+    Raises BadInput when the folder takes no file.
+    """
+    fields, path = _fields(found), path.with_suffix(".gif")
+    mesh, title = fields.mesh, f"{found.about.name}: {title_of(found, number)}"
+    field, boundary = _exaggerated(mesh, fields.shapes[number - 1]), boundary_of(mesh.triangles)
+    figure = Figure(figsize=SIZE)
+    ax = figure.add_axes((0.02, 0.02, 0.96, 0.86))
+    figure.text(0.5, 0.98, wrapped(title, SIZE[0] - 0.3, 9), size=9, ha="center", va="top")
+    draw_boundary(ax, mesh.nodes, boundary, "#9A9A9A", 0.7)
+    moving = LineCollection([], colors=INK, linewidths=1.1, zorder=4)
+    ax.add_collection(moving)
+    fit(ax, mesh.nodes, DRAWN + 0.01)
+    ax.set_axis_off()
+
+    def draw(frame: int) -> list[LineCollection]:
+        moved = mesh.nodes + math.sin(2 * math.pi * frame / FRAMES) * field
+        moving.set_segments(list(moved[boundary[:, [0, 2, 1]]]))
+        return [moving]
+
+    with style.house_style(), replacing(path, ".gif") as temporary:
+        animation = FuncAnimation(figure, draw, frames=FRAMES, interval=1000 / RATE)
+        animation.save(str(temporary), writer=PillowWriter(fps=RATE), dpi=90)
+    return [path]
 
 
 @style.in_house_style
@@ -146,7 +189,7 @@ def plot_response(
     """
     if direction not in DIRECTIONS or part not in ("magnitude", "phase"):
         raise BadInput(f"response {direction!r}, {part!r}, expected x, y or theta, and magnitude or phase")
-    row, names = DIRECTIONS.index(direction), list(model.inputs)
+    row = DIRECTIONS.index(direction)
     inputs = [row] if kind == "load" else _strokes(model)
     if not inputs:
         raise BadInput("no strokes: the drives are not engaged")
@@ -159,13 +202,13 @@ def plot_response(
         values = found[:, column]
         drawn = np.abs(values) if part == "magnitude" else np.rad2deg(np.unwrap(np.angle(values)))
         look: dict[str, Any] = {"color": style.COLOURS[k % 8], "linestyle": style.DASHES[k % 7]}
-        ax.semilogx(w / (2 * math.pi), drawn, linewidth=1.2, label=names[column], **look)
+        ax.semilogx(w / (2 * math.pi), drawn, linewidth=1.2, label=model.inputs.names[column], **look)
     ax.set_xlabel(f"frequency ({UNITS['hz']})")
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     if part == "magnitude":
-        unit = model.inputs[names[inputs[0]]]
-        ax.set(yscale="log", ylabel=f"magnitude ({POSES[row]}/{f'({unit})' if ' ' in unit else unit})")
+        unit = model.inputs.units[inputs[0]]
+        ax.set(yscale="log", ylabel=f"magnitude ({model.outputs.units[row]}/{f'({unit})' if ' ' in unit else unit})")
         ax.yaxis.set_major_formatter("{x:.0e}")
         ax.yaxis.set_minor_formatter(NullFormatter())
     else:
@@ -176,4 +219,4 @@ def plot_response(
 
 def _strokes(model: DynamicModel) -> list[int]:
     """Which inputs are strokes."""
-    return [k for k, name in enumerate(model.inputs) if name.startswith("stroke")]
+    return [k for k, name in enumerate(model.inputs.names) if name.startswith("stroke")]

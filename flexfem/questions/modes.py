@@ -29,6 +29,7 @@ from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import counted
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
 from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question, sectors_of
@@ -85,6 +86,16 @@ class NaturalModes(Result):
     labels: ClassVar = {"base": DIRECTIONS, "tilt": ("x", "y")}
 
 
+class Channels(NamedTuple):
+    """Names and units of inputs or outputs."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+
+OUTPUTS = Channels(tuple(f"pose {name}" for name in DIRECTIONS), tuple(map(str, POSES)))
+
+
 class StateSpace(NamedTuple):
     """`s' = A s + B u`, `y = C s + D u`: modal displacements and rates; D is what the modes left out do at rest."""
 
@@ -107,7 +118,6 @@ class DynamicModel(NamedTuple):
 
     frequencies : (k,), rad/s.   drive, read : (k, inputs) and (3, k), shapes at the inputs and of the pose.
     residual : (3, inputs), what the modes left out add at rest.   damping : of every mode, over critical; assumed.
-    inputs : their units by name.
     """
 
     frequencies: Array
@@ -115,8 +125,9 @@ class DynamicModel(NamedTuple):
     read: Array
     residual: Array
     damping: float
-    inputs: dict[str, str]
+    inputs: Channels
     craig_bampton: CraigBampton
+    outputs: Channels = OUTPUTS
 
     @property
     def state_space(self) -> StateSpace:
@@ -129,11 +140,20 @@ class DynamicModel(NamedTuple):
 
     @property
     def truncation(self) -> Array:
-        """By how many per cent (k,) the lowest frequencies of the truncated Craig-Bampton matrices are too high."""
+        """By how many per cent (k,) the lowest frequencies of the Craig-Bampton matrices are above `frequencies`."""
         from scipy.linalg import eigh
 
         squares = eigh(self.craig_bampton.stiffness, self.craig_bampton.mass, eigvals_only=True)
         return np.asarray(100 * (np.sqrt(squares[: len(self.frequencies)]) / self.frequencies - 1))
+
+    @property
+    def truncation_note(self) -> str:
+        """The same in a sentence."""
+        above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
+        return (
+            f"K_cb and M_cb are truncated, {kept} with the platform held: by them as many lowest frequencies are "
+            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of all freedoms"
+        )
 
     def response(self, frequencies: Array) -> Any:
         """Complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
@@ -148,10 +168,11 @@ class DynamicModel(NamedTuple):
             "frequencies_rad_per_s": self.frequencies,
             "damping_ratio": self.damping,
             "K_cb_above_percent": self.truncation,
-            "inputs": list(self.inputs),
-            "input_units": list(self.inputs.values()),
-            "outputs": [f"pose {name}" for name in DIRECTIONS],
-            "output_units": list(map(str, POSES)),
+            "K_cb_note": self.truncation_note,
+            "inputs": self.inputs.names,
+            "input_units": self.inputs.units,
+            "outputs": self.outputs.names,
+            "output_units": self.outputs.units,
             "units": "mm, N, tonne, s, rad",
         }
         return found | {name: np.array(each) for name, each in others.items()}
@@ -246,7 +267,7 @@ def modes(
         if in_depth:
             raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
         drive = drive_of(stage)
-    warnings = list(warning.of_stage(stage))
+    warnings, notes = list(warning.of_stage(stage)), list[str]()
     drawn = bodies.drawn_inertia(stage) + load.matrix
     values = {
         "mass": drawn[0, 0],
@@ -267,12 +288,13 @@ def modes(
     elif mesh is not None:
         elements[ELEMENTS], others, fields = _in_plane(stage, load, drive, count, mesh.resolution, ratio, progress)
         values |= others
+        notes = [fields.reduced.truncation_note] if fields.reduced else []
         warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
     found = {name: Answered({"frequency": _placed(each, places, count)}) for name, each in rigid.items()} | elements
     said = f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2" if any(load) else None
     settings = {"drives": drives, "payload": said}
     of = about(stage, drive=drive is not None)
-    return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, fields=fields)
+    return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, notes=notes, fields=fields)
 
 
 @question
@@ -472,14 +494,16 @@ def _reduced(of: VibratingStructure, modes: ModesOfStructure, damping: float, dr
     """The dynamics of a structure by some of its modes; the commands of an engaged drive are inputs, too."""
     size = of.structure.size
     loads = np.eye(size, 3, 3 - size)
-    inputs = {f"load {name}": str(unit) for name, unit in zip(DIRECTIONS, FORCES, strict=True)}
+    names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
     if drive is not None:
         loads = np.hstack([loads, of.pushes @ (of.rates[:, None] * drive.differential)])
-        inputs |= {f"stroke {name}": str(LENGTH) for name in drive.names}
+        names += [f"stroke {name}" for name in drive.names]
+        units += [str(LENGTH)] * len(drive.names)
     at_rest, shapes = of.space.solve(loads), modes.shapes[0]
     drives, read = shapes.T @ loads, shapes[-3:]
     residual = at_rest[-3:] - (read / modes.frequencies**2) @ drives
     reduced = _craig_bampton(of, at_rest[:, :3], loads, len(modes.frequencies))
+    inputs = Channels(tuple(names), tuple(units))
     return DynamicModel(modes.frequencies, drives, read, residual, damping, inputs, reduced)
 
 

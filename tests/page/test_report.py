@@ -8,6 +8,7 @@ from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
 import pytest
 from markupsafe import Markup
 from matplotlib.figure import Figure
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 import flexfem
 from flexfem.page import report as page_of_files
 from flexfem.page.report import SECTIONS, STANDARD, command_line, report
-from flexfem.page.section import PageSection, facts, html_of, inline_svg, notes, shown_figure, table
+from flexfem.page.section import PageSection, facts, html_of, inline_svg, notes, places_on, shown_figure, table
 from flexfem.plot.style import house_style
 from flexfem.refused import BadInput
 from flexfem.results import TextTable
@@ -100,6 +101,8 @@ def test_a_page_of_stored_results_has_their_tables_curves_and_assumptions(tmp_pa
     assert found.sections == ["A case $y$", "Where the numbers come from"] and found.assumed == ["chain.link_width_mm"]
     shown = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells(page)]
     assert {"5.000 ± 0.017", "20.00 ± 0.12", "chain.link_width_mm"} <= {cell.removesuffix(" %") for cell in shown}
+    told = re.findall(r"<rect [^>]*><title>([^<]*)</title>", page)
+    assert "one\ncommanded X (µm): 50.00\nerror in X (µm): 2.500" in told
 
 
 def test_the_line_that_made_a_page_is_quoted():
@@ -221,6 +224,17 @@ def test_two_figures_share_no_id_and_refer_to_their_own():
     assert len(ids) == len(set(ids)) and len(ids) > 10 and "<style" not in text and "two</text>" in text
     found = re.findall(r'url\(#([^)]+)\)|href="#([^"]+)"', text)
     assert found and {one or other for one, other in found} <= set(ids)
+
+
+def test_a_point_tells_its_values_where_it_is():
+    """Axes of 4 by 3 inches by matplotlib's margins: 0.125 to 0.9 across and 0.11 to 0.88 up; 288 by 216 points."""
+    figure = Figure(figsize=(4.0, 3.0))
+    ax = figure.subplots()
+    ax.set(xlim=(0.0, 2.0), ylim=(1.0, 3.0))
+    found = places_on(ax, np.array([[1.0, 2.0], [5.0, 2.0]]))
+    assert found[0] == pytest.approx([288 * (0.125 + 0.9) / 2, 216 * (1 - (0.11 + 0.88) / 2)], abs=0.01)
+    assert np.isnan(found[1]).all()
+    assert "<title>one\n: 2.000\n: 3.000</title>" in inline_svg(figure_of("one"), "f")
 
 
 @pytest.mark.slow

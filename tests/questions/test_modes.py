@@ -133,10 +133,11 @@ def test_the_reference_stage_vibrates_out_of_its_plane_at_five_times_its_first_f
 
 
 @pytest.mark.usefixtures("unrendered")
-def test_modes_write_shapes_the_response_and_reduced_models(tmp_path, capsys):
+def test_modes_write_shapes_animations_the_response_and_reduced_models(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("flexfem.plot.modes.FRAMES", 2)
     command = ["modes", str(ROOT / "geometry/mobility3.toml"), "--resolution", "4", "--count", "1"]
     cli.app([*command, "--drives", "engaged", "-o", str(tmp_path / "out")], standalone_mode=False)
     out = capsys.readouterr().out
-    assert "drives engaged" in out and "their own mass is left out" in out
-    ends = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat", "-response.png", "-response.pdf")
+    assert "drives engaged" in out and "their own mass is left out" in out and "K_cb and M_cb are truncated" in out
+    ends = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat", "-1.gif", "-response.png", "-response.pdf")
     assert {each.name for each in (tmp_path / "out").iterdir()} == {f"mobility3-modes{end}" for end in ends}
