@@ -16,9 +16,10 @@ from flexfem import arguments
 from flexfem.fem.mesher import Extruded, run_mesher
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
-from flexfem.mechanism.bodies import Segment, necks
+from flexfem.mechanism.bodies import necks
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of
+from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.mechanism.stage_file import assumptions_said, of_stage
 from flexfem.refused import BadInput, ComputationFailed

@@ -20,9 +20,10 @@ from scipy.sparse.csgraph import connected_components
 from flexfem.arrays import Array, Index
 from flexfem.fem.mesher import Cone, Job, Limit, Made, mesh_faces, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.bodies import Face, area, draw_sector, necks
+from flexfem.mechanism.bodies import draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.outlines import Face, area
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import Hinge
 from flexfem.refused import ComputationFailed

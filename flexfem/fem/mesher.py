@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.mechanism.bodies import Face, Segment
+from flexfem.mechanism.outlines import Face, Segment
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 

@@ -1,4 +1,4 @@
-"""The bodies of a stage, pads, links, platform and the notches between them: outlines of lines and arcs, and masses.
+"""The bodies of a stage, pads, links, platform and the notches between them: outlines and masses.
 
 Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
 `geometry/README.md` shows the rules: every body is as wide as the link, pads are as long as they are wide. Inner bends
@@ -12,172 +12,28 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise, product
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import Array
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.outlines import Face, Pose, Segment, area_moments, offset, polyline, reverse, shortest_path
 from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
-SHORTEST = 1e-9  # mm; a wall of a notch as deep as its link has no length and is left out
-TIGHTEST_TURN = np.deg2rad(170.0)
 FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
 LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
 NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two sectors
 BODIES = ("pad", "link 1", "link 2", "platform")
-GAUSS = np.polynomial.legendre.leggauss(16)  # on each line or arc of less than half a turn: exact to round-off
-
-
-class Segment(NamedTuple):
-    """A line, or with a centre the circular arc (less than half a turn) from `start` to `end`."""
-
-    start: complex
-    end: complex
-    centre: complex | None = None
-
-    @property
-    def turn(self) -> float:
-        """Angle swept about the centre, rad, counter-clockwise positive; zero for a line."""
-        if self.centre is None:
-            return 0.0
-        return cmath.phase((self.end - self.centre) / (self.start - self.centre))
-
-    @property
-    def length(self) -> float:
-        """Length, mm."""
-        if self.centre is None:
-            return abs(self.end - self.start)
-        return abs(self.start - self.centre) * abs(self.turn)
-
-    def at(self, share: ArrayLike) -> AnyArray:
-        """Points (...), complex, at shares (...) of the length."""
-        if self.centre is None:
-            return np.asarray(self.start + np.multiply(share, self.end - self.start))
-        return np.asarray(self.centre + (self.start - self.centre) * np.exp(1j * np.multiply(self.turn, share)))
-
-    def tangent(self, share: ArrayLike) -> AnyArray:
-        """Unit tangents (...), complex, at shares (...) of the length."""
-        if self.centre is None:
-            return np.full(np.shape(share), (self.end - self.start) / self.length)
-        spoke = self.at(share) - self.centre
-        return np.asarray(1j * np.sign(self.turn) * spoke / np.abs(spoke))
-
-    def shares(self, points: AnyArray) -> Array:
-        """How far along (0 at the start, 1 at the end) points (...) beside it are."""
-        if self.centre is None:
-            return np.asarray(((points - self.start) / (self.end - self.start)).real)
-        swept = np.angle((points - self.centre) / (self.start - self.centre) * np.exp(-0.5j * self.turn))
-        return np.asarray(0.5 + swept / self.turn)
-
-    def reversed(self) -> Segment:
-        """The same curve walked the other way."""
-        return Segment(self.end, self.start, self.centre)
-
-    def turned(self, angle: float) -> Segment:
-        """The same curve turned about the origin by `angle`, rad."""
-        r = cmath.exp(1j * angle)
-        return Segment(self.start * r, self.end * r, None if self.centre is None else self.centre * r)
-
-    def offset(self, distance: float) -> Segment:
-        """The curve moved to its left by `distance`, mm: a line, or an arc about the same centre."""
-        start, end = (point + 1j * distance * complex(self.tangent(k)) for k, point in enumerate(self[:2]))
-        return Segment(start, end, self.centre)
-
-    def points(self, step: float) -> AnyArray:
-        """Points (n,), complex, from start (included) to end (excluded), one per `step` rad of arc."""
-        n = 1 if self.centre is None else max(2, int(np.ceil(abs(self.turn) / step)))
-        return self.at(np.arange(n) / n)
-
-
-class Face(NamedTuple):
-    """A region to mesh, such as one body of a sector of the stage.
-
-    loop : closed counter-clockwise loop of segments.
-    labels : for each of them `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind`
-        (to the next sectors) or `free`.
-    """
-
-    loop: list[Segment]
-    labels: list[str]
-
-
-def reverse(path: Sequence[Segment]) -> list[Segment]:
-    """The path walked the other way."""
-    return [segment.reversed() for segment in reversed(path)]
 
 
 def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
     """A path of one chain (1 to 3) in its place on the stage."""
     return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
-
-
-def offset(path: Sequence[Segment], distance: float) -> list[Segment]:
-    """The path moved to its left by `distance`, mm (to its right when negative)."""
-    return [segment.offset(distance) for segment in path]
-
-
-def polyline(*points: complex) -> list[Segment]:
-    """Lines through the points, without those of no length."""
-    return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
-
-
-def area(loop: Sequence[Segment]) -> float:
-    """Area enclosed by a closed counter-clockwise loop, mm^2."""
-    return float(area_moments(loop)[0])
-
-
-def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:
-    """Vertices (n, 2) of a polygon that follows the loop with one vertex per `step` rad of arc."""
-    z = np.concatenate([segment.points(step) for segment in loop])
-    return np.column_stack([z.real, z.imag])
-
-
-class Pose(NamedTuple):
-    """A point (complex, mm) and a heading (rad)."""
-
-    point: complex
-    heading: float
-
-    def ahead(self, distance: float) -> Pose:
-        """The pose moved straight along its heading."""
-        return Pose(self.point + distance * cmath.exp(1j * self.heading), self.heading)
-
-
-def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
-    """Shortest arc-line-arc path between two poses with arcs of one radius; None when every one makes a loop.
-
-    L. E. Dubins, Am. J. Math. 79 (1957) 497: of its candidates the four with a straight middle piece, which turn first
-    and last to the left (1) or to the right (-1).
-    """
-    found = list[tuple[float, list[Segment]]]()
-    for first, last in product((1, -1), repeat=2):
-        c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
-        c1 = end.point + 1j * last * radius * cmath.exp(1j * end.heading)
-        aside = radius * (first - last)
-        straight_squared = abs(c1 - c0) ** 2 - aside**2
-        if straight_squared < SHORTEST**2:
-            continue
-        straight = math.sqrt(straight_squared)
-        heading = cmath.phase((c1 - c0) / complex(straight, -aside))
-        turns = [_wrap(first * (heading - start.heading)), _wrap(last * (end.heading - heading))]
-        if max(turns) <= TIGHTEST_TURN:
-            leave, arrive = (c - 1j * side * radius * cmath.exp(1j * heading) for c, side in ((c0, first), (c1, last)))
-            pieces = [Segment(start.point, leave, c0), Segment(leave, arrive), Segment(arrive, end.point, c1)]
-            found.append((radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST]))
-    return min(found, key=lambda item: item[0])[1] if found else None
-
-
-def _wrap(angle: float) -> float:
-    """The angle in [0, 2 pi), a full turn less round-off counted as none."""
-    wrapped = angle % (2 * np.pi)
-    return 0.0 if 2 * np.pi - wrapped < 1e-9 else float(wrapped)
 
 
 @once
@@ -347,21 +203,6 @@ class Payload(NamedTuple):
     def matrix(self) -> Array:
         """Mass matrix (3, 3), tonne, tonne mm^2, at the platform centre."""
         return np.diag([self.mass, self.mass, self.inertia])
-
-
-def area_moments(loop: Sequence[Segment]) -> Array:
-    """Area, first moments in x and y, polar second moment about the origin (4,), mm^2 to mm^4, of a closed loop.
-
-    By the divergence theorem with `z = x + i y` and `w = x dy - y dx` round the counter-clockwise loop: the integral
-    over the area of 1, z and |z|^2 is that of `w / 2`, `z w / 3` and `|z|^2 w / 4`.
-    """
-    share, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
-    total = np.zeros(4)
-    for segment in loop:
-        z = segment.at(share)
-        w = weights * segment.length * (np.conj(z) * segment.tangent(share)).imag
-        total += [w.sum() / 2, (z.real * w).sum() / 3, (z.imag * w).sum() / 3, (np.abs(z) ** 2 * w).sum() / 4]
-    return total
 
 
 @once

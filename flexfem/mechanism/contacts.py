@@ -17,8 +17,9 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.actuators import BODY_NAMES, Body
-from flexfem.mechanism.bodies import Segment, centrelines
+from flexfem.mechanism.bodies import centrelines
 from flexfem.mechanism.designs import chain_rotation
+from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent
 
 SPREAD = 0.75  # half a station per link width, assumed: pushes spread evenly over one width have the same deviation

@@ -10,9 +10,10 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray
-from flexfem.mechanism.bodies import Segment, area, body_sides, necks, offset, polygon_points, polyline, reverse, turn
+from flexfem.mechanism.bodies import body_sides, necks, turn
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.outlines import Segment, area, offset, polygon_points, polyline, reverse
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import CHAINS
 from flexfem.refused import BadInput

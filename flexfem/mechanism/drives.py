@@ -22,10 +22,11 @@ from flexfem.mechanism.actuators import (
     Numbers,
     series_stiffness,
 )
-from flexfem.mechanism.bodies import FILLET, Segment, centrelines, draw_sector
+from flexfem.mechanism.bodies import FILLET, centrelines, draw_sector
 from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrench_of
 from flexfem.mechanism.designs import CHAIN_TURN, Designs, lower
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
 from flexfem.refused import BadInput
 

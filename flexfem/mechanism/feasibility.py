@@ -10,9 +10,10 @@ import shapely
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.mechanism.bodies import draw_sector, polygon_points, turn
+from flexfem.mechanism.bodies import draw_sector, turn
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of, located
 from flexfem.refused import BadInput
 

@@ -16,11 +16,11 @@ from matplotlib.path import Path
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
-from flexfem.mechanism.bodies import polygon_points
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drawing import LETTER as NARROW
 from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
 from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
 from flexfem.plot.text import minus, round_factor

@@ -14,9 +14,9 @@ from flexfem.analytic.model import analyse, hinge_compliance, lowered
 from flexfem.analytic.network import stiffness
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import inverse
-from flexfem.mechanism.bodies import Segment
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.setup import solved as solve_stage
 

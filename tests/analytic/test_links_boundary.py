@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.elastic_bodies import Boundary, displacements, divided
-from flexfem.mechanism.bodies import Segment, polyline
+from flexfem.mechanism.outlines import Segment, polyline
 
 NU = 0.29
 EXACT = 1e-10  # fields that the elements hold: round-off

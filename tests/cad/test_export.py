@@ -23,8 +23,9 @@ import pytest
 import flexfem
 from flexfem import cad
 from flexfem.fem.mesher import gmsh_session
-from flexfem.mechanism.bodies import area, draw_sector
+from flexfem.mechanism.bodies import draw_sector
 from flexfem.mechanism.drawing import part_of
+from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput, ComputationFailed
 
 from ..conftest import UNLIKE, with_changes

@@ -11,7 +11,7 @@ import pytest
 from flexfem.fem.chart import FREEDOMS, HIGH, LOW, SingleHinge, compliance, hinge_mesh, make, richardson
 from flexfem.fem.chart import sample as sample_anew
 from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
-from flexfem.mechanism.bodies import Face, Segment, area
+from flexfem.mechanism.outlines import Face, Segment, area
 from flexfem.questions.bands import grid_convergence
 
 from ..validation.fields import meshed

@@ -24,9 +24,10 @@ from flexfem.fem.mesh import (
     least_scaled_jacobian,
 )
 from flexfem.fem.mesher import Job, run_mesher
-from flexfem.mechanism.bodies import BODIES, area, draw_sector
+from flexfem.mechanism.bodies import BODIES, draw_sector
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.outlines import area
 from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.refused import BadInput, ComputationFailed
 

@@ -11,9 +11,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flexfem.mechanism.bodies import BODIES, Face, Segment, area, centrelines, draw_sector, polygon_points, turn
+from flexfem.mechanism.bodies import BODIES, centrelines, draw_sector, turn
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.outlines import Face, Segment, area, polygon_points
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.refused import BadInput
 

@@ -10,8 +10,9 @@ import shapely
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
-from flexfem.mechanism.bodies import Segment, area, draw_sector, polygon_points
+from flexfem.mechanism.bodies import draw_sector
 from flexfem.mechanism.drawing import cut_path, part_of
+from flexfem.mechanism.outlines import Segment, area, polygon_points
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 

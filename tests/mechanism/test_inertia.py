@@ -7,18 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from flexfem.mechanism.bodies import (
-    Payload,
-    Segment,
-    area,
-    area_moments,
-    body_moments,
-    carried_out_of_plane,
-    draw_sector,
-    drawn_inertia,
-    polygon_points,
-    polyline,
-)
+from flexfem.mechanism.bodies import Payload, body_moments, carried_out_of_plane, draw_sector, drawn_inertia
+from flexfem.mechanism.outlines import Segment, area, area_moments, polygon_points, polyline
 
 from ..conftest import UNLIKE, with_changes
 

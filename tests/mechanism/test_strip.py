@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from flexfem.mechanism.bodies import TIGHTEST_TURN, Pose, Segment, shortest_path
+from flexfem.mechanism.outlines import TIGHTEST_TURN, Pose, Segment, shortest_path
 
 ROUND_OFF = 1e-9  # mm or rad; a common tangent amplifies roundings by length over the smallest piece
 RADIUS = 5.6

@@ -15,7 +15,7 @@ from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
 from flexfem.fem.mesher import Cone
 from flexfem.fem.structure import NONE, Structure, mass_of, structure
-from flexfem.mechanism.bodies import Face, Segment
+from flexfem.mechanism.outlines import Face, Segment
 
 from .fields import FieldErrors, Function, clamp, meshed, on_chords, size_of, solve
 from .problem import ORDER_ALLOWED, ROUND_OFF, Exact, Finding, hooke, order, problem, rectangle

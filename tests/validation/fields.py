@@ -12,7 +12,7 @@ from flexfem.fem.elements import Plate, integration, stress_tensor
 from flexfem.fem.mesh import StageMesh, curved, ordered
 from flexfem.fem.mesher import Cone, Job, run_mesher
 from flexfem.fem.structure import NONE, Traction, structure
-from flexfem.mechanism.bodies import Face
+from flexfem.mechanism.outlines import Face
 
 DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
 TIME_LIMIT = 60.0  # s, for gmsh

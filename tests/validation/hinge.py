@@ -24,7 +24,7 @@ from flexfem.fem.mesher import Cone
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.bodies import Face, Segment
+from flexfem.mechanism.outlines import Face, Segment
 
 from .fields import meshed
 from .problem import Finding, problem

@@ -11,7 +11,7 @@ from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
 from flexfem.fem.mesher import Cone
 from flexfem.fem.structure import edge_force
-from flexfem.mechanism.bodies import Face, Segment
+from flexfem.mechanism.outlines import Face, Segment
 
 from .fields import clamp, meshed, nearest_node, on_chords, pressure, solve, uniform
 from .problem import Exact, Finding, extrapolated, on_axes, orders, polar, problem, quarter_ring, rectangle, symmetric
