@@ -39,7 +39,7 @@ EXACT = 1e-9  # of limits and of the largest coordinate: what programs may break
 ROUND_OFF = 1e-9  # of how far strokes alone go in a direction, and of the size of the poses
 FLAT = 1e-7  # of the largest coordinate: a set no wider in some direction has no extent in it
 MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier does not bind
-MOST = 200  # rounds of refinement; the shipped stages take six
+MOST = 300  # vertices of all poses: curved limits of yield would have many thousands; shipped stages have at most 64
 EXTENDS = ("are a single one", "lie on a line", "lie in a plane")  # poses that are no solid, by dimension
 
 
@@ -103,6 +103,7 @@ class Polytope(NamedTuple):
     vertices : (v, 3), mm, mm, rad.   commands : (v, m), that lead there.   volume : mm^2 rad.
     normals, supports : (f, 3), (f,), mm: normal @ y <= support on every face.
     faces : of each its vertices, counter-clockwise seen from outside.   by : of each the limits.
+    missed : how far beyond the faces poses are reached at most, of the largest coordinate; 0 but with `MOST` vertices.
     """
 
     dimension: int
@@ -113,6 +114,7 @@ class Polytope(NamedTuple):
     faces: list[list[int]]
     by: list[LimitNames]
     volume: float
+    missed: float = 0.0
 
 
 class PoseEdge(NamedTuple):
@@ -197,6 +199,8 @@ def reach(
         if (others, direction, "low") in stops
     ]
     notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
+    if solid.missed:
+        notes[-1] += f"; some poses are up to {100 * solid.missed:.2g} % of the largest beyond these faces"
     notes.append(warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane))
     axes = {"model": tuple(found), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
     settings = {"analytic model": first.result.name} | meshed(mesh)
@@ -297,7 +301,7 @@ class PoseSet:
         commands, dimension = self._spanning(G)
         if dimension < 3:
             return Polytope(dimension, np.zeros((0, 3)), commands[:0], np.zeros((0, 3)), np.zeros(0), [], [], 0.0)
-        commands = self._refined(G, commands)
+        commands, missed = self._refined(G, commands)
         poses = commands @ self.G.T + self.rest
         commands = commands[np.lexsort(np.round(poses / np.max(np.abs(poses), axis=0), 6).T)]  # whatever round-off does
         corners, sets, volume = _corners_and_faces(commands @ G.T)
@@ -313,7 +317,7 @@ class PoseSet:
         by = [self.farthest(normal @ G)[1] for normal in normals]
         supports = np.max(np.array(normals) @ Z.T, axis=1) * size + normals @ (scale * self.rest)
         poses, volume = commands @ self.G.T + self.rest, volume * size**3 / lever
-        return Polytope(3, poses, commands, np.array(normals), supports, faces, by, volume)
+        return Polytope(3, poses, commands, np.array(normals), supports, faces, by, volume, missed)
 
     def _spanning(self, G: Array) -> tuple[Array, int]:
         """Commands whose images under G (3, m) span the set, and its dimension."""
@@ -326,21 +330,24 @@ class PoseSet:
             new = [self.farthest(sign * w @ G)[0] for w in axes[dimension:] for sign in (1.0, -1.0)]
             X = np.concatenate([X, new])
 
-    def _refined(self, G: Array, commands: Array) -> Array:
-        """Commands whose images' convex hull is the set: farthest ones along its planes, until none is farther."""
+    def _refined(self, G: Array, commands: Array) -> tuple[Array, float]:
+        """Commands whose images' convex hull is the set, farthest ones along its planes, and how far it misses some."""
         from scipy.spatial import ConvexHull
 
-        known = set[tuple[float, ...]]()
-        for _ in range(MOST):
+        supports = dict[tuple[float, ...], float]()  # of the set, by the normal of a plane of the hull
+        while True:
             planes = {tuple(np.round(plane[:3], 10) + 0.0): plane for plane in ConvexHull(commands @ G.T).equations}
-            fresh = [plane for key, plane in planes.items() if key not in known]
-            known |= planes.keys()
-            farthest = [self.farthest(plane[:3] @ G)[0] for plane in fresh]
-            beyond = [x for x, plane in zip(farthest, fresh, strict=True) if plane[:3] @ G @ x + plane[3] > EXACT]
-            if not beyond:
-                return commands
-            commands = np.concatenate([commands, beyond])
-        raise ComputationFailed(f"the poses of the drive have not been enclosed after {MOST} rounds of linear programs")
+            fresh = list[tuple[float, Array]]()
+            for key, plane in planes.items():
+                if key not in supports:
+                    x = self.farthest(plane[:3] @ G)[0]
+                    supports[key] = float(plane[:3] @ G @ x)
+                    fresh.append((supports[key] + plane[3], x))
+            farthest = [x for far, x in sorted(fresh, key=lambda each: -each[0]) if far > EXACT]
+            if not farthest or len(commands) >= MOST:
+                missed = float(max(supports[key] + plane[3] for key, plane in planes.items()))
+                return commands, missed / float(np.max(np.abs(commands @ G.T))) if missed > EXACT else 0.0
+            commands = np.concatenate([commands, farthest[: MOST - len(commands)]])
 
 
 def _corners_and_faces(Z: Array) -> tuple[Index, list[list[int]], float]:

@@ -237,6 +237,20 @@ def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
     assert found.fields.section == [] and found.circle == 0.0
 
 
+def test_a_set_of_too_many_vertices_says_how_far_it_misses_poses(stage, monkeypatch):
+    soft = stage.replace(material=stage.material.model_copy(update={"yield_strength": 50.0}))
+    poses = pose_set(soft, *modelled(soft))
+    whole = poses.solid(LEVER)
+    monkeypatch.setattr("flexfem.questions.reach.MOST", 20)
+    part = poses.solid(LEVER)
+    beyond = np.max(whole.vertices * SCALE @ part.normals.T, axis=0) - part.supports
+    assert whole.missed == 0 and 20 >= len(part.vertices) < len(whole.vertices)
+    assert (
+        part.missed * np.max(np.abs(part.vertices * SCALE)) == pytest.approx(np.max(beyond), rel=1e-6)
+        and part.missed > 0.01
+    )
+
+
 def test_round_off_is_no_radius_about_rest(stage):
     """A single stack a chain at rest stands at the shortest end of its stroke: nothing is left about it."""
     single = stage.actuator[0].model_copy(update={"pair": False, "ball_radius": None, "preload": 3.0})
