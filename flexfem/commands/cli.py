@@ -232,7 +232,11 @@ def write(found: Any, path: Path) -> list[Path]:
     """
     from flexfem.files.inputs import require_unread
 
-    require_unread(*(path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")))
+    targets = [path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")]
+    require_unread(*targets)
+    for each in targets:
+        if each.is_dir():
+            raise BadInput(f"{each}: is a folder, expected a file")
     paths = [found.write(path)]
     if found.figure and (found.fields is not None or not found.drawn_from_fields):
         from flexfem.plot import figures_of

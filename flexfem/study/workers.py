@@ -163,6 +163,8 @@ class Workers:
 
 def client_of(address: str) -> Any:
     """A client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
+    if not isinstance(address, str) or ":" not in address:
+        raise BadInput(f"--scheduler {one_line(str(address), 200)}: expected host:port of one with workers")
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
