@@ -58,9 +58,6 @@ def test_unit_is_the_prefix_that_reads_well(freedom, largest, name, shown):
     assert largest * unit.factor == pytest.approx(shown)
 
 
-@pytest.mark.parametrize(
-    ("value", "text"),
-    [(14.0712, "14.07 %"), (300.0, "300.0 %"), (-0.12345, "−0.123 %"), (-8.2e-13, "−8×10⁻¹³ %"), (0.0, "0 %")],
-)
-def test_percentages_have_sensible_digits(value, text):
-    assert percent(value).replace("\N{NO-BREAK SPACE}", " ") == text
+def test_percentages_have_sensible_digits():
+    found = [percent(value).replace("\N{NO-BREAK SPACE}", " ") for value in (14.0712, 300.0, -0.12345, -8.2e-13, 0.0)]
+    assert found == ["14.07 %", "300.0 %", "−0.123 %", "−8×10⁻¹³ %", "0 %"]

@@ -13,9 +13,9 @@ from flexfem.study.loaded import LoadedStudy, load_study, sample
 STAGE = Path(__file__).parents[2] / "geometry" / "mobility6.toml"
 
 
-def head(name: str) -> str:
+def head(name: str, stage: object = STAGE) -> str:
     """How a study file of that name begins."""
-    return f'name = "{name}"\nstage = "{STAGE}"\nmodel = "analytic"\nformula = "calibrated"\nmobility = 21\n'
+    return f'name = "{name}"\nstage = "{stage}"\nmodel = "analytic"\nformula = "calibrated"\nmobility = 21\n'
 
 
 def study(folder: Path, text: str, *edits: tuple[str, str]) -> LoadedStudy:

@@ -19,25 +19,17 @@ from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.columns import DRIVE_RANGES, ENGAGED
 from flexfem.study.loaded import LoadedStudy, load_study, sample, stage_of
 
+from .answered import head
+
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
 YIELD = "material.yield_strength_mpa"
 PIEZO = 'stack = "AE0505D16"'
 
-HEAD = """name = "driven"
-stage = "stage.toml"
-model = "analytic"
-formula = "calibrated"
-mobility = 21
-
-[sampling]
-method = "monte_carlo"
-designs = 12
-seed = 11
-
-[drive]
-actuators = true
-"""
+HEAD = (
+    head("driven", "stage.toml")
+    + '[sampling]\nmethod = "monte_carlo"\ndesigns = 12\nseed = 11\n[drive]\nactuators = true\n'
+)
 ELEMENTS = HEAD.replace('"analytic"', '"fe"').replace('formula = "calibrated"\nmobility = 21', "resolution = 4")
 FACTORS = {  # a range each, in units of the file
     "hinges.base.radius_mm": (2.5, 3.8),
