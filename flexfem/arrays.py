@@ -75,6 +75,14 @@ def _norm(a: Array) -> Array:
     return largest
 
 
+ALIKE = 1e-9  # relative: numbers that symmetry makes equal
+
+
+def is_largest(values: Array, axis: int | tuple[int, ...] | None = None) -> NDArray[np.bool_]:
+    """Where values are the largest along some axes or of all, those that symmetry makes equal too."""
+    return np.asarray(values >= (1 - ALIKE) * np.max(values, axis=axis, keepdims=True))
+
+
 WIDE = 30.0  # largest over smallest value, from which on an axis or colours are logarithmic
 
 

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import AnyArray, Array, is_largest
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
@@ -442,7 +442,10 @@ class Result:
         for k in range(len(self.axes[spread]) if spread else 1):
             known = dict(zip(over, place, strict=True)) | {spread: k}
             ranges = [[known[axis]] if axis in known else range(len(self.axes[axis])) for axis in quantity.over]
-            found.append(max(product(*ranges), key=lambda at: float(sizes[at])))
+            shown = list(product(*ranges))
+            found.append(
+                shown[int(np.argmax(is_largest(np.array([sizes[at] for at in shown]))))]
+            )  # the first of equal ones
         return found
 
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from flexfem import arguments
-from flexfem.arrays import Array
+from flexfem.arrays import Array, is_largest
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import layers_of, sheet_of
@@ -271,7 +271,7 @@ def stress_bands(resolutions: Array, values: Array) -> Array:
 def highest_band(resolutions: Array, values: Array, bands: Callable[[Array, Array], Array] = stress_bands) -> Array:
     """Bands of values (3 levels, ...) on the finest mesh: that of the highest, nan for the others."""
     highest = np.max(values.reshape(3, -1), axis=1)
-    return np.where(values[-1] == highest[-1], bands(resolutions, highest), np.nan)
+    return np.where(is_largest(values[-1]), bands(resolutions, highest), np.nan)
 
 
 def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from flexfem.analytic.large import at_pose, outwards
 from flexfem.analytic.model import AnalyticResult, analyse, assemble
-from flexfem.arrays import Array
+from flexfem.arrays import Array, is_largest
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh
@@ -282,7 +282,7 @@ def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> Answered:
     if not of.joints:
         peak[0, ..., axis] = model.stress[..., axis]
     peak[1, ..., axis] = reached = of.neck_stress / abs(of.pose[axis])
-    peak_band[1, ..., axis] = np.where(reached == np.max(reached), of.peak_band, np.nan)
+    peak_band[1, ..., axis] = np.where(is_largest(reached), of.peak_band, np.nan)
     lever = run.stage.chain.link_lengths[2]
     values: dict[str, Any] = {
         "percent": bands.percentages(of.error[-1], case.commanded[-1], case.direction, lever),

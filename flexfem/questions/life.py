@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from flexfem import arguments
 from flexfem.analytic.model import CALIBRATED, AnalyticResult, analyse
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, is_largest
 from flexfem.fem.elements import von_mises
 from flexfem.fem.fields import notch_fields
 from flexfem.fem.response import Response
@@ -262,7 +262,7 @@ def life(
         band = float(stress_bands(np.array(steps, dtype=float), highest))
         share = band / highest[-1] if highest[-1] > 0 else 0.0
         values = _answer(stage, strains[-1], asked, taken, (-share, share))
-        bands = np.where(values["equivalent"] == highest[-1], band, np.nan)
+        bands = np.where(is_largest(values["equivalent"]), band, np.nan)
         found[ELEMENTS] = Answered(values, {"equivalent": bands})
     for model, one in found.items():
         warnings += _warnings(stage, asked, taken, model, one.values)

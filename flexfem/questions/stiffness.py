@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import analyse
-from flexfem.arrays import Array, alone
+from flexfem.arrays import Array, alone, is_largest
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
 from flexfem.fem.fields import load_case, neck_stresses
 from flexfem.fem.response import Response, unit_response
@@ -201,7 +201,7 @@ def _in_plane(
     more = {
         **more,
         "free": values["free"] * np.diag(bands) / np.diag(finest.compliance),
-        "stress": np.where(stresses[-1] == highest[-1], band, np.nan),
+        "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
         "yield_range": values["yield_range"] * band / highest[-1],
     }
     force, fields = loaded(values["stiffness"]), None
