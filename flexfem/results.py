@@ -443,9 +443,8 @@ class Result:
             known = dict(zip(over, place, strict=True)) | {spread: k}
             ranges = [[known[axis]] if axis in known else range(len(self.axes[axis])) for axis in quantity.over]
             shown = list(product(*ranges))
-            found.append(
-                shown[int(np.argmax(is_largest(np.array([sizes[at] for at in shown]))))]
-            )  # the first of equal ones
+            first = np.argmax(is_largest(np.array([sizes[at] for at in shown])))  # of equal ones
+            found.append(shown[int(first)])
         return found
 
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:

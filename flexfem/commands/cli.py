@@ -230,13 +230,10 @@ def write(found: Any, path: Path) -> list[Path]:
 
     Raises BadInput when the folder takes no file, or a file that the command has read would be replaced.
     """
-    from flexfem.files.inputs import require_unread
+    from flexfem.files.writing import check_name
 
-    targets = [path.with_suffix(ending) for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat")]
-    require_unread(*targets)
-    for each in targets:
-        if each.is_dir():
-            raise BadInput(f"{each}: is a folder, expected a file")
+    for ending in (".json", ".png", ".pdf", ".vtu", ".npz", ".mat"):
+        check_name(path.with_suffix(ending))
     paths = [found.write(path)]
     if found.figure and (found.fields is not None or not found.drawn_from_fields):
         from flexfem.plot import figures_of

@@ -150,10 +150,10 @@ class ProposedElements:
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
         """Rows of outputs, in the order of the tasks; what is known is not solved again."""
-        questions = [_asked_of(task) for task in tasks]
-        self._counted |= {digest(question) for question in questions}
+        questions = {id(task): _asked_of(task) for task in tasks}
+        self._counted |= {digest(question) for question in questions.values()}
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._counted)
-        waiting = [task for task in tasks if self.store.answer(_asked_of(task)) is None]
+        waiting = [task for task in tasks if self.store.answer(questions[id(task)]) is None]
         ahead = iter(waiting)
         rows: Iterable[tuple[Any, Row]] = ((task, solved(*task)) for task in waiting)
         if self.workers is not None:
@@ -161,9 +161,9 @@ class ProposedElements:
         for done, (task, row) in enumerate(rows, 1):
             if isinstance(row, Failure):
                 raise ComputationFailed(f"finite elements of a proposed design: {row.reason}")
-            self.store.keep(_asked_of(task), row)
+            self.store.keep(questions[id(task)], row)
             self.say(f"finite elements: {done} of {len(waiting)} solutions")
-        return [self.store.answer(question) for question in questions]
+        return [self.store.answer(question) for question in questions.values()]
 
 
 def _asking(study: LoadedStudy, changes: dict[str, Any]) -> LoadedStudy:

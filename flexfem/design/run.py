@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -15,9 +14,9 @@ from flexfem.design.outcome import designed
 from flexfem.design.proof import ProposedElements, Store
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
-from flexfem.files.refusals import checked_path, place_of
+from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
-from flexfem.files.writing import LONGEST_NAME, check_file, check_folder, write_atomically
+from flexfem.files.writing import check_folder, check_name, write_atomically
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed
 from flexfem.study import MOST_WORKERS
@@ -70,10 +69,8 @@ def run_design(
         count = loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
         names = [STAGE.format(stem), *(FRONT.format(stem, k + 1) for k in range(count)), f"{stem}-design.json"]
         names += [f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
-        for name in names if folder.is_dir() else ():
-            check_file(folder / name, base, loaded.path)
-        if len(os.fsencode(longest := max(names, key=len))) > LONGEST_NAME:
-            raise BadInput(f"{place_of(folder / longest)}: a name of more than {LONGEST_NAME} bytes, expected less")
+        for name in sorted(names, key=len, reverse=True):
+            check_name(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
     with nullcontext() if workers == 1 else Workers(workers) as pool:
         found = designed(loaded, ProposedElements(loaded, Counter(), pool, store, say))

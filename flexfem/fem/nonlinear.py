@@ -124,9 +124,8 @@ class LargeStructure:
         parts = zip(of.batches, slopes, state.stress, strict=True)
         blocks = (tangent_blocks(batch, of.plate, H, stress) for batch, H, stress in parts)
         K = of.tied(assembled(self.pairs, blocks, of.line), self.rates(state.pose))
-        K.data[-1] -= np.sum(
-            self.nodal(state, slopes)[of.hub] * self.turned(state.pose)[1]
-        )  # levers of the hub's forces
+        hub_forces, levers = self.nodal(state, slopes)[of.hub], self.turned(state.pose)[1]
+        K.data[-1] -= np.sum(hub_forces * levers)
         return K
 
 

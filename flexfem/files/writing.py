@@ -82,15 +82,20 @@ def check_file(path: Path, *read: Path) -> None:
 
     It may replace none of the files that are `read` for it, nor one that the command has read.
     """
+    check_name(path, *read)
+    if not path.parent.is_dir():
+        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
+    check_folder(path.parent)
+
+
+def check_name(path: Path, *read: Path) -> None:
+    """Raise BadInput for a file to write that is a folder, has too long a name, or is read, as `check_file`."""
     with _refused(path):
         if path.is_dir():
             raise BadInput(f"{place_of(path)}: is a folder, expected a file")
-        if not path.parent.is_dir():
-            raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
         if len(os.fsencode(path.name)) > LONGEST_NAME:
             raise BadInput(f"{place_of(path)}: a name of more than {LONGEST_NAME} bytes, expected a shorter one")
     require_unread(path, read=read)
-    check_folder(path.parent)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, is_largest
 from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, panels, titled
@@ -142,16 +142,15 @@ def life_figure(found: Life) -> Figure:
     asked, first = found.settings, []
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
         cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
-        chain, hinge = divmod(int(np.argmax(stress)), 3)
+        chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
         first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
     law, *others = found.notes
     lines = [
         f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
         f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
     ]
-    figure, (axes,) = panels(
-        (9.0, 5.2), f"{found.about.name}: fatigue life of the necks", lines, 1, assumptions=found.about
-    )
+    title = f"{found.about.name}: fatigue life of the necks"
+    figure, (axes,) = panels((9.0, 5.2), title, lines, 1, assumptions=found.about)
     plot_life(axes, found)
     return figure
 

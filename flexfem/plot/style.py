@@ -108,9 +108,8 @@ def below_header(size: tuple[float, float], title: str, lines: Sequence[str], as
     else:
         room = width - 2 * MARGIN
         beside = room - (LETTER["bold"] * 11 / 72 * len(note) + 0.4 if note else 0.0)
-        wide = _width(title, 13, "bold") / (
-            LETTER["bold"] * 13 / 72 * max(len(title), 1)
-        )  # than letters are on average
+        average = LETTER["bold"] * 13 / 72 * max(len(title), 1)
+        wide = _width(title, 13, "bold") / average
         texts = [(wrapped(title, beside / max(wide, 1.0), 13, "bold"), 13, "bold", INK)]
         texts += [(wrapped(line, 0.92 * room, 9), 9, "normal", "#404040") for line in lines]
         heights = [(text.count("\n") + 1) * points * 1.32 / 72 + 0.06 for text, points, *_ in texts]

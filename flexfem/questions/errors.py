@@ -22,7 +22,7 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of, sheet_of, structure
 from flexfem.files.provenance import Assumptions, assumptions
 from flexfem.files.refusals import checked_path
-from flexfem.files.writing import check_folder, digest, digest_of_arrays, read_arrays, write_atomically
+from flexfem.files.writing import check_folder, check_name, digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.questions import bands, warnings
@@ -223,9 +223,9 @@ def verification(
         loaded.append(LoadedCase(path, load))
         if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
-        for suffix in (".json", ".npz"):
-            if folder is not None and (taken := folder / f"{path.stem}{suffix}").is_dir():
-                raise BadInput(f"{taken}: is a folder, expected a file or none")
+        if folder is not None:
+            check_name(folder / f"{path.stem}.json")
+            check_name(folder / f"{path.stem}.npz")
     found = []
     for case in loaded:
         found.append(run_case(case))

@@ -135,7 +135,7 @@ def drift(
     found, values, name = dict[str, Answered](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
-    chosen = analytic.chosen(stage, [] if models == "elements" else warnings)
+    chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         found[ANALYTIC], name = _by_network(chosen, alpha), chosen.name
         if stage.chains_alike and (unlike := _unlike(chosen)):

@@ -247,7 +247,7 @@ def life(
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
     found, name = dict[str, Answered](), None
-    chosen = analytic.chosen(stage, [] if models == "elements" else warnings)
+    chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
         error = math.nan, math.nan  # how far the true stress may be off, from and to

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from functools import wraps
+from functools import cache, wraps
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType, NoneType
@@ -51,19 +51,23 @@ def question(function: Function) -> Function:
 
     The function then refuses another word than those of a `Literal`, and another model than an `Analytic`.
     """
-    text = inspect.cleandoc(function.__doc__ or "")
+    text, signature = inspect.cleandoc(function.__doc__ or ""), inspect.signature(function)
     shared = list[str]()
     for head, said in SHARED.items():
         name = head.split()[0]
-        if name in inspect.signature(function).parameters and f"\n{name} :" not in text:
+        if name in signature.parameters and f"\n{name} :" not in text:
             shared += [head, f"    {said}"]
     returns = ["", "Returns", "-------", str(function.__annotations__["return"]), "", "Raises", f"------{RAISES}"]
     function.__doc__ = text.replace("{shared}", "\n".join([*shared, *returns]))
 
+    @cache
+    def hints_of() -> dict[str, Any]:
+        return get_type_hints(function)  # once its module is complete
+
     @wraps(function)
     def asked(*positional: Any, **named: Any) -> Any:
-        hints = get_type_hints(function)
-        for name, value in named.items():
+        hints = hints_of()
+        for name, value in signature.bind(*positional, **named).arguments.items():
             parts = (hints.get(name), *get_args(hints.get(name)))  # of an optional one, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
             known = isinstance(value, str) and value in words
@@ -96,9 +100,12 @@ class Analytic(NamedTuple):
     formula: str | None = None
     links: bool = False
 
-    def chosen(self, stage: Stage, warnings: list[str]) -> ModelChoice:
-        """The model of a stage; adds warnings where a chart does not reach. Raises BadInput."""
-        return choose(stage, *self, warnings)
+    def chosen(self, stage: Stage, warnings: list[str], models: Models = "both") -> ModelChoice:
+        """The model of a stage; adds warnings where a chart does not reach, unless elements alone answer.
+
+        Raises BadInput for a model that does not suit the stage.
+        """
+        return choose(stage, *self, [] if models == "elements" else warnings)
 
 
 DEFAULT = Analytic()

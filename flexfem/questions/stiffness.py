@@ -136,7 +136,7 @@ def stiffness(
     def loaded(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
 
-    chosen = analytic.chosen(stage, [] if models == "elements" else warnings)
+    chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         result = analyse(*chosen)
         found[ANALYTIC] = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
