@@ -42,7 +42,7 @@ from flexfem.study.columns import (
     GRADIENTS,
     RANGES,
     STRESSES,
-    lasting,
+    life_columns,
     outputs_of,
     values_of,
 )
@@ -61,7 +61,7 @@ KINDS = {
     "drift by gradients": GRADIENTS,
     "highest stress": STRESSES,
     "range at yield": RANGES,
-    "life": lasting(ALONG_X),
+    "life": life_columns(ALONG_X),
 }
 POSES = "poses of drift"
 

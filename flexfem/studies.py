@@ -21,7 +21,7 @@ from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
 from flexfem.refused import BadInput
 from flexfem.study import MOST_WORKERS, REPORTS, run
-from flexfem.study.answer import nominal, require_asked
+from flexfem.study.answer import nominal, require_extra_numbers
 from flexfem.study.collect import Collected, collect, counted_warnings, read_table, table_path
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
@@ -92,7 +92,7 @@ def compute(
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
-    require_asked(parts.loaded)
+    require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
     with Workers(max(1, min(count, len(parts.chunks(share)))), scheduler) as pool:
         run.run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)

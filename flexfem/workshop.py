@@ -98,8 +98,8 @@ def view(file: Path, *, output: Path | None = None) -> View:
     source = checked_path(file)
     target = None if output is None else checked_path(output)
     stage, missing = found = load_partly(source)
-    skeleton = found.given("chain.link_lengths_mm", "chain.joint_angles_deg")
-    if not (found.whole or skeleton or found.given("platform.radius_mm")):
+    skeleton = found.states("chain.link_lengths_mm", "chain.joint_angles_deg")
+    if not (found.whole or skeleton or found.states("platform.radius_mm")):
         raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg to begin")
     window, written = target is None and drawing.show_window(stage, missing), list[Path]()
     if not window:

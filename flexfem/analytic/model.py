@@ -113,7 +113,7 @@ def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
     return formulas.formula(formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
 
 
-def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
+def has_answer(designs: Designs, formula: str, hinges: Compliance) -> dict[str, NDArray[np.bool_]]:
     """Whether the formula, and the chart of the thickness, have an answer for each hinge (n, 3, 3), by reason."""
     found = {}
     if formulas.formula(formula).charted:
@@ -125,11 +125,11 @@ def answered(designs: Designs, formula: str, hinges: Compliance) -> dict[str, ND
     return found
 
 
-def unanswered(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
-    """What `answered` says no to by its reason, the table of the hinge first, and of which designs."""
+def without_answer(designs: Designs, formula: str, hinges: Compliance) -> list[Broken]:
+    """What `has_answer` says no to by its reason, the table of the hinge first, and of which designs."""
     return [
         Broken(f"hinges.{name}: {reason}", ~np.all(holds[:, :, position], axis=1))
-        for reason, holds in answered(designs, formula, hinges).items()
+        for reason, holds in has_answer(designs, formula, hinges).items()
         for position, name in enumerate(HINGE_NAMES)
     ]
 
@@ -306,7 +306,7 @@ def hinge_compliance(stage: Stage, formula: str = DEFAULT_FORMULA) -> Compliance
     check_closed_form(stage)
     with np.errstate(all="ignore"):  # off a chart, or where a formula has no value: refused below
         found = hinge_compliances(lower(stage), formula)
-    for reason, holds in answered(lower(stage), formula, found).items():
+    for reason, holds in has_answer(lower(stage), formula, found).items():
         for chain, position in np.argwhere(~holds[0]).tolist():
             with located(stage):
                 raise BadInput(_sentence(reason, stage, formula, chain + 1, position))

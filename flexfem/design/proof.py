@@ -41,7 +41,7 @@ ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # of the accuracy, that guards leave beside the bands, while any design is left
 OF_ELEMENTS = 1e4  # round-off of finite elements over that of the model
 OF_CORNERS = {*outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS}
-OF_STRESS = {*outputs.STRESSES, *outputs.RANGES, *outputs.lasting((True, True, True))}
+OF_STRESS = {*outputs.STRESSES, *outputs.RANGES, *outputs.life_columns((True, True, True))}
 
 Row: TypeAlias = list[float] | Failure  # outputs of a study
 
@@ -131,7 +131,7 @@ class ProposedElements:
         places = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
         necks = [{at: {"neck": stage.hinge(*at).neck + float(each[k, n])} for k, n, at in places} for each in off]
         for resolution in SCATTER:
-            study = _asking(self._study(resolution, 2), dict.fromkeys(("drive", "frequencies", "life", "drift")))
+            study = _with_changes(self._study(resolution, 2), dict.fromkeys(("drive", "frequencies", "life", "drift")))
             rows = np.array(self._solved([(study, stage.replace(override=each)) for each in necks]))
             found.append(rows[:, [study.outputs.index(name) for name in outputs.COUPLINGS]].T)
         return found
@@ -146,11 +146,11 @@ class ProposedElements:
             drive = of.drive if of.drive is not None and of.drive.stroke_um is not None else None
             drive = drive and drive.model_copy(update={"actuators": False})
             changes |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
-        return _asking(study, changes)
+        return _with_changes(study, changes)
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
         """Rows of outputs, in the order of the tasks; what is known is not solved again."""
-        questions = {id(task): _asked_of(task) for task in tasks}
+        questions = {id(task): _inputs_of(task) for task in tasks}
         self._counted |= {digest(question) for question in questions.values()}
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._counted)
         waiting = [task for task in tasks if self.store.answer(questions[id(task)]) is None]
@@ -166,11 +166,11 @@ class ProposedElements:
         return [self.store.answer(question) for question in questions.values()]
 
 
-def _asking(study: LoadedStudy, changes: dict[str, Any]) -> LoadedStudy:
+def _with_changes(study: LoadedStudy, changes: dict[str, Any]) -> LoadedStudy:
     return replace(study, study=study.study.model_copy(update=changes))
 
 
-def _asked_of(task: tuple[LoadedStudy, Stage]) -> list[Any]:
+def _inputs_of(task: tuple[LoadedStudy, Stage]) -> list[Any]:
     """A study and the stage that it is asked of, as plain data."""
     study, stage = task
     return [study.study.model_dump(mode="json"), stage.model_dump(mode="json")]

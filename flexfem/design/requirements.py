@@ -302,7 +302,7 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
     """
     found = validate(Requirements, path)
     stage = base_stage(path, found.study)
-    unused = found.study.unasked - found.used - ({DENSITY} if found.used & {*MASS} else set())
+    unused = found.study.unused_keys - found.used - ({DENSITY} if found.used & {*MASS} else set())
     columns = columns_of_file(path, "free", found.free, stage, unused)
     require_key_values(path, found.expressions, columns, stage)
     derived = {output.name for output in found.output}

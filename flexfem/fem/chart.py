@@ -183,7 +183,7 @@ def _held(mesh: StageMesh) -> NDArray[np.bool_]:
     return held
 
 
-def _answers(of: Structure, loads: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _responses(of: Structure, loads: Array, held: NDArray[np.bool_]) -> tuple[Array, Array]:
     """Displacements (k, n, ...) of a quarter under loads, zero where held, and the work (k,) of these on the hinge.
 
     The work is taken as `2 f'u - u'K u`, where round-off in u counts twice over only in the second order, and K u from
@@ -198,7 +198,7 @@ def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None =
     """Compliances (3,) of a hinge on one mesh: E b R^2 theta/M, E b dx/F_x, E b dy/F_y, in the order of `FREEDOMS`."""
     mesh = mesh or hinge_mesh(hinge, refinement)
     of = structure(mesh, Plate(1.0, hinge.poissons_ratio, 1.0), held=NONE)
-    return _answers(of, _loads(mesh, hinge.block), _held(mesh))[1] - block_compliance(hinge)
+    return _responses(of, _loads(mesh, hinge.block), _held(mesh))[1] - block_compliance(hinge)
 
 
 def block_compliance(hinge: SingleHinge) -> Array:
@@ -224,7 +224,7 @@ def richardson(levels: Sequence[int], values: Array) -> Array:
     return np.asarray(values[1:] + (values[1:] - values[:-1]) / (growth - 1))
 
 
-def thick_answer(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, Array, int]:
+def thick_response(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, Array, int]:
     """Plane-stress compliances (2,) less the blocks', what three dimensions add to them (2,), stress factors (2,).
 
     By a moment and a pull. The factors are the highest von Mises stress over that in plane stress; in a wide neck it
@@ -237,8 +237,8 @@ def thick_answer(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, Arr
     fixed = np.pad(np.repeat(held[:, :, None], len(line.heights), axis=2), [*[(0, 0)] * 3, (0, 1)])
     fixed[0, nodes_on(mesh, "bottom"), :, 2] = True
     fixed[0, nodes_on(mesh, "left")[0], 1:, 1] = False  # the motion along y that bending leaves is held at one point
-    plane, thin = _answers(structure(mesh, plate, None, SOLID_QUADRATURE, NONE), flat, held)
-    solid, thick = _answers(structure(mesh, plate, line, SOLID_QUADRATURE, NONE), through, fixed)
+    plane, thin = _responses(structure(mesh, plate, None, SOLID_QUADRATURE, NONE), flat, held)
+    solid, thick = _responses(structure(mesh, plate, line, SOLID_QUADRATURE, NONE), through, fixed)
     flat_stress = von_mises(nodal_stress(mesh, plate, plane, near)).max(axis=1)
     stress = von_mises(nodal_stress(mesh, plate, solid, near, line)).max(axis=(1, 2))
     excess = thick / line.weights.sum() - thin
@@ -251,7 +251,7 @@ def thick_sample(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS) -> tu
     The bands are what the finest of the three or more meshes moves the values by: that of a position, which is
     extrapolated, is far more than what is left after it.
     """
-    plane, excess, stress, unknowns = zip(*(thick_answer(hinge, refinement) for refinement in levels), strict=True)
+    plane, excess, stress, unknowns = zip(*(thick_response(hinge, refinement) for refinement in levels), strict=True)
     limits = richardson(levels, -np.array(excess) / np.array(plane) / hinge.poissons_ratio**2)
     position = Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), unknowns[-1])
     return position, Extrapolation(stress[-1], np.abs(stress[-1] - stress[-2]), unknowns[-1])

@@ -196,12 +196,12 @@ def mesh_faces(job: Job) -> Made:
                 mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
         _set_sizes(mesh.field, job.cones)
         mesh.generate(2)
-        told = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
+        labelled = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
         tags, xyz, _ = mesh.getNodes()
         place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
         place[tags] = np.arange(len(tags))
         triangles = [place[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
-        edges = [place[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in told]
+        edges = [place[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in labelled]
     used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
     back = np.full(len(tags), -1)
     back[used] = np.arange(len(used))
@@ -211,8 +211,8 @@ def mesh_faces(job: Job) -> Made:
         "triangles": renumbered.reshape(-1, 3),
         "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
         "edges": back[np.concatenate(edges)],
-        "edge_labels": np.repeat([curve.label for curve in told.values()], per_curve),
-        "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in told.values()], per_curve),
+        "edge_labels": np.repeat([curve.label for curve in labelled.values()], per_curve),
+        "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in labelled.values()], per_curve),
     }
 
 

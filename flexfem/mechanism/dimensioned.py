@@ -127,19 +127,19 @@ def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationEr
 
 
 Of = TypeVar("Of")  # a stage
-Given = ParamSpec("Given")
+Arguments = ParamSpec("Arguments")
 Found = TypeVar("Found")
 KEPT = "kept"  # in a stage's own dictionary: no field of it, and no part of its hash, copies or pickles
 
 
-def once(compute: Callable[Concatenate[Of, Given], Found]) -> Callable[Concatenate[Of, Given], Found]:
+def once(compute: Callable[Concatenate[Of, Arguments], Found]) -> Callable[Concatenate[Of, Arguments], Found]:
     """Let a function of a stage (and other arguments) compute once for each stage, which is frozen.
 
     All callers get the same: arrays, alone or in a tuple, are made read-only, and what else there is should be frozen.
     """
 
     @wraps(compute)
-    def keeping(stage: Of, /, *given: Given.args, **named: Given.kwargs) -> Found:
+    def keeping(stage: Of, /, *given: Arguments.args, **named: Arguments.kwargs) -> Found:
         kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
         key = (compute, given, tuple(named.items()))
         if key not in kept:

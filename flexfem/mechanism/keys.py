@@ -20,7 +20,7 @@ from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
 from flexfem.units import unit_of
 
-LASTING = FATIGUE[:3]  # those of `Designs.fatigue`
+LIFE_CONSTANTS = FATIGUE[:3]  # those of `Designs.fatigue`
 EXPANDING = ("material", "frame")  # tables of those of `Designs.expansion`
 NEEDED = {"tilt": "arm", "ball_youngs_modulus": "ball_radius", "ball_poissons_ratio": "ball_radius"}
 
@@ -81,8 +81,8 @@ class Key(NamedTuple):
             own = {o.place for o in stage.override if getattr(o, self.attribute) is not None}
             position = HINGE_NAMES.index(self.table[1])
             return [(self.attribute, (chain - 1, position)) for chain in CHAINS if (chain, self.table[1]) not in own]
-        if self.attribute in LASTING:
-            return [("fatigue", (LASTING.index(self.attribute),))]
+        if self.attribute in LIFE_CONSTANTS:
+            return [("fatigue", (LIFE_CONSTANTS.index(self.attribute),))]
         if self.attribute == "expansion":
             return [("expansion", (EXPANDING.index(self.table[0]),))]
         if self.attribute in FATIGUE:

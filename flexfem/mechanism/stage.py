@@ -253,7 +253,7 @@ class PartialStage(NamedTuple):
         both = self.stage.assumed, self.stage.not_stated
         return Assumptions(*([key for key in keys if key not in self.missing] for keys in both))
 
-    def given(self, *keys: str) -> bool:
+    def states(self, *keys: str) -> bool:
         """Whether the file gives all of some keys."""
         return not set(keys) & set(self.missing)
 

@@ -54,7 +54,9 @@ if TYPE_CHECKING:
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
-ASKED: dict[str, tuple[str, Callable[..., Any], str]] = {  # title, question, what a screen reader says of its figure
+QUESTIONS: dict[
+    str, tuple[str, Callable[..., Any], str]
+] = {  # title, question, what a screen reader says of its figure
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
     "budget": ("Error budget", partial(budget, plane=True), "Bars of the shares of the error, a panel a direction."),
@@ -313,7 +315,7 @@ def _section(name: str, title: str, *parts: Markup) -> PageSection:
 
 def _answer(name: str, stage: Stage, **options: Any) -> PageSection:
     """The tables of the result of a question, and its figure."""
-    title, ask, said = ASKED[name]
+    title, ask, said = QUESTIONS[name]
     found = ask(stage, **options)
     figure = [shown_figure(f"{name}-figure", lambda: figures_of(found)[""], said)] if said else []
     return _section(name, title, tables_of(found), *figure)

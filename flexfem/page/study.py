@@ -30,7 +30,7 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
     ----------
     source, found : as `studies.study_findings` gives them.   status : as `studies.study_status` does.
     """
-    parts: list[Part] = [("what the study asks", partial(asked_section, source, status))]
+    parts: list[Part] = [("what the study asks", partial(setup_section, source, status))]
     for n, shown in enumerate(found.values(), 1):
         title = source.loaded.study.figure[n - 1].title or f"Figure {n}"
         parts.append((f"figure {n}", partial(_figure_section, f"study-figure-{n}", title, shown)))
@@ -53,7 +53,7 @@ def written(value: float) -> str:
     return significant(value, DIGITS) if math.isfinite(value) else "none" if math.isinf(value) else ""
 
 
-def asked_section(source: Source, status: dict[str, Any]) -> PageSection:
+def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     """What was asked, and how many designs have an answer; `status` as `studies.study_status` gives it."""
     loaded, study = source.loaded, source.loaded.study
     found_by = dict.fromkeys(study.outputs, "the model") | {one.name: one.expression for one in study.output}
@@ -78,11 +78,11 @@ def asked_section(source: Source, status: dict[str, Any]) -> PageSection:
         TextTable(["reason", "status", "designs"], [[text, state, thousands(n)] for text, state, n in reasons], 2,
                   "Designs without an answer"),
     ]  # fmt: skip
-    html = [facts(_asked(loaded)), notes(status["warnings"]), *map(table, tables)]
+    html = [facts(_settings_of(loaded)), notes(status["warnings"]), *map(table, tables)]
     return PageSection("study-asked", "What the study asks", Markup("\n").join(html))
 
 
-def _asked(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
+def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     study, pairs = loaded.study, len(loaded.study.correlation)
     yield "study", f"{study.name} ({loaded.path.name})"
     yield "base stage", f"{loaded.stage.name} ({study.stage})"

@@ -413,12 +413,12 @@ def _draw_partial(ax: Axes, found: PartialStage) -> Array:
     """Draw what does not need what is missing; returns places (n, 2) that must be seen."""
     stage, seen = found.stage, [np.zeros((1, 2))]
     for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
-        if found.given(f"platform.{key}_mm"):
+        if found.states(f"platform.{key}_mm"):
             radius = getattr(stage.platform, key)
             ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
             write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **SAID)
             seen.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-    if not found.given("chain.link_lengths_mm", "chain.joint_angles_deg"):
+    if not found.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
         return np.concatenate(seen)
     lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
     size = fit(ax, 1.2 * lines.reshape(-1, 2), 0.03)
@@ -444,12 +444,12 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         "chain.joint_angles_deg": f"joint angles {angles} deg",
         "material.name": stage.material.name,
     }
-    lines = ["; ".join(text for key, text in facts.items() if found.given(key))]
+    lines = ["; ".join(text for key, text in facts.items() if found.states(key))]
     lines += [f"missing: {', '.join(missing)}"] if missing else []
     if found.whole:
         alike = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
         lines.append(f"{alike if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
-    title = stage.name if found.given("name") else str(stage.origin)
+    title = stage.name if found.states("name") else str(stage.origin)
     figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, assumptions=found.assumptions)
     figure.draw_without_rendering()  # labels are placed at the size that the axes have then
     plot_dimensions(axes, stage, missing)

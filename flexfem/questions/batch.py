@@ -48,7 +48,7 @@ class ErrorPercentages(NamedTuple):
     bands: Array | None
 
 
-class Answers(NamedTuple):
+class DesignAnswers(NamedTuple):
     """What n designs answer; directions in the order x, y, theta.
 
     stiffness : (n, 3, 3), of the platform: N/mm, N, N mm.
@@ -95,11 +95,11 @@ def batch_at_rest(
     freedoms: Freedoms,
     bodies: Array | None = None,
     repeated: Repeated | None = None,
-) -> Answers:
+) -> DesignAnswers:
     """The analytic model of n designs, as `analytic.model.at_rest`, and their lives where something is repeated."""
     found, strength = at_rest(designs, hinges, freedoms, bodies), designs.yield_strength
     highest = np.max(found.stress, axis=(1, 2))
-    answers = Answers(found.stiffness, highest, found.turning, strength, envelope(designs))
+    answers = DesignAnswers(found.stiffness, highest, found.turning, strength, envelope(designs))
     if repeated is None:
         return answers
     strained = by_wrenches(designs, found.wrench, repeated)
@@ -117,7 +117,7 @@ def solved_design(
     driven: bool = False,
     warm: bool = False,
     layers: int = 0,
-) -> Answers:
+) -> DesignAnswers:
     """Finite elements of one feasible design, n = 1.
 
     Parameters
@@ -138,7 +138,7 @@ def solved_design(
     K = (K + K.T) / 2  # round-off
     turning = np.abs(K @ fields.base_rotations(stage, response)).max(axis=1)
     strength, highest = lower(stage).yield_strength, fields.neck_stresses(stage, response, K).highest.max(axis=(1, 2))
-    found = Answers(K[None], highest[None], turning[None], strength, np.array([fields.envelope(response)]))
+    found = DesignAnswers(K[None], highest[None], turning[None], strength, np.array([fields.envelope(response)]))
     if payload is not None:
         structure = vibrating(stage, response.mesh, payload)
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])

@@ -30,7 +30,7 @@ from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
 from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
-from flexfem.questions.setup import Answered, beside, question, solved
+from flexfem.questions.setup import ModelAnswer, beside, question, solved
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
@@ -178,7 +178,7 @@ class Verification(Result):
         return {label: Fields(*own) for label, own in zip(self.curves, each, strict=True)}
 
 
-class Answer(NamedTuple):
+class CurveElements(NamedTuple):
     """Finite elements of a curve: force, error less the command (points, 3); pose (3,), stress and fields at the last.
 
     bands : of the three percentages, of_layers (3,) their share.   compliance : (3, 3), of the platform.
@@ -242,7 +242,7 @@ class CurveRun(NamedTuple):
     curve: Curve
     stage: Stage
     model: AnalyticResult
-    elements: Answer
+    elements: CurveElements
 
 
 def run_case(loaded: LoadedCase) -> Verification:
@@ -275,7 +275,7 @@ def run_case(loaded: LoadedCase) -> Verification:
     )
 
 
-def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> Answered:
+def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> ModelAnswer:
     """The quantities of one curve."""
     model, of, axis = run.model, run.elements, case.axis
     peak, peak_band = np.full((2, 2, 3, 3, 3), np.nan)
@@ -302,7 +302,7 @@ def _quantities(case: Case, run: CurveRun, joints: Sequence[str]) -> Answered:
         values |= {"force": of.force, "load": of.force[-1]}
     if case.model == "three_dimensional":
         values["layer_band"] = of.of_layers
-    return Answered(values, {"percent": [each.band for each in of.bands], "peak": peak_band})
+    return ModelAnswer(values, {"percent": [each.band for each in of.bands], "peak": peak_band})
 
 
 def _said(label: str, of: CurveModels) -> str:
@@ -367,7 +367,7 @@ def _warnings(case: Case, run: CurveRun) -> list[str]:
     return found
 
 
-def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> Answer:
+def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> CurveElements:
     """Finite elements of a curve, as its case wants them. Raises BadInput, ComputationFailed."""
     case, stage = loaded.case, loaded.stages[curve.label]
     try:
@@ -378,7 +378,7 @@ def _answer(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> Answer:
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
-def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> Answer:
+def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> CurveElements:
     """Finite elements under the force of a model, on three meshes; in a nonlinear case under that of equilibrium."""
     steps, command, lever = levels(case.resolution), case.commands, stage.chain.link_lengths[2]
     meshes = [solved(stage, level) for level in steps]
@@ -404,14 +404,16 @@ def _of_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> 
     )
 
 
-def _in_plane(stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array, Array]], **others: Any) -> Answer:
+def _in_plane(
+    stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array, Array]], **others: Any
+) -> CurveElements:
     """Finite elements by meshes, coarse to fine, with poses (3,) and displacements at full command."""
     stresses = [plane_stress(stage, mesh, field) for mesh, _, field in at_full]
     steps = np.array(levels(case.resolution), dtype=float)
     necks = [neck_maxima(stage, mesh, stress) for (mesh, *_), stress in zip(at_full, stresses, strict=True)]
     reached = [np.max(neck) / abs(pose[case.axis]) for (_, pose, _), neck in zip(at_full, necks, strict=True)]
     mesh, pose, field = at_full[-1]
-    return Answer(
+    return CurveElements(
         pose=pose,
         neck_stress=necks[-1],
         fields=Fields(mesh.nodes, mesh.triangles, mesh.bodies, field, stresses[-1]),
@@ -420,7 +422,7 @@ def _in_plane(stage: Stage, case: Case, at_full: Sequence[tuple[StageMesh, Array
     )
 
 
-def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
+def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> CurveElements:
     """Finite elements in three dimensions under the force of a model; the mid-plane, and stress through the thickness.
 
     The mesh in the plane errs alike with one layer and with more. What the layers leave out is bounded by
@@ -438,7 +440,7 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     mesh, field = response.mesh, np.tensordot(force[-1], response.fields, axes=1)
     highest = von_mises(nodal_stress(mesh, sheet_of(stage), field, layers=response.layers)).max(axis=1)
     found = bands.command_errors(steps, many, K, case.direction, lever)
-    return Answer(
+    return CurveElements(
         error=force @ response.compliance.T - command,
         force=force,
         pose=response.compliance @ force[-1],
@@ -455,12 +457,12 @@ def _of_solid(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
     )
 
 
-def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> Answer:
+def _of_imposed(stage: Stage, model: AnalyticResult, case: Case) -> CurveElements:
     """Finite elements with the rotations or strokes that a model computed for the commands, on three meshes."""
     joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
     turned = turned_hinges(model.mobility) if case.drive == "joints" else ()
     meshes = [elements(stage, n, turned) for n in levels(case.resolution)]
-    commands, at_full = np.outer(case.commanded, joints.given[:, case.axis]), []
+    commands, at_full = np.outer(case.commanded, joints.per_command[:, case.axis]), []
     for mesh, response in meshes:
         seen = joints.on(response.compliance)
         force = seen.Y @ seen.T @ commands[-1]

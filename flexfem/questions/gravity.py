@@ -25,7 +25,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, on_meshes
+from flexfem.questions.setup import DEFAULT, Analytic, Mesh, ModelAnswer, Models, on_meshes
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
@@ -86,12 +86,12 @@ def gravity(
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
     along = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
-    warnings, name, found = list(warning.of_stage(stage)), None, dict[str, Answered]()
+    warnings, name, found = list(warning.of_stage(stage)), None, dict[str, ModelAnswer]()
     in_plane = models != "elements" and not layers
     chosen = analytic.chosen(stage, warnings if in_plane else [])
     if in_plane:
         pose, stress = under_weight(chosen.stage, analyse(*chosen), load, along)
-        found[ANALYTIC], name = Answered({"pose": pose, "stress": stress}, {}), chosen.name
+        found[ANALYTIC], name = ModelAnswer({"pose": pose, "stress": stress}, {}), chosen.name
     if mesh is not None and mesh.layers:
         found[SOLID] = _horizontal(stage, load, mesh)
         warnings += warning.held_faces(stage)
@@ -106,23 +106,23 @@ def gravity(
     return setup.answer(Gravity, stage, found, mesh, settings, {"mass": mass}, warnings=warnings)
 
 
-def _upright(stage: Stage, load: Payload, along: Array, resolution: int, progress: Progress | None) -> Answered:
+def _upright(stage: Stage, load: Payload, along: Array, resolution: int, progress: Progress | None) -> ModelAnswer:
     """Plane finite elements on three meshes."""
     steps, lever = levels(resolution), stage.chain.link_lengths[2]
     each = on_meshes(steps, lambda level: _by_elements(stage, load, along, level), progress)
     poses, stresses = (np.array(part) for part in zip(*each, strict=True))
     sizes = np.array(steps, dtype=float)
     bands = {"pose": pose_bands(sizes, poses[..., None], lever)[:, 0], "stress": highest_band(sizes, stresses)}
-    return Answered({"pose": poses[-1], "stress": stresses[-1]}, bands)
+    return ModelAnswer({"pose": poses[-1], "stress": stresses[-1]}, bands)
 
 
-def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> Answered:
+def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> ModelAnswer:
     """Three dimensions: the band is that of the mesh in the plane and that of the layers."""
     lever, down = stage.chain.link_lengths[2], np.array([-GRAVITY, 0.0])
     size = np.array([[1.0], [lever], [lever]])
     sag, stress = _by_elements(stage, load, down, *mesh)
     band = solid_pose_bands(lambda *sizes: size * _by_elements(stage, load, down, *sizes)[0][:, None], *mesh)
-    return Answered({"sag": sag, "stress": stress}, {"sag": (band / size)[:, 0]})
+    return ModelAnswer({"sag": sag, "stress": stress}, {"sag": (band / size)[:, 0]})
 
 
 def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int = 0) -> tuple[Array, Array]:

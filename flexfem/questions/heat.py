@@ -31,7 +31,7 @@ from flexfem.mechanism.stage_file import located
 from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, Models, on_meshes
+from flexfem.questions.setup import DEFAULT, Analytic, Mesh, ModelAnswer, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity, Result
 from flexfem.units import EXPANSION
@@ -132,7 +132,7 @@ def drift(
     alpha, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
     if stage.frame.expansion is None:
         warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
-    found, values, name = dict[str, Answered](), dict[str, Array](), None
+    found, values, name = dict[str, ModelAnswer](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
     chosen = analytic.chosen(stage, warnings, models)
@@ -168,7 +168,7 @@ def expansion_of(stage: Stage) -> Expansion:
     return Expansion(float(plane), float(frame), across)
 
 
-def _by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
+def _by_network(chosen: ModelChoice, alpha: Expansion) -> ModelAnswer:
     """The three cases by the pseudo-rigid model."""
     stage, at_rest = chosen.stage, analyse(*chosen)
     design = lower(stage)
@@ -182,12 +182,12 @@ def _by_network(chosen: ModelChoice, alpha: Expansion) -> Answered:
     places = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
     held = alpha.across * np.moveaxis(places, -1, 0)
     stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + held,)], axis=0)
-    return Answered({"pose": pose, "stress": stress, "reaction": reaction})
+    return ModelAnswer({"pose": pose, "stress": stress, "reaction": reaction})
 
 
 def _in_plane(
     stage: Stage, alpha: Expansion, resolution: int, progress: Progress | None
-) -> tuple[Answered, WarmFields]:
+) -> tuple[ModelAnswer, WarmFields]:
     """The three cases by plane finite elements on three meshes."""
 
     def solve(level: int) -> tuple[StageMesh, HeatResponse, list[Array], list[Array]]:
@@ -215,12 +215,12 @@ def _in_plane(
         case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, found.fields[k], stresses[k])
         for k, case in enumerate(CASES)
     }
-    return Answered(values, bands), WarmFields(drawn, mesh.edges["ground"])
+    return ModelAnswer(values, bands), WarmFields(drawn, mesh.edges["ground"])
 
 
 def _in_three_dimensions(
     stage: Stage, mesh: Mesh, progress: Progress | None
-) -> tuple[Answered, Answered, setup.MeshFields]:
+) -> tuple[ModelAnswer, ModelAnswer, setup.MeshFields]:
     """The four cases by wedges, in plane stress on the same mesh and in three dimensions.
 
     A frame that expands otherwise strains the clamped faces most at their corners, where stress has no bound: poses
@@ -244,7 +244,7 @@ def _in_three_dimensions(
     places = [(even, at) for at in order] + [(odd, 2)]
     warm = [(half, at, beyond * half.fields[at]) for half, at in places]
     loads = beyond * np.eye(3)
-    solid = Answered(
+    solid = ModelAnswer(
         {
             "pose": beyond * even.compliance.T[order],
             "stress": [
@@ -256,7 +256,7 @@ def _in_three_dimensions(
         },
         {"pose": pose_band.T[order], "tilt": tilt_band[:, 2]},
     )
-    sheet = Answered({"pose": heat_response(even.mesh, plate, own, frame).pose.T})
+    sheet = ModelAnswer({"pose": heat_response(even.mesh, plate, own, frame).pose.T})
 
     def fields() -> dict[str, Array]:
         found = dict[str, Array]()

@@ -32,13 +32,13 @@ RIGID = 1e-12  # of the largest rotational compliance: rotations that a model of
 class Imposed(NamedTuple):
     """What a model computed for the pose: rotations of hinges, or strokes of the drive.
 
-    stacks : conjugate to them.   given : (m, 3), per command in x, y, theta: rad or mm, per mm and rad.
+    stacks : conjugate to them.   per_command : (m, 3), per command in x, y, theta: rad or mm, per mm and rad.
     model, drive : the driven stage as the model sees it, and its stacks; None where hinges are turned.
     """
 
     stacks: tuple[Stack, ...]
     names: tuple[str, ...]
-    given: Array
+    per_command: Array
     model: Driven | None
     drive: StageDrive | None
 
@@ -48,7 +48,7 @@ class Imposed(NamedTuple):
 
     def poses(self, compliance: Array) -> Array:
         """Pose (3, 3) that a compliance takes, column j for a unit command in direction j."""
-        return np.asarray(self.on(compliance).poses @ self.given)
+        return np.asarray(self.on(compliance).poses @ self.per_command)
 
 
 class ImposedElements(NamedTuple):
@@ -100,6 +100,6 @@ def imposed_bands(given: Imposed, compliances: Array, case: Case, lever: float) 
     axis, steps = DIRECTIONS.index(case.direction), np.array(levels(case.resolution))
     percents = np.array([error_matrix(np.eye(3), given.poses(C), lever)[:, axis] for C in compliances])
     seen = given.on(compliances[-1])
-    force = np.concatenate([np.zeros(3), seen.Y @ seen.T @ given.given[:, axis]])
+    force = np.concatenate([np.zeros(3), seen.Y @ seen.T @ given.per_command[:, axis]])
     readings = np.concatenate([np.eye(3), -seen.Y @ seen.C[3:, :3]])
     return command_convergence(steps, percents, axis, compliances, force, lever, readings)

@@ -29,7 +29,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Models, answer, mesh_of, on_meshes, question, solved
+from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, answer, mesh_of, on_meshes, question, solved
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS
@@ -130,14 +130,14 @@ class Lives(NamedTuple):
     safety: Array
 
 
-def lives(of: Strained, fatigue: Array, yield_strength: Array, asked: Repeated) -> Lives:
+def lives(of: Strained, fatigue: Array, yield_strength: Array, motion: Repeated) -> Lives:
     """Lives of n designs whose mean grows with the amplitude, by their constants (n, 3) as of `Designs.fatigue`."""
     coefficient, exponent, walker = fatigue.T
     law, highest = Basquin(coefficient, exponent), np.max(of.equivalent(walker[:, None]), axis=-1)
-    factor = law.amplitude(asked.wanted) / highest
+    factor = law.amplitude(motion.wanted) / highest
     return Lives(
         law.cycles(highest),
-        factor[:, None] * np.abs(asked.amplitude),
+        factor[:, None] * np.abs(motion.amplitude),
         yield_strength / np.max(of.peak, axis=-1),
     )
 
@@ -243,35 +243,35 @@ def life(
     wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
     taken, notes = _law(stage, fit, law)
-    asked = repeated(moved, middle, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
+    motion = repeated(moved, middle, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
     recalled = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in recalled)]
-    found, name = dict[str, Answered](), None
+    found, name = dict[str, ModelAnswer](), None
     chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         above = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
         error = math.nan, math.nan  # how far the true stress may be off, from and to
         if above is not None and chosen.formula == CALIBRATED:  # off its chart nothing was compared
             error = 1 / (1 + above[1] / 100) - 1, 1 / (1 + above[0] / 100) - 1
-        strained, name = by_model(chosen.stage, analyse(*chosen), asked), chosen.name
-        found[ANALYTIC] = Answered(_answer(stage, strained, asked, taken, error))
+        strained, name = by_model(chosen.stage, analyse(*chosen), motion), chosen.name
+        found[ANALYTIC] = ModelAnswer(_answer(stage, strained, motion, taken, error))
     if mesh is not None:
         steps = levels(mesh.resolution)
-        strains = on_meshes(steps, lambda step: by_elements(stage, solved(stage, step), asked), progress)
+        strains = on_meshes(steps, lambda step: by_elements(stage, solved(stage, step), motion), progress)
         highest = np.array([float(np.max(each.equivalent(taken.walker))) for each in strains])
         band = float(stress_bands(np.array(steps, dtype=float), highest))
         share = band / highest[-1] if highest[-1] > 0 else 0.0
-        values = _answer(stage, strains[-1], asked, taken, (-share, share))
+        values = _answer(stage, strains[-1], motion, taken, (-share, share))
         bands = np.where(is_largest(values["equivalent"]), band, np.nan)
-        found[ELEMENTS] = Answered(values, {"equivalent": bands})
+        found[ELEMENTS] = ModelAnswer(values, {"equivalent": bands})
     for model, one in found.items():
-        warnings += _warnings(stage, asked, taken, model, one.values)
-    end = np.abs(asked.mean) + np.abs(asked.amplitude)
+        warnings += _warnings(stage, motion, taken, model, one.values)
+    end = np.abs(motion.mean) + np.abs(motion.amplitude)
     warnings += [*warning.of_motion(stage, end, "farthest pose"), *of_preloads(stage)]
     settings = {
         "material": stage.material.name,
-        "amplitude": _pose(asked.amplitude),
-        "about": _pose(asked.mean),
+        "amplitude": _pose(motion.amplitude),
+        "about": _pose(motion.mean),
         "wanted cycles": f"{wanted:g}",
         "notch sensitivity": sensitivity,
         "analytic model": name,
@@ -319,14 +319,14 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
     return taken, [said, *notes]
 
 
-def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tuple[float, float]) -> dict[str, Any]:
+def _answer(stage: Stage, of: Strained, motion: Repeated, law: Basquin, error: tuple[float, float]) -> dict[str, Any]:
     """The quantities of one model; the true stress may be off by `error`, from and to."""
     points, magnitudes = of.equivalent(law.walker), of.peak
     necks = [np.flatnonzero(of.neck == neck) for neck in range(9)]
     worst = np.array([here[int(np.argmax(points[here]))] for here in necks])
     stress, peak = points[worst], np.array([np.max(magnitudes[here]) for here in necks])
-    highest, proportional = float(np.max(stress)), asked.proportional
-    factor = factor_at(of, law, asked.wanted, proportional)
+    highest, proportional = float(np.max(stress)), motion.proportional
+    factor = factor_at(of, law, motion.wanted, proportional)
     endless = not np.isfinite(factor)
     found = {"amplitude": of.amplitude[worst], "mean": of.mean[worst], "equivalent": stress, "peak": peak}
     found["cycles"] = law.cycles(stress)
@@ -338,11 +338,11 @@ def _answer(stage: Stage, of: Strained, asked: Repeated, law: Basquin, error: tu
         "safety": stage.material.yield_strength / float(np.max(peak)),
         "factor": factor,
         "peak_at_largest": math.nan if endless else float(np.max(of.times(factor, proportional).peak)),
-        "largest": np.full(3, math.inf) if endless else factor * asked.amplitude,
+        "largest": np.full(3, math.inf) if endless else factor * motion.amplitude,
     }
 
 
-def _warnings(stage: Stage, asked: Repeated, law: Basquin, model: str, of: dict[str, Any]) -> list[str]:
+def _warnings(stage: Stage, motion: Repeated, law: Basquin, model: str, of: dict[str, Any]) -> list[str]:
     """Where a life is not what Basquin's law is for: beyond yield, and beyond the cycles that it was fitted to."""
     (low, high), limit, found = law.range, stage.material.yield_strength, list[str]()
     beyond = f"beyond the yield strength of {limit:.4g} MPa"
@@ -350,9 +350,9 @@ def _warnings(stage: Stage, asked: Repeated, law: Basquin, model: str, of: dict[
         highest = f"{model}: the largest stress is {limit / of['safety']:.4g} MPa, {beyond}"
         found.append(f"{highest}: the life by elastic stress does not hold there")
     if of["peak_at_largest"] > limit:
-        where = f"{model}: at the amplitude for {asked.wanted:g} cycles the largest stress is"
+        where = f"{model}: at the amplitude for {motion.wanted:g} cycles the largest stress is"
         found.append(f"{where} {of['peak_at_largest']:.4g} MPa, {beyond}: yield limits it")
-    for what, cycles in ((f"{model}: the life", of["life"]), ("the wanted life", asked.wanted)):
+    for what, cycles in ((f"{model}: the life", of["life"]), ("the wanted life", motion.wanted)):
         if np.isfinite(cycles) and not low <= cycles <= high:
             found.append(f"{what} of {cycles:.3g} cycles is extrapolated: the law is for {low:g} to {high:g}")
     return found

@@ -32,7 +32,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
-from flexfem.questions.setup import Answered, Mesh, Models, about, answer, mesh_of, on_meshes, question, sectors_of
+from flexfem.questions.setup import Mesh, ModelAnswer, Models, about, answer, mesh_of, on_meshes, question, sectors_of
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
@@ -276,7 +276,7 @@ def modes(
     }
     rigid = {} if models == "elements" else _analytic(stage, load, drive, warnings)
     warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
-    elements, places = dict[str, Answered](), list(range(count))
+    elements, places = dict[str, ModelAnswer](), list(range(count))
     axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in places]}
     fields: Vibration | None = None
     if mesh is not None and mesh.layers:
@@ -290,7 +290,7 @@ def modes(
         values |= others
         notes = [fields.reduced.truncation_note] if fields.reduced else []
         warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
-    found = {name: Answered({"frequency": _placed(each, places, count)}) for name, each in rigid.items()} | elements
+    found = {name: ModelAnswer({"frequency": _placed(each, places, count)}) for name, each in rigid.items()} | elements
     said = f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2" if any(load) else None
     settings = {"drives": drives, "payload": said}
     of = about(stage, drive=drive is not None)
@@ -383,7 +383,7 @@ def _in_plane(
     resolution: int,
     damping: float,
     progress: Progress | None,
-) -> tuple[Answered, dict[str, Any], Vibration]:
+) -> tuple[ModelAnswer, dict[str, Any], Vibration]:
     """Modes on the finest of three plane meshes, and what has no axis of models."""
 
     def solve(level: int) -> tuple[VibratingStructure, ModesOfStructure]:
@@ -396,7 +396,7 @@ def _in_plane(
     values = {"share": _shares(found), "meshed_mass": found.total[0, 0]}
     shapes, reduced = np.array([found.field(k) for k in range(count)]), _reduced(of, found, damping, drive)
     fields = Vibration(of.structure.mesh, shapes, [False] * count, None, reduced)
-    return Answered({"frequency": found.frequencies}, {"frequency": bands}), values, fields
+    return ModelAnswer({"frequency": found.frequencies}, {"frequency": bands}), values, fields
 
 
 def _shares(of: ModesOfStructure) -> Array:
@@ -406,7 +406,7 @@ def _shares(of: ModesOfStructure) -> Array:
 
 def _in_three_dimensions(
     stage: Stage, payload: Payload, count: int, mesh: Mesh, progress: Progress | None
-) -> tuple[dict[str, Answered], dict[str, Any], Vibration]:
+) -> tuple[dict[str, ModelAnswer], dict[str, Any], Vibration]:
     """The lowest modes of both kinds together; bands are shares of the frequency on the meshes that they are from."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
     loads = bodies.carried(stage, payload), bodies.carried_out_of_plane(stage, payload)
@@ -441,8 +441,8 @@ def _in_three_dimensions(
     }
     sheet = np.append(_in_plane_stress(stage, flat, loads[0], count), np.full(count, np.nan))
     models = {
-        SHEET: Answered({"frequency": sheet[order]}),
-        SOLID: Answered({"frequency": frequency}, {"frequency": plane + thickness}),
+        SHEET: ModelAnswer({"frequency": sheet[order]}),
+        SOLID: ModelAnswer({"frequency": frequency}, {"frequency": plane + thickness}),
     }
     half, flips = flat.layers.heights, np.array([[1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])  # of u, v, w across the plane
     upper = np.array([(flat, tilting)[kind].field(k) for kind, k in chosen])

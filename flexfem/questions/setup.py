@@ -191,7 +191,7 @@ def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[
     return About(stage.name, str(stage.origin), own, tuple(said.assumed), tuple(said.not_stated), lever)
 
 
-class Answered(NamedTuple):
+class ModelAnswer(NamedTuple):
     """What one model answers: values and bands by quantity."""
 
     values: dict[str, Any]
@@ -199,7 +199,7 @@ class Answered(NamedTuple):
 
 
 def beside(
-    kind: type[Result], models: Mapping[str, Answered], axes: Mapping[str, Sequence[str]], along: str = "model"
+    kind: type[Result], models: Mapping[str, ModelAnswer], axes: Mapping[str, Sequence[str]], along: str = "model"
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """Values and bands of models, or of others, along an axis, nan where one has none or fewer."""
     stacked: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
@@ -219,7 +219,7 @@ def beside(
 def answer(
     kind: type[Kind],
     of: Stage | About,
-    models: Mapping[str, Answered],
+    models: Mapping[str, ModelAnswer],
     mesh: Mesh | None,
     settings: Mapping[str, Any],
     values: Mapping[str, Any] | None = None,

@@ -21,7 +21,7 @@ from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
 from flexfem.questions.reach import reach
-from flexfem.questions.setup import DEFAULT, Analytic, Answered, Mesh, MeshFields, Models, on_meshes
+from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SHEET, SOLID, SOLVED, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
@@ -131,7 +131,7 @@ def stiffness(
     load = None if force is None else arguments.forces("force", force, 1)
     held = None if displacement is None else arguments.poses("displacement", displacement, 1)
     warnings, notes, settings = list(warning.of_numbers(stage)), list[str](), dict[str, Any]()
-    found, values, fields = dict[str, Answered](), dict[str, Array](), None
+    found, values, fields = dict[str, ModelAnswer](), dict[str, Array](), None
 
     def loaded(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
@@ -175,7 +175,7 @@ def _at_rest(
     stress: Array | None = None,
     bands: Array | None = None,
     stiffness: Array | None = None,
-) -> Answered:
+) -> ModelAnswer:
     """A stage at rest by its compliance, with bands, and stress (3 chains, 3 hinges, 3 directions) per displacement."""
     K = np.asarray(np.linalg.inv(compliance) if stiffness is None else stiffness)
     values = {"compliance": compliance, "stiffness": K, "free": alone(K)}
@@ -183,13 +183,13 @@ def _at_rest(
         far = stage.material.yield_strength / np.max(stress, axis=(0, 1))
         values |= {"stress": stress, "yield_range": far, "yield_force": np.diag(K) * far}
     if bands is None:
-        return Answered(values)
-    return Answered(values, {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)})  # dK = -K dC K
+        return ModelAnswer(values)
+    return ModelAnswer(values, {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)})  # dK = -K dC K
 
 
 def _in_plane(
     stage: Stage, resolution: int, loaded: Loaded, progress: Progress | None
-) -> tuple[Answered, MeshFields | None]:
+) -> tuple[ModelAnswer, MeshFields | None]:
     """Plane finite elements on three meshes."""
     sizes = np.array(levels(resolution), dtype=float)
     responses = on_meshes(levels(resolution), lambda level: setup.solved(stage, level), progress)
@@ -211,7 +211,7 @@ def _in_plane(
         values.update(reaction=case.reaction, energy=case.energy)
         more["pose"] = bands @ np.abs(force)
         fields = MeshFields(finest.mesh, lambda: {"displacement": case.field, "von_mises": case.stress})
-    return Answered(values, more), fields
+    return ModelAnswer(values, more), fields
 
 
 def element_stress(stage: Stage, response: Response) -> Array:
@@ -220,7 +220,7 @@ def element_stress(stage: Stage, response: Response) -> Array:
     return np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1)
 
 
-def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict[str, Answered], MeshFields | None]:
+def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict[str, ModelAnswer], MeshFields | None]:
     """Three dimensions, and plane stress and plane strain on the same mesh of the plane, which bound it."""
     response = solve_solid(stage, *mesh)
     plane, thickness = solid_bands(solid_levels(stage, *mesh), mesh.resolution)
@@ -236,7 +236,7 @@ def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict
         values["energy"] = force @ response.energy @ force / 2
         bands = {**bands, "pose": total @ np.abs(force)}
         fields = MeshFields(response.mesh, lambda: _solid_fields(stage, response, force), response.layers.heights)
-    return {SHEET: sheet, HELD: strain, SOLID: Answered(values, bands)}, fields
+    return {SHEET: sheet, HELD: strain, SOLID: ModelAnswer(values, bands)}, fields
 
 
 def _solid_fields(stage: Stage, response: Response, force: Array) -> dict[str, Array]:

@@ -13,7 +13,7 @@ import numpy as np
 
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.model import analyse, hinge_compliances, in_range, unanswered
+from flexfem.analytic.model import analyse, hinge_compliances, in_range, without_answer
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import (
     LinkParts,
@@ -120,7 +120,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         hinges = hinge_compliances(designs, study.formula)
         refused = [*_off_limits(loaded, values), *(each.broken for each in conditions(designs))]
         unlike = unlikely(designs.fatigue[:, 0], designs.yield_strength)
-        refused += [*unanswered(designs, study.formula, hinges), Broken(FATIGUE, unlike)]
+        refused += [*without_answer(designs, study.formula, hinges), Broken(FATIGUE, unlike)]
         first = [np.array(each.reason, object) for each in refused]
         reason = np.select([each.where for each in refused], first, refusals_of(loaded, values))
         freedoms = freedoms_of(study.mobility, designs.prismatic)
@@ -156,11 +156,13 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         answers = values_of(found, study.columns, study.rotation)
         asked = np.full((len(values), len(study.ask)), np.nan)
-        for index, numbers in _each(stages, reason, partial(asked_numbers, loaded)).items() if study.ask else ():
+        for index, numbers in _each(stages, reason, partial(extra_numbers, loaded)).items() if study.ask else ():
             asked[index] = numbers
         answers = np.hstack([answers, asked])
     answers[reason != ""] = np.nan
-    return doubted(loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers))
+    return with_reasons_in_doubt(
+        loaded, values, Rows(np.where(reason == "", "ok", "refused").astype(object), reason, answers)
+    )
 
 
 def _warm_bodies(study: Study, stage: Stage) -> WarmBodies:
@@ -172,7 +174,7 @@ class NoSuchNumber(BadInput):
     """No question that a study asks has a number of this path for a stage."""
 
 
-def asked_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
+def extra_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
     """Numbers that questions answer of one stage, by the paths of the study. Raises BadInput, ComputationFailed."""
     from flexfem.questions.setup import Analytic
 
@@ -197,11 +199,11 @@ def asked_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
     return [found[path] for path in study.ask]
 
 
-def require_asked(loaded: LoadedStudy) -> None:
+def require_extra_numbers(loaded: LoadedStudy) -> None:
     """Raise BadInput where a study asks for a number that the analytic model has not, as the base stage shows."""
     try:
         if loaded.study.ask and loaded.study.model == "analytic":
-            asked_numbers(loaded, loaded.stage)
+            extra_numbers(loaded, loaded.stage)
     except NoSuchNumber as error:
         raise bad_key(loaded.path, ("ask",), str(error)) from None
     except BadInput:  # what the base stage lacks, factors may set
@@ -227,7 +229,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
         found = solved_design(stage, study.resolution, clock, predicted, study.bands, *asked)
         if found.drives is not None and np.isnan(found.drives.range).any():
             raise BadInput(UNMOVED)
-    return np.array([*values_of(found, study.columns, study.rotation)[0], *asked_numbers(loaded, stage)])
+    return np.array([*values_of(found, study.columns, study.rotation)[0], *extra_numbers(loaded, stage)])
 
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
@@ -239,7 +241,7 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
         stage = stage_of(loaded, values)
         check_feasible(stage)
         found = solved_values(stage, loaded)
-        return doubted(loaded, values[None], row_of("ok", "", found))
+        return with_reasons_in_doubt(loaded, values[None], row_of("ok", "", found))
     except BadInput as refusal:
         status, reason = "refused", str(refusal)
     except MeshTimeout as failure:
@@ -249,7 +251,7 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     return failed_row(len(loaded.outputs), status, reason)
 
 
-def doubted(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
+def with_reasons_in_doubt(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
     """The rows of designs (n, columns), with a reason where an answer is from a formula, or a life, out of range."""
     study, everywhere, flags = loaded.study, np.ones(len(values), dtype=bool), list[Broken]()
     if study.model not in ("fe", "three_dimensional"):

@@ -146,10 +146,10 @@ class StudyTable:
     def round_off_sizes(self) -> dict[str, float]:
         """Beside which size numbers of columns that symmetry can make zero are round-off, by medians of the others."""
         beside = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in self.columns]
-        medians = [np.asarray(np.median(np.abs(values))) for values in self.answered(*beside)]
+        medians = [np.asarray(np.median(np.abs(values))) for values in self.with_answer(*beside)]
         return {name: float(size) for name, size in sizes_of(dict(zip(beside, medians, strict=True))).items()}
 
-    def answered(self, *names: str) -> list[Array]:
+    def with_answer(self, *names: str) -> list[Array]:
         """Columns of the designs that have an answer."""
         return [self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names]
 

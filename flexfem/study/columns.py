@@ -1,7 +1,8 @@
 """The output columns of a study, one table: name, label, unit (the ending of the name), meaning, and how it is found.
 
-A column is found from `Answers` on a batch of designs, analytic, or on one design, finite elements. Any other number
-that a question of flexfem answers is a column by its path, such as `drift.pose.uniform.analytic.x`.
+A column is computed from the `DesignAnswers` of a batch of designs by the analytic model, or of one design by finite
+elements. Any other number that a question of flexfem answers is a column by its path, such as
+`drift.pose.uniform.analytic.x`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from flexfem.files.refusals import one_line
 from flexfem.units import DIRECTIONS, unit_of
 
 if TYPE_CHECKING:
-    from flexfem.questions.batch import Answers
+    from flexfem.questions.batch import DesignAnswers
 
 RESERVED = ("design", "status", "reason")
 FEASIBLE = "feasible"  # column of a study with constraints
@@ -30,13 +31,13 @@ class Group(NamedTuple):
 
     labels : name by column.
     values : (n, columns) of the answers on n designs and the largest rotation of a base hinge, in inside units.
-    asked : what a study asks to have them, "" where every study has them.
+    table : of a study that asks for them, "" where every study has them.
     """
 
     labels: dict[str, str]
     meaning: str
     values: Callable[[Any, float], Array]
-    asked: str = ""
+    table: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -181,7 +182,7 @@ GROUPS = (
 )
 (STIFFNESSES, COUPLINGS, STRESSES, RANGES, ENVELOPE, TRAVELS, DRIVE_RANGES, ENGAGED, FREQUENCIES, LIVES, DRIFTS,
  GRADIENTS, ERRORS, CROSSES, BANDS) = (group.names for group in GROUPS)  # fmt: skip
-ASKED = tuple(dict.fromkeys(group.asked for group in GROUPS if group.asked))
+OPTIONAL = tuple(dict.fromkeys(group.table for group in GROUPS if group.table))
 LIFE_AMPLITUDES = LIVES[1:4]
 MEANINGS = {group.names: group.meaning for group in GROUPS}
 LABELS = {name: label for group in GROUPS for name, label in group.labels.items()}
@@ -193,19 +194,19 @@ CROSS = {  # stiffnesses between two directions, and those along them
 PARTS = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)  # others that may vanish, and their wholes
 
 
-def outputs_of(*asked: str, moved: Sequence[bool] = (True, True, True)) -> tuple[str, ...]:
-    """Names of the output columns where some groups are asked, of lives those of the directions that are `moved`."""
-    left_out = set(LIFE_AMPLITUDES) - set(lasting(moved))
-    groups = [group for group in GROUPS if group.asked in ("", *asked)]
+def outputs_of(*tables: str, moved: Sequence[bool] = (True, True, True)) -> tuple[str, ...]:
+    """Names of the output columns where a study has some tables, of lives those of the directions that are `moved`."""
+    left_out = set(LIFE_AMPLITUDES) - set(life_columns(moved))
+    groups = [group for group in GROUPS if group.table in ("", *tables)]
     return tuple(name for group in groups for name in group.names if name not in left_out)
 
 
-def lasting(moved: Sequence[bool]) -> tuple[str, ...]:
+def life_columns(moved: Sequence[bool]) -> tuple[str, ...]:
     """Names of the columns on lives at an amplitude that has some of the directions."""
     return ("life_cycles", *compress(LIFE_AMPLITUDES, moved), "safety_factor")
 
 
-def values_of(answers: Answers, names: Sequence[str], rotation: float | None) -> Array:
+def values_of(answers: DesignAnswers, names: Sequence[str], rotation: float | None) -> Array:
     """Values (n, names) of columns, of which `answers` has the groups; `rotation` of base hinges, rad, for travels."""
     found: dict[str, Array] = {}
     for group in GROUPS:

@@ -176,10 +176,10 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
     return tuple(found)
 
 
-def columns_on(stage: Stage, factor: Factor, unasked: frozenset[str]) -> Iterator[Column]:
+def columns_on(stage: Stage, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
     """The columns of a factor of a base stage, whose own value is the mean where a normal distribution gives none.
 
-    unasked : key paths that no answer which is asked for depends on.   Raises BadInput: the stage has no value of its
+    unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value of its
     own, or one for each key; or nothing of it follows the keys.
     """
     for column in columns_of([factor]):
@@ -194,7 +194,7 @@ def columns_on(stage: Stage, factor: Factor, unasked: frozenset[str]) -> Iterato
                 names = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
                 expected = f"a number that an actuator of the stage ({names}) states and that no override replaces"
                 raise BadInput(f"key = {key.path}, expected {expected}")
-        if not any(key.places_in(stage) for key in found if key.path not in unasked):
+        if not any(key.places_in(stage) for key in found if key.path not in unused_keys):
             expected = "a number that answers depend on: overrides stand in its place, or nothing asked for needs it"
             raise BadInput(f"key = {named}, expected {expected}")
         yield column

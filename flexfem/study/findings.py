@@ -17,7 +17,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
-from flexfem.study.columns import LABELS, RANGES, STRESSES, lasting
+from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, stage_of
 from flexfem.study.plan import Figure, Study, names_behind
@@ -119,8 +119,8 @@ def model_words(loaded: LoadedStudy) -> str:
 
 def drawn_words(loaded: LoadedStudy) -> str:
     """How designs were drawn, in words."""
-    if loaded.given is not None:
-        return f"table {loaded.given.path.name}"
+    if loaded.table is not None:
+        return f"table {loaded.table.path.name}"
     sampling = loaded.study.sampling
     if sampling.seed is None:
         return sampling.method
@@ -183,7 +183,7 @@ class Source(NamedTuple):
             kept, answers = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
             said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
         said += [f"{text}." for text in table.warnings]
-        of_stress = {*STRESSES, *RANGES, *(() if study.life is None else lasting(study.life.moved))}
+        of_stress = {*STRESSES, *RANGES, *(() if study.life is None else life_columns(study.life.moved))}
         if names_behind((name for name, _ in figure.columns.values()), study.output) & of_stress:
             said.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.assumptions)
@@ -393,7 +393,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
         )
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
-        (found,) = source.table.answered(band)
+        (found,) = source.table.with_answer(band)
         lines.append(
             f"Mesh band of the error: median {np.median(found):.2g}, largest {found.max():.2g} percentage points."
         )
@@ -602,7 +602,7 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
         if own is not None:
             rows.append((called.name, called.unit, "base stage", own, np.nan, np.nan))
     line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
-    if loaded.given is not None:
+    if loaded.table is not None:
         line += " They hold if the designs of the table are independent draws."
     elif loaded.study.sampling.method != "monte_carlo":
         line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
@@ -651,7 +651,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
             "First-order Sobol indices from one plain sample, by regression on each factor alone; whiskers: 95 % "
             'confidence. Total indices need method = "saltelli".'
         )
-        if loaded.study.correlation or loaded.given is not None or not source.table.ok.all():
+        if loaded.study.correlation or loaded.table is not None or not source.table.ok.all():
             line += " Factors may depend on one another, if only by the designs without an answer: shares overlap."
     factors = [factor(column).name for column in loaded.columns]
     parts = {"first": "first order: alone", "first_band": "±"}
@@ -681,14 +681,14 @@ def sensitivity(source: Source, value: str) -> Indices:
         bad = np.flatnonzero(~table.ok)
         first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
         raise refused(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
-    (answers,) = table.answered(value)
+    (answers,) = table.with_answer(value)
     if len(answers) < LEAST and not saltelli:
         raise refused(f"{len(answers)} designs have an answer, expected at least {LEAST}")
     if np.ptp(answers) <= FLAT * (table.round_off_sizes.get(value) or np.abs(answers).max()):
         raise refused("no factor changes it, expected a value that varies")
     if saltelli:
         return sobol_indices(answers, len(loaded.columns))
-    return first_order((table.answered(column.name)[0] for column in loaded.columns), answers)
+    return first_order((table.with_answer(column.name)[0] for column in loaded.columns), answers)
 
 
 def sobol_indices(answers: Array, factors: int) -> Indices:

@@ -36,7 +36,7 @@ from flexfem.study.plan import EXTENSIBLE, Study, names_behind, names_in, normal
 class LoadedStudy:
     """A study with its base stage read and found feasible, and its columns; `stem` names its results.
 
-    `given` : the user's own table of designs, where the study samples from one.
+    `table` : the user's own table of designs, where the study samples from one.
     """
 
     path: Path
@@ -44,12 +44,12 @@ class LoadedStudy:
     stage: Stage
     columns: tuple[Column, ...]
     stem: str
-    given: Given | None = None
+    table: DesignTable | None = None
 
     @property
     def count(self) -> int:
         """Number of designs."""
-        return self.study.count if self.given is None else self.given.rows
+        return self.study.count if self.table is None else self.table.rows
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -91,13 +91,13 @@ class LoadedStudy:
         study, stage = self.study, self.stage
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
         content = study.model_dump(mode="json", exclude=unneeded)
-        if self.given is not None:
-            content["sampling"]["file"] = self.given.digest
+        if self.table is not None:
+            content["sampling"]["file"] = self.table.digest
         if study.sampling.method in EXTENSIBLE:
             content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
         followed = (o for o in stage.override if o.hinge or study.driven)
-        refusing = [each for each in study.constraint if study.is_given(each.value)]
+        refusing = [each for each in study.constraint if study.needs_no_answer(each.value)]
         used = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
@@ -123,14 +123,14 @@ def load_study(path: PathLike) -> LoadedStudy:
     """
     study = validate(Study, path)
     stage = base_stage(path, study)
-    columns, given = columns_of_file(path, "factor", study.factor, stage, study.unasked), None
+    columns, table = columns_of_file(path, "factor", study.factor, stage, study.unused_keys), None
     if study.sampling.file is not None:
         try:
-            given = given_of(Path(path).parent / study.sampling.file, columns)
+            table = design_table_of(Path(path).parent / study.sampling.file, columns)
         except BadInput as error:
             raise bad_key(path, ("sampling", "file"), f"sampling.file: {error}") from None
     require_key_values(path, study.expressions, columns, stage)
-    return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, given)
+    return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, table)
 
 
 def base_stage(path: PathLike, study: Study) -> Stage:
@@ -161,13 +161,13 @@ def base_stage(path: PathLike, study: Study) -> Stage:
 
 
 def columns_of_file(
-    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage, unasked: frozenset[str]
+    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage, unused_keys: frozenset[str]
 ) -> tuple[Column, ...]:
     """The columns of the factors in an array of a file, as `columns_on`. Raises BadInput naming file, line and key."""
     columns = list[Column]()
     for index, factor in enumerate(factors):
         try:
-            columns += columns_on(stage, factor, unasked)
+            columns += columns_on(stage, factor, unused_keys)
         except BadInput as error:
             raise bad_key(path, (array, index), f"{key_path((array, index))}.{error}") from None
     return tuple(columns)
@@ -197,7 +197,7 @@ BLOCK = 1024  # Monte Carlo designs drawn together, each block from a stream of 
 INSIDE = 2.0**-53  # keeps quantiles off 0 and 1, where a normal distribution is infinite
 
 
-class Given(NamedTuple):
+class DesignTable(NamedTuple):
     """A table of designs that was found sound: its file, the SHA-256 of what is in it, and how many rows it has."""
 
     path: Path
@@ -205,7 +205,7 @@ class Given(NamedTuple):
     rows: int
 
 
-def given_of(path: Path, columns: Sequence[Column]) -> Given:
+def design_table_of(path: Path, columns: Sequence[Column]) -> DesignTable:
     """Read a table of designs, and check every value.
 
     Raises BadInput, one line with file, row, column, value and what was expected: the file is missing, not CSV or
@@ -226,7 +226,7 @@ def given_of(path: Path, columns: Sequence[Column]) -> Given:
                 expected = f"{key.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
                 at = f"row {bad[0] + 1}, column {shown(column.name)}"
                 raise BadInput(f"{where}: {at} = {value:g}, expected {expected}")
-    return Given(path, found, len(values))
+    return DesignTable(path, found, len(values))
 
 
 def _read(path: Path, columns: Sequence[Column]) -> tuple[str, Array]:
@@ -274,10 +274,10 @@ def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
     """
     factors = [column.factor for column in loaded.columns]
     start, stop = max(start, 0), min(stop, loaded.count)
-    if loaded.given is not None:
-        found, values = _read(loaded.given.path, loaded.columns)
-        if found != loaded.given.digest:
-            raise BadInput(f"{place_of(loaded.given.path)}: changed since the study was read: run again")
+    if loaded.table is not None:
+        found, values = _read(loaded.table.path, loaded.columns)
+        if found != loaded.table.digest:
+            raise BadInput(f"{place_of(loaded.table.path)}: changed since the study was read: run again")
         return values[start:stop]
     if loaded.study.sampling.method == "grid":
         points = [grid_points(factor) for factor in factors]
@@ -479,9 +479,9 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
     """
     study, reason = loaded.study, np.full(len(values), "", dtype=object)
     known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
-    for output in filter(lambda each: study.is_given(each.expression), study.output):
+    for output in filter(lambda each: study.needs_no_answer(each.expression), study.output):
         known[output.name] = evaluated(loaded, output.expression, known, len(values))
-    for constraint in filter(lambda each: study.is_given(each.value), study.constraint):
+    for constraint in filter(lambda each: study.needs_no_answer(each.value), study.constraint):
         found = evaluated(loaded, constraint.value, known, len(values))
         for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
             reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"

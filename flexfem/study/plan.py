@@ -20,7 +20,7 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LASTING, keys, meant
+from flexfem.mechanism.keys import LIFE_CONSTANTS, keys, meant
 from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
@@ -539,7 +539,7 @@ class Study(Sourced):
         known = require_own_names("factor", self.factor, self.output, self.outputs, (*RESERVED, FEASIBLE))
         for index, constraint in enumerate(self.constraint):
             require_known(constraint.value, known, "constraint", index, "value")
-            if self.sampling.method == "saltelli" and self.is_given(constraint.value):
+            if self.sampling.method == "saltelli" and self.needs_no_answer(constraint.value):
                 expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
                 raise refusal(expected, "constraint", index, "value")
         return self
@@ -626,9 +626,9 @@ class Study(Sourced):
         return (*self.columns, *self.ask)
 
     @property
-    def unasked(self) -> frozenset[str]:
+    def unused_keys(self) -> frozenset[str]:
         """Key paths of material and frame that none of its answers depends on."""
-        asked = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LASTING, self.life)
+        asked = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
         return frozenset(path for path, key in keys().items() if asked.get(key.attribute, self) is None)
 
     @property
@@ -642,7 +642,7 @@ class Study(Sourced):
         found: dict[KeyPath, str] = {("output", k, "expression"): each.expression for k, each in enumerate(self.output)}
         return found | {("constraint", k, "value"): each.value for k, each in enumerate(self.constraint)}
 
-    def is_given(self, expression: str) -> bool:
+    def needs_no_answer(self, expression: str) -> bool:
         """Whether an expression needs no answer of the model: factors and keys alone."""
         return names_behind(names_in(expression), self.output).isdisjoint(self.outputs)
 

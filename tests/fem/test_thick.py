@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from flexfem.fem.chart import THICK, SingleHinge, layers, make, section_mesh, thick_answer, thick_sample
+from flexfem.fem.chart import THICK, SingleHinge, layers, make, section_mesh, thick_response, thick_sample
 from flexfem.fem.chart import sample as plane_sample
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, integration, layered
 from flexfem.fem.mesh import jacobians, least_scaled_jacobian, mapped, nodes_on
@@ -95,13 +95,13 @@ def test_the_mesh_is_that_of_a_hinge(hinge):
 
 @pytest.mark.parametrize("width", [0.6, 7.0, 45.0])
 def test_without_contraction_across_thickness_makes_no_difference(width):
-    plane, excess, *_ = thick_answer(SingleHinge(0.17, 1.0, width, 0.0), 1)
+    plane, excess, *_ = thick_response(SingleHinge(0.17, 1.0, width, 0.0), 1)
     np.testing.assert_allclose(excess / plane, 0.0, atol=EXACT)
 
 
 def test_stress_is_that_of_plane_stress_without_contraction_and_in_a_thin_neck():
-    np.testing.assert_allclose(thick_answer(SingleHinge(0.17, 1.0, 7.0, 0.0), 2)[2], 1.0, rtol=1e-8)
-    np.testing.assert_allclose(thick_answer(SingleHinge(0.3, 1.0, 0.1, NU), 3)[2], 1.0, atol=2e-3)
+    np.testing.assert_allclose(thick_response(SingleHinge(0.17, 1.0, 7.0, 0.0), 2)[2], 1.0, rtol=1e-8)
+    np.testing.assert_allclose(thick_response(SingleHinge(0.3, 1.0, 0.1, NU), 3)[2], 1.0, atol=2e-3)
 
 
 @pytest.mark.parametrize("ratio", [0.05, pytest.param(0.9, marks=pytest.mark.slow)])
@@ -114,7 +114,7 @@ def test_a_thin_hinge_is_in_plane_stress(ratio):
 
 def position(hinge, refinement):
     """As of `thick_sample`, on one mesh."""
-    plane, excess, *_ = thick_answer(hinge, refinement)
+    plane, excess, *_ = thick_response(hinge, refinement)
     return -excess / plane / hinge.poissons_ratio**2
 
 

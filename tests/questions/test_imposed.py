@@ -69,7 +69,7 @@ def test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energ
     wanted, _ = by_least_energy(unlike, mobility, [], POSE)
     given = imposed(unlike, analyse(unlike, mobility), "joints")
     numbers = [3 * chain + position for position in positions for chain in range(3)]
-    np.testing.assert_allclose(given.given @ POSE, wanted[numbers], rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(given.per_command @ POSE, wanted[numbers], rtol=1e-7, atol=1e-12)
     rows = [(np.eye(9)[r], wanted[r]) for r in numbers]
     _, reached = by_least_energy(unlike, 21, rows, None)
     metal = driven_model(unlike, analyse(unlike, 21), given.stacks).compliance
@@ -93,7 +93,7 @@ def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
     given = imposed(stage, found, "joints")
     positions = turned_hinges(found.mobility)
     numbers = [3 * chain + position for position in positions for chain in range(3)]
-    rows = [(np.eye(9)[r], turn) for r, turn in zip(numbers, given.given @ POSE, strict=True)]
+    rows = [(np.eye(9)[r], turn) for r, turn in zip(numbers, given.per_command @ POSE, strict=True)]
     _, reached = by_least_energy(stage, found.freedoms, rows, None)
     np.testing.assert_allclose(reached, POSE, rtol=1e-6)
 

@@ -12,7 +12,7 @@ from flexfem.hinges.formulas import formulas
 from flexfem.mechanism.actuators import catalogue
 from flexfem.mechanism.materials import materials
 from flexfem.schemas import FORMATS, results, tables_of
-from flexfem.study.columns import ASKED, MEANINGS, outputs_of
+from flexfem.study.columns import MEANINGS, OPTIONAL, outputs_of
 
 from ..conftest import ROOT
 
@@ -59,7 +59,7 @@ def test_every_table_quantity_and_name_is_on_a_page():
     for name in (*materials(), *catalogue(), *formulas()):
         assert name in text
     assert "0.29 (assumed)" in pages()["material"]
-    assert tuple(column for group in MEANINGS for column in group) == outputs_of(*ASKED)
+    assert tuple(column for group in MEANINGS for column in group) == outputs_of(*OPTIONAL)
 
 
 def test_the_page_of_commands_has_every_command_with_its_options(tmp_path):
