@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from markupsafe import Markup
@@ -54,9 +54,8 @@ if TYPE_CHECKING:
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
-QUESTIONS: dict[
-    str, tuple[str, Callable[..., Any], str]
-] = {  # title, question, what a screen reader says of its figure
+Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alternative text of its figure
+QUESTIONS: dict[str, Section] = {
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
     "budget": ("Error budget", partial(budget, plane=True), "Bars of the shares of the error, a panel a direction."),
