@@ -103,8 +103,8 @@ class ScatteredStages(NamedTuple):
     """Quantiles (4,) of the couplings of a design, in the order of `requirements.SCATTERED`.
 
     `searched` is over the stages of the search, `others` over the other stages, from `low` to `high` the 95 % interval;
-    all by the model. `factors` (meshes, 4), coarse to fine, are the ratios of finite elements to the model in the checked
-    stages, 1 without any; `misfit` (4,) is the largest residual of the last ratio in one of these stages.
+    all by the model. `factors` (meshes, 4), coarse to fine, are the ratios of finite elements to the model in stages
+    solved by both, 1 without any; `misfit` (4,) is the largest residual of the last ratio in one of these stages.
     """
 
     searched: Array
