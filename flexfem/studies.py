@@ -152,7 +152,7 @@ def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = 
 def findings_of(parts: Parts, partial: bool = False) -> StudyFindings:
     """As `study_findings`."""
     made = collect(parts, table_path(parts), partial)
-    source = Source(parts.loaded, read_table(made.path), nominal(parts.loaded), parts.unseen)
+    source = Source(parts.loaded, read_table(made.path), nominal(parts.loaded), parts.factor_warnings)
     return StudyFindings(made, source, findings(source))
 
 
@@ -181,7 +181,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "refused": by_status["refused"],
         "failed": sum(by_status[status] for status in run.RETRIED),
         "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
-        "warnings": [*parts.unseen, *counted_warnings(_reasons(counts, "ok"))],
+        "warnings": [*parts.factor_warnings, *counted_warnings(_reasons(counts, "ok"))],
         "open": designs - by_status.total(),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),

@@ -20,7 +20,7 @@ from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, stage_of
-from flexfem.study.plan import Figure, Study, names_behind
+from flexfem.study.plan import Figure, Study, expanded_names
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
@@ -140,13 +140,13 @@ def sentence(text: str) -> str:
 class Source(NamedTuple):
     """What all figures are drawn from: the study, its table, and the base stage's factors and outputs by column.
 
-    `unseen` : sentences on factors that nothing shown depends on.
+    `factor_warnings` : sentences on factors that nothing shown depends on.
     """
 
     loaded: LoadedStudy
     table: StudyTable
     nominal: Mapping[str, float]
-    unseen: Sequence[str] = ()
+    factor_warnings: Sequence[str] = ()
 
     def quantity(self, name: str) -> AxisText:
         """What a column is called."""
@@ -184,7 +184,7 @@ class Source(NamedTuple):
             said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
         said += [f"{text}." for text in table.warnings]
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else life_columns(study.life.moved))}
-        if names_behind((name for name, _ in figure.columns.values()), study.output) & of_stress:
+        if expanded_names((name for name, _ in figure.columns.values()), study.output) & of_stress:
             said.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.assumptions)
 
@@ -663,7 +663,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
         for k, called in enumerate(factors)
     ]
     head = {"factor": "factor", "quantity": "of the variance of", **parts}
-    caption = source.caption(figure, "Which factor causes the variance", line, *map(sentence, source.unseen))
+    caption = source.caption(figure, "Which factor causes the variance", line, *map(sentence, source.factor_warnings))
     return Sensitivity(caption, shares, factors, FoundTable("Sobol indices with 95 % confidence", head, rows))
 
 

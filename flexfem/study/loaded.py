@@ -29,7 +29,7 @@ from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
-from flexfem.study.plan import EXTENSIBLE, Study, names_behind, names_in, normal_correlation, value_of
+from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, names_in, normal_correlation, value_of
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class LoadedStudy:
         # a hinge with an override does not follow the factor of its like, though it may be as the others are
         followed = (o for o in stage.override if o.hinge or study.driven)
         refusing = [each for each in study.constraint if study.needs_no_answer(each.value)]
-        used = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
+        used = expanded_names((name for each in refusing for name in names_in(each.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
             "stage": stage.drive_hash if study.driven else stage.hash,

@@ -644,7 +644,7 @@ class Study(Sourced):
 
     def needs_no_answer(self, expression: str) -> bool:
         """Whether an expression needs no answer of the model: factors and keys alone."""
-        return names_behind(names_in(expression), self.output).isdisjoint(self.outputs)
+        return expanded_names(names_in(expression), self.output).isdisjoint(self.outputs)
 
     @property
     def draws(self) -> bool:
@@ -652,7 +652,7 @@ class Study(Sourced):
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
 
 
-def names_behind(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:
+def expanded_names(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:
     """Some names, and those that the derived outputs among them are made of, each after those that it uses."""
     found = set(names)
     for output in reversed(outputs):

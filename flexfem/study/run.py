@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, drawn_one_by_one, unseen
+from flexfem.study.answer import answer, factor_warnings, needs_stages
 from flexfem.study.columns import Rows, failed_row
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
@@ -67,9 +67,9 @@ class Parts:
         return dict(versions_of(self.meshed))
 
     @cached_property
-    def unseen(self) -> list[str]:
+    def factor_warnings(self) -> list[str]:
         """Warnings on factors that change nothing of what the study shows."""
-        return unseen(self.loaded)
+        return factor_warnings(self.loaded)
 
     @cached_property
     def _key(self) -> str:
@@ -102,7 +102,7 @@ class Parts:
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
     """The parts of a study in an output folder, by default of some seconds of work each."""
     study = loaded.study
-    analytic = LINKED if study.links or study.ask else DRAWN if drawn_one_by_one(study) or study.driven else BROADCAST
+    analytic = LINKED if study.links or study.ask else DRAWN if needs_stages(study) or study.driven else BROADCAST
     return Parts(loaded, output / loaded.stem / "parts", size or SIZES.get(study.model, analytic))
 
 
