@@ -59,7 +59,7 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     found_by = dict.fromkeys(study.outputs, "the model") | {one.name: one.expression for one in study.output}
     quantities = {name: source.quantity(name) for name in found_by}
     outputs = [[of.name, name, of.unit, found_by[name]] for name, of in quantities.items()]
-    limits = [[one.said, one.value, one.expected] for one in study.constraint]
+    limits = [[one.title, one.value, one.expected] for one in study.constraint]
     counts = {
         "asked for": status["designs"],
         "with an answer": status["ok"],

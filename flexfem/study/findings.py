@@ -179,7 +179,7 @@ class Source(NamedTuple):
             f"{model_words(loaded)}. {thousands(loaded.count)} designs ({drawn_words(loaded)}): {counted(counts)}.",
         ]
         if study.constraint:
-            limits = "; ".join(f"{one.said} {one.expected}" for one in study.constraint)
+            limits = "; ".join(f"{one.title} {one.expected}" for one in study.constraint)
             kept, answers = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
             said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
         said += [f"{text}." for text in table.warnings]

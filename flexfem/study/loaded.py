@@ -109,7 +109,7 @@ class LoadedStudy:
                 [name, paths, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
                 for name, paths, factor in self.columns
             ],
-            "refused": [[each.value, each.least, each.most, each.said] for each in refusing]
+            "refused": [[each.value, each.least, each.most, each.title] for each in refusing]
             + [[output.name, output.expression] for output in study.output if output.name in used]
             + [[name, keys()[name].value_in(stage)] for name in numbers],
         }
@@ -484,7 +484,7 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
     for constraint in filter(lambda each: study.needs_no_answer(each.value), study.constraint):
         found = evaluated(loaded, constraint.value, known, len(values))
         for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
-            reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"
+            reason[place] = f"constraint {constraint.title} = {found[place]:.6g}, expected {constraint.expected}"
     return reason
 
 
