@@ -15,7 +15,7 @@ from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import SPACE, TextTable, thousands
 from flexfem.study.factors import Column, Factor, columns_of
-from flexfem.study.findings import Record, Refused, Source, drawn_words, factor, model_words
+from flexfem.study.findings import Record, Refused, Source, factor, model_words, sampling_words
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
@@ -88,7 +88,7 @@ def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     yield "base stage", f"{loaded.stage.name} ({study.stage})"
     yield "model", model_words(loaded)
     correlated = f", {pairs} rank correlations" if pairs else ""
-    yield "sample", f"{drawn_words(loaded)}, {thousands(loaded.count)} designs{correlated}"
+    yield "sample", f"{sampling_words(loaded)}, {thousands(loaded.count)} designs{correlated}"
     yield "accuracy of stresses", loaded.stress_accuracy
     for name in ("drive", "frequencies", "life", "drift"):
         asked = getattr(study, name)
