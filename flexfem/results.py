@@ -400,7 +400,7 @@ class Result:
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """The head of a column with its unit; prefixed numbers have theirs with them."""
-        name = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)).said(plain)
+        name = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)).label(plain)
         return f"{text} ({name})" if name and not self._with_unit(quantity) else text
 
     def _with_unit(self, quantity: Quantity) -> bool:
@@ -455,7 +455,7 @@ class Result:
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
-        text = f"{text} {unit.said(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
+        text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
         return f"{text} ({', '.join(where)})" if where and value and text else text
@@ -526,7 +526,7 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
             tables.append(_records_table(title, value, plain))
         elif isinstance(value, dict):
             texts = {
-                key if isinstance(each, str) else without_unit(key): _said(each, unit_of(key).said(plain))
+                key if isinstance(each, str) else without_unit(key): _said(each, unit_of(key).label(plain))
                 for key, each in value.items()
             }
             for text in dict.fromkeys(texts.values()):
@@ -534,13 +534,13 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
         elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
             facts.append((title, "\n" + "\n".join(map(str, value))))
         else:
-            facts.append((title, _said(value, unit_of(name).said(plain))))
+            facts.append((title, _said(value, unit_of(name).label(plain))))
     return facts, tables
 
 
 def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable:
     """A row for each named tuple; of many fields a column, so that it is not wider than a terminal."""
-    units = [unit_of(name).said(plain) for name in records[0]._fields]
+    units = [unit_of(name).label(plain) for name in records[0]._fields]
     names = [without_unit(name).replace("_", " ") for name in records[0]._fields]
     head = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
     rows = [[_said(part) for part in one] for one in records]
@@ -639,4 +639,4 @@ def _table_schema(description: str, properties: dict[str, Any], optional: str) -
 def _units_said(unit: UnitNames, plain: bool = False) -> str:
     """The different units of a quantity, with commas."""
     names = np.ravel(unit).tolist()
-    return ", ".join(dict.fromkeys(UNITS[name].said(plain) if name else "1" for name in names))
+    return ", ".join(dict.fromkeys(UNITS[name].label(plain) if name else "1" for name in names))
