@@ -325,7 +325,7 @@ class JointMotion(NamedTuple):
 
 
 def mechanism(frames: Frames, compliance: Compliance, freedoms: Freedoms, choice: Choice | None = None) -> PaperModel:
-    """Return the model of hinges with compliances (..., 3, 3) in their `freedoms`; None takes the choice of `choose`."""
+    """Return the model of hinges with compliances (..., 3, 3) in their `freedoms`; None chooses by `choose`."""
     joints = joints_of(freedoms)
     table = np.stack(np.broadcast_arrays(*compliance), axis=-1)
     springs = 1.0 / table.reshape(*table.shape[:-3], 27)[..., joints.slot]  # (10)
