@@ -30,7 +30,7 @@ from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
 from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
-from flexfem.questions.setup import ModelAnswer, beside, question, solved
+from flexfem.questions.setup import ModelAnswer, question, solved, stack_models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
@@ -260,7 +260,7 @@ def run_case(loaded: LoadedCase) -> Verification:
         "joint": joints,
     }
     answers = {each.curve.label: _quantities(case, each, joints) for each in runs}
-    values, widths = beside(Verification, answers, labels, "curve")
+    values, widths = stack_models(Verification, answers, labels, "curve")
     own = digest({label: each.hash for label, each in described.items()})
     settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
     return Verification(
