@@ -147,7 +147,7 @@ def solved_design(
     if driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
-        expansions = (each.item() for each in in_plane(lower(stage)))
+        expansions = (coefficient.item() for coefficient in in_plane(lower(stage)))
         found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).pose[None]))
     if predicted is None:
         return found

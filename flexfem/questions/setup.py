@@ -33,7 +33,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 SHARED = {
     "stage : Stage": "The stage.",
-    'models : {"both", "analytic", "elements"}': "The models that answer.",
+    'models : {"both", "analytic", "elements"}': "The models to compute.",
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
     "layers : int, optional": "Three dimensions with so many layers in half the thickness, from 3.",

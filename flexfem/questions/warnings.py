@@ -46,7 +46,7 @@ ACROSS = (1.0, 5000.0)  # mm: from the smallest stages cut from sheet to more th
 SLENDER = 100.0  # link width / thickness: a larger ratio is a foil, or more likely a thickness in another unit
 
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper aims to explain errors of 5 to 10 per cent
-STRAIGHT = 15.0  # deg between the lines of a chain's hinges; used in an explanation only
+STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only selects an explanation
 THICK = 1.0  # per cent of the stiffness: a tenth of the effect of a thick hinge
 FAR = 0.1  # of the shortest link, and rad: here the linear solution has errors of some per cent
 
