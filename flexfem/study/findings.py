@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 import numpy as np
 from pydantic import ValidationError
 
-from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, wide
+from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
@@ -471,9 +471,9 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
     front = drawable_front(points, larger, stages_at, attempts)
     best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
-    along = np.stack([np.log(v) if name in log or wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
+    along = np.stack([np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
     called = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
-    x_name, y_name = (name._replace(log=name.log or wide(values)) for name, values in called)
+    x_name, y_name = (name._replace(log=name.log or is_wide(values)) for name, values in called)
     names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
     wanted = spread(along, figure.drawn)
     numbers = {name: source.column(name)[rows[front.places]] for name in names}
