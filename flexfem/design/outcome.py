@@ -143,7 +143,7 @@ def _quantity(model: Model, of: Proof, place: int, asked: Objective | Require) -
     spread = None
     if names & {*outputs.ENGAGED}:
         driven = commanding(best_model(stage_of(loaded.study, of.values), []))
-        part = push_spread(driven) / engaged_stiffness(driven.of)
+        part = push_spread(driven) / engaged_stiffness(driven.system)
         columns = {name: np.full(2, value) for name, value in of.columns.items()}
         for name, share in zip(outputs.ENGAGED, part, strict=True):
             columns[name] *= (1 - share, 1 + share)
