@@ -255,7 +255,7 @@ class Requirements(Sourced):
 
     def names_of(self, *expressions: str) -> frozenset[str]:
         """Return the names in expressions and in the derived outputs that these use."""
-        return plan.names_behind((name for text in expressions for name in plan.names_in(text)), self.output)
+        return plan.expanded_names((name for text in expressions for name in plan.names_in(text)), self.output)
 
     @property
     def numbers(self) -> tuple[str, ...]:
