@@ -112,9 +112,8 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     if not found.front:
         raise BadInput(f"{found.file}: a design without a front, expected one of two objectives that meets all")
     ax = new_axes() if ax is None else ax
-    values = np.array([point.values for point in found.front])
+    values, predicted = np.array([(point.values, point.predicted) for point in found.front]).swapaxes(0, 1)
     ax.plot(*values.T, color=COLOURS[0], linewidth=1.2, label="by finite elements")
-    predicted = np.array([point.predicted for point in found.front])
     ax.plot(*predicted.T, "+", color=INK, markersize=9, label="corrected model")
     for number, (value, point) in enumerate(zip(values, found.front, strict=True), 1):
         style.ring(ax, value, str(number), INK if point.met else COLOURS[1])

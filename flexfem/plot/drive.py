@@ -352,7 +352,8 @@ def large_figure(found: Large) -> Figure:
     Every model is compared with its own linear solution, so that all curves pass through zero at rest.
     """
     settings = found.settings
-    near, far = (" and ".join(_both_sides(found, axis, share) for axis in ("x", "theta")) for share in (0.1, 1.0))
+    ends = [(COMMANDS[k], float(found.amplitude[k])) for k in (0, 2)]  # x, theta
+    near, far = (" and ".join(f"±{unit.factor * share * end:g} {unit}" for unit, end in ends) for share in (0.1, 1.0))
     mesh = f", and nonlinear finite elements ({settings['unknowns']} unknowns)" if "unknowns" in settings else ""
     lines = [
         f"Pseudo-rigid stage of mobility {settings['mobility']}, {settings['formula']}{mesh}, each against its own "
@@ -369,12 +370,6 @@ def large_figure(found: Large) -> Figure:
         titled(plot_large(ax, found, direction, column), letter, f"{NAMES[direction]}: {COLUMNS[column]}")
     style.legend_below(figure, axes[1:2], 3, fontsize=9.5, handlelength=3.6)
     return figure
-
-
-def _both_sides(found: Large, axis: Direction, share: float) -> str:
-    """Format plus and minus a fraction of the amplitude."""
-    unit = COMMANDS[DIRECTIONS.index(axis)]
-    return f"±{unit.factor * share * float(found.at('amplitude', direction=axis)):g} {unit}"
 
 
 def plot_large(

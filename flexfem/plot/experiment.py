@@ -186,10 +186,9 @@ def plot_life(ax: Axes, found: Life) -> Axes:
 
 def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
     """Draw the necks of one model whose life is on the axis."""
-    look: Any = {"markersize": 5.5, "zorder": 3}
+    look: Any = {"color": COLOURS[2], "linestyle": "none", "markersize": 5.5, "zorder": 3}
     if model == ANALYTIC:
-        look = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
-    look |= {"color": COLOURS[2], "linestyle": "none"}
+        look |= {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
     for hinge, name in enumerate(HINGE_NAMES):
         shown = cycles[:, hinge] < LONGEST_LIFE
         if np.any(shown):
