@@ -25,7 +25,7 @@ from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
 from flexfem.results import versions
 from flexfem.study import columns as outputs
-from flexfem.study.answer import answer_designs, with_reasons_in_doubt
+from flexfem.study.answer import answer_designs, with_warnings
 from flexfem.study.factors import Factor, columns_of
 from flexfem.study.findings import non_dominated
 from flexfem.study.loaded import stage_of
@@ -143,7 +143,7 @@ def _quantity(model: Model, of: Proof, place: int, asked: Objective | Require) -
     spread = None
     if names & {*outputs.ENGAGED}:
         driven = commanding(best_model(stage_of(loaded.study, of.values), []))
-        part = push_spread(driven) / engaged_stiffness(driven.of)
+        part = push_spread(driven) / engaged_stiffness(driven.system)
         columns = {name: np.full(2, value) for name, value in of.columns.items()}
         for name, share in zip(outputs.ENGAGED, part, strict=True):
             columns[name] *= (1 - share, 1 + share)
@@ -334,7 +334,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
             still = "a requirement is still not kept with its band, or within it where there is no room"
         warnings.append(f"after {len(rounds)} rounds {still}")
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
-    reason = str(with_reasons_in_doubt(loaded.study, last.values[None], row).reason[0])
+    reason = str(with_warnings(loaded.study, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []
     amplitudes = [name for name in outputs.LIFE_AMPLITUDES if name in columns and name in of.used]
     if of.life is not None and amplitudes:

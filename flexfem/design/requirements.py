@@ -255,7 +255,7 @@ class Requirements(Sourced):
 
     def names_of(self, *expressions: str) -> frozenset[str]:
         """Names that expressions use, through derived outputs too."""
-        return plan.names_behind((name for each in expressions for name in plan.names_in(each)), self.output)
+        return plan.expanded_names((name for each in expressions for name in plan.names_in(each)), self.output)
 
     @property
     def numbers(self) -> tuple[str, ...]:

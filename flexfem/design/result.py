@@ -49,7 +49,7 @@ class Stated(Record):
 
     def headed(self, plain: bool = False) -> str:
         """The label, with the unit in brackets where there is one; `plain` for terminals."""
-        unit = self.unit.said(plain)
+        unit = self.unit.label(plain)
         return f"{self.label} ({unit})" if unit else self.label
 
     def said(self, plain: bool = False) -> str:
@@ -57,7 +57,7 @@ class Stated(Record):
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
         spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the pushes"
-        return f"{text} {self.unit.said(plain)}".rstrip() + sampling + spread
+        return f"{text} {self.unit.label(plain)}".rstrip() + sampling + spread
 
 
 class Goal(Stated):

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator
 
-from flexfem.arrays import Array, wide
+from flexfem.arrays import Array, is_wide
 from flexfem.plot import style
 from flexfem.plot.stage import draw_to_one_scale
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, below_header, in_house_style, panels
@@ -117,7 +117,7 @@ def norm_of(values: Array) -> Normalize:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if low < 0 < high:
         return CenteredNorm(0.0, max(-low, high))
-    return LogNorm(low, high) if len(finite) and wide(finite) else Normalize(low, high)
+    return LogNorm(low, high) if len(finite) and is_wide(finite) else Normalize(low, high)
 
 
 def edges(ticks: Array, log: bool) -> Array:
