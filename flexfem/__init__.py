@@ -19,7 +19,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # and where names are found when they are first used
+if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.baselines import baseline as baseline
     from flexfem.baselines import regression as regression
     from flexfem.cad import export as export
@@ -91,7 +91,7 @@ __all__ = sorted(["__version__", *_HOMES])
 
 
 def home_of(name: str) -> str:
-    """The module under `flexfem` that defines a public name, "" for another name."""
+    """Return the module under `flexfem` that defines a public name, "" for other names."""
     return _HOMES.get(name, "")
 
 

@@ -1,4 +1,4 @@
-"""Types of arrays, and the inverse of small matrices that says when it cannot be trusted."""
+"""Array types, and the inverse of small matrices with a check of their condition."""
 
 from __future__ import annotations
 
@@ -12,58 +12,58 @@ Index: TypeAlias = NDArray[np.int64]
 AnyArray: TypeAlias = NDArray[Any]
 
 
-ROUND_OFF = 1e-12  # of what a number is small against: less is printed as 0; records keep it
+ROUND_OFF = 1e-12  # relative to the reference value; smaller numbers are printed as 0, records keep them
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
 
 
 def inverse(A: Array) -> Array:
-    """Inverse of the matrices A (..., n, n); nan where A is singular or its condition number exceeds `SINGULAR`.
+    """Return the inverse of the matrices A (..., n, n); nan where the condition number exceeds `SINGULAR`.
 
     Notes
     -----
-    Rows and columns are scaled to unit largest entry first, so that the condition number (1-norm) does not depend on
-    units of mm and rad. One singular design in a batch leaves the others untouched.
+    Rows and columns are first scaled to unit largest entry, so that the condition number (1-norm) does not depend on
+    the units mm and rad. One singular design in a batch leaves the others untouched.
     """
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        a = np.ascontiguousarray(np.moveaxis(A, (-2, -1), (0, 1)))  # entry by entry: many designs at full speed
-        rows = 1.0 / np.max(np.abs(a), axis=1, keepdims=True)
-        columns = 1.0 / np.max(np.abs(rows * a), axis=0, keepdims=True)
-        scaled = rows * a * columns
+        a = np.ascontiguousarray(np.moveaxis(A, (-2, -1), (0, 1)))  # designs last: contiguous vector operations
+        row_scale = 1.0 / np.max(np.abs(a), axis=1, keepdims=True)
+        column_scale = 1.0 / np.max(np.abs(row_scale * a), axis=0, keepdims=True)
+        scaled = row_scale * a * column_scale
         scaled = np.where(np.all(np.isfinite(scaled), axis=(0, 1)), scaled, 0.0)
-        inverted = _by_parts(scaled) if len(a) == 3 else _by_elimination(scaled)
-        trusted = _norm(scaled) * _norm(inverted) <= SINGULAR  # not for nan
-        inverted = np.swapaxes(columns, 0, 1) * np.where(trusted, inverted, np.nan) * np.swapaxes(rows, 0, 1)
-        A_inverse: Array = np.moveaxis(inverted, (0, 1), (-2, -1))
-        return A_inverse
+        inverted = _inverse_3x3(scaled) if len(a) == 3 else _inverse_nxn(scaled)
+        trusted = _norm(scaled) * _norm(inverted) <= SINGULAR  # False for nan
+        inverted = np.where(trusted, inverted, np.nan)
+        inverted = np.swapaxes(column_scale, 0, 1) * inverted * np.swapaxes(row_scale, 0, 1)
+        return np.asarray(np.moveaxis(inverted, (0, 1), (-2, -1)))
 
 
-def alone(stiffness: Array) -> Array:
-    """Stiffness (n,) along each direction with the others free, `1 / C_ii`; with the others held it is `K_ii`."""
+def free_stiffness(stiffness: Array) -> Array:
+    """Return `1 / C_ii` (n,), the stiffness in each direction with the others free; `K_ii` is that with them held."""
     return np.asarray(1 / np.diag(np.linalg.inv(stiffness)))
 
 
-def _by_parts(a: Array) -> Array:
-    """Inverse of (3, 3, ...), by the last row and column first; not finite where singular.
+def _inverse_3x3(a: Array) -> Array:
+    """Inverse of (3, 3, ...) by elimination of the last row and column; not finite where singular.
 
     Notes
     -----
-    Cofactors of all three would lose the square of the condition number: a compliance at a far point is nearly that of
-    its rotation alone.
+    Cofactors would lose digits with the square of the condition number: the compliance at a remote point is nearly that
+    of its rotation alone, which has rank one.
     """
     (a00, a01, a02), (a10, a11, a12), (a20, a21, a22) = a
     u, v, x, y = a02 / a22, a12 / a22, a20 / a22, a21 / a22
     p, q, r, s = a00 - u * a20, a01 - u * a21, a10 - v * a20, a11 - v * a21
-    size = p * s - q * r
-    p, q, r, s = s / size, -q / size, -r / size, p / size
+    determinant = p * s - q * r
+    p, q, r, s = s / determinant, -q / determinant, -r / determinant, p / determinant
     g, h = -(p * u + q * v), -(r * u + s * v)
-    found = np.empty_like(a)
-    found[0], found[1] = (p, q, g), (r, s, h)
-    found[2] = -(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h
-    return found
+    inverted = np.empty_like(a)
+    inverted[0], inverted[1] = (p, q, g), (r, s, h)
+    inverted[2] = -(x * p + y * r), -(x * q + y * s), 1 / a22 - x * g - y * h
+    return inverted
 
 
-def _by_elimination(a: Array) -> Array:
-    """Inverse of (n, n, ...), nan where singular."""
+def _inverse_nxn(a: Array) -> Array:
+    """Inverse of (n, n, ...) by LAPACK; nan where singular."""
     matrices = np.moveaxis(a, (0, 1), (-2, -1))
     regular = np.linalg.slogdet(matrices).sign[..., None, None] != 0.0
     inverted = np.where(regular, np.linalg.inv(np.where(regular, matrices, np.eye(len(a)))), np.nan)
@@ -71,21 +71,21 @@ def _by_elimination(a: Array) -> Array:
 
 
 def _norm(a: Array) -> Array:
-    largest: Array = np.max(np.sum(np.abs(a), axis=0), axis=0)
-    return largest
+    """1-norm (...) of (n, n, ...)."""
+    return np.asarray(np.max(np.sum(np.abs(a), axis=0), axis=0))
 
 
-ALIKE = 1e-9  # relative: numbers that symmetry makes equal
+TIE_TOLERANCE = 1e-9  # relative; values that symmetry makes equal differ by less
 
 
 def is_largest(values: Array, axis: int | tuple[int, ...] | None = None) -> NDArray[np.bool_]:
-    """Where values are the largest along some axes or of all, those that symmetry makes equal too."""
-    return np.asarray(values >= (1 - ALIKE) * np.max(values, axis=axis, keepdims=True))
+    """Return where values equal their maximum over the axes (None: over all), up to round-off."""
+    return np.asarray(values >= (1 - TIE_TOLERANCE) * np.max(values, axis=axis, keepdims=True))
 
 
-WIDE = 30.0  # largest over smallest value, from which on an axis or colours are logarithmic
+LOG_SCALE_RATIO = 30.0  # largest over smallest value above which an axis or a colour scale is logarithmic
 
 
-def wide(values: Array) -> bool:
-    """Whether values (n,) are all positive and so far apart that they are best seen as logarithms."""
-    return bool(0 < WIDE * values.min() < values.max())
+def is_wide(values: Array) -> bool:
+    """Return whether values (n,) are all positive and spread enough for a logarithmic scale."""
+    return bool(0 < LOG_SCALE_RATIO * values.min() < values.max())

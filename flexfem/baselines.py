@@ -1,7 +1,7 @@
-"""Accepted numbers: what flexfem answers of an input file, and which of it moved by more than the gate of its quantity.
+"""Baselines: accepted numbers of input files, and the comparison of new numbers with them.
 
-A stage and a case are also solved on a mesh that is kept beside the baseline: when those numbers stand and the others
-move, the mesh is another and not the solver.
+A stage and a case are also solved on a mesh that is stored beside the baseline. When these numbers are unchanged and
+others move, the mesh generator has changed and not the solver.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ from flexfem.study import table
 from flexfem.study.columns import ERRORS, sizes_of
 from flexfem.units import DIRECTIONS, NONE
 
-COARSE = 2  # triangles across the necks of a kept mesh
-ON_KEPT = 1e-8  # of the diagonal: what a compliance on it may move by
-FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad: no two components alike
-POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad: of the drive
+COARSE = 2  # triangles across the necks of a stored mesh
+ON_KEPT = 1e-8  # accepted change of a compliance on a stored mesh, relative to the diagonal
+FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad; unequal components
+POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad; of the drive
 DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
-STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # of columns, else `COARSER_TABLE`
-COARSER_TABLE = 3e-4
+STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # by model or prefix of the column
+COARSER_TABLE = 3e-4  # for other columns
 Numbers: TypeAlias = dict[str, Number]  # by path
 
 
-QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; those that refuse it are left out
+QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; questions that do not apply are omitted
     ("paper", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(formula=DEFAULT_FORMULA))),
     ("links", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(21, CALIBRATED, True))),
     ("stiffness", lambda stage: stiffness(stage, force=FORCE)),
@@ -78,7 +78,7 @@ QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; 
 
 
 class Checked(NamedTuple):
-    """Baselines that were compared, and what is not as accepted; the command ends with exit code 1 when anything is."""
+    """Compared baselines, and the differences found; the command ends with exit code 1 when there are any."""
 
     checked: list[str]
     findings: list[str]
@@ -174,13 +174,13 @@ def _relative(path: Path, folder: Path) -> str:
 
 
 def _stored(value: float, band: float) -> list[Any]:
-    """A number and its band as JSON: "inf" where there is no limit, no band where there is none."""
+    """Return a number and its band for JSON: "inf" where unlimited, a single entry without a band."""
     plain = value if np.isfinite(value) else str(value)
     return [plain] if np.isnan(band) else [plain, band if np.isfinite(band) else str(band)]
 
 
 def read(path: Path) -> dict[str, Any]:
-    """An accepted baseline. Raises BadInput when there is none or it is damaged."""
+    """Read a baseline. Raises BadInput when it is missing or damaged."""
     content = read_bytes(path, LARGEST_FILE)
     try:
         data: dict[str, Any] = json.loads(content)
@@ -194,7 +194,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def check(path: Path) -> list[str]:
-    """What is not as a baseline has it: changed inputs alone, or else numbers. Raises BadInput, ComputationFailed."""
+    """Return the changed inputs, or if there are none the changed numbers. Raises BadInput, ComputationFailed."""
     data = read(path)
     source = Path(os.path.normpath(path.parent / data["file"]))
     if not source.exists():
@@ -219,14 +219,14 @@ def _became(old: Any, new: Any) -> str:
 
 
 def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Iterator[str]:
-    """Numbers that moved by more than their gates accept, came or went."""
+    """Yield numbers that moved beyond their gates, appeared or disappeared."""
     for question in dict.fromkeys([*was, *now]):
         old, new = was.get(question, {}), now.get(question, {})
         for key in dict.fromkeys([*old, *new]):
             place = f"{name}: {question}.{key}"
             if key not in new or key not in old:
-                said = f"gone, was {float(old[key][0]):.12g}" if key in old else f"new: {new[key].value:.12g}"
-                yield f"{place} is {said}"
+                change = f"gone, was {float(old[key][0]):.12g}" if key in old else f"new: {new[key].value:.12g}"
+                yield f"{place} is {change}"
                 continue
             one = new[key]
             before, *bands = map(float, old[key])
@@ -236,17 +236,17 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
             accepted = one.accepted_band + one.accepted
             if bands and not np.isnan(one.band) and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted):
                 yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}, accepted {one.accepted_band:.2g}"
-        # which one of equal highest stresses has the band is up to round-off
+        # round-off decides which of equal stresses has the band, so bands are compared by quantity
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
         for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)}:
             yield f"{name}: {question}.{quantity}: its bands came or went"
 
 
 def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
-    """Input files beside those of a folder's baselines, of the same kind, that have none."""
+    """Yield input files without a baseline, in the folders and of the kinds of files that have one."""
     known: dict[Path, str] = {}
     for path in baselines:
-        with suppress(BadInput):  # what is damaged is a finding already
+        with suppress(BadInput):  # a damaged baseline is reported by `check`
             made = read(path)
             known[Path(os.path.normpath(folder / made["file"]))] = made["kind"]
     for place, kind in sorted({(path.parent, kind) for path, kind in known.items()}):
@@ -257,11 +257,11 @@ def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
                     yield f"{other}: no baseline in {folder}; {make}"
 
 
-# what numbers are made from
+# inputs
 
 
 def kind_of(path: Path) -> str:
-    """What an input file is. Raises BadInput when it is nothing that has a baseline."""
+    """Return the kind of an input file. Raises BadInput for a kind that has no baselines."""
     if path.suffix == ".json" and path.resolve().parent == DATA.resolve():
         return "chart"
     kind = (kind_of_toml(read_toml(path).data) or "").removesuffix(" file")
@@ -271,14 +271,14 @@ def kind_of(path: Path) -> str:
 
 
 def inputs_of(path: Path) -> dict[str, dict[str, Any]]:
-    """Keys of an input file and of the files that it names, by file as the input file names it."""
+    """Return the values of an input file and of the files that it names, by file name and key path."""
     own = _values_of(path)
     named = {value: path.parent / value for value in own.values() if isinstance(value, str)}
     return {path.name: own} | {value: _values_of(other) for value, other in named.items() if os.path.isfile(other)}
 
 
 def _values_of(path: Path) -> dict[str, Any]:
-    """Values of an input file by key path, of one that is not TOML its hash."""
+    """Return the values of a TOML file by key path, the hash of any other file."""
     if path.suffix != ".toml":
         return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
     data = read_toml(path).data
@@ -293,18 +293,18 @@ def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str 
         yield from _leaves(part, (*path, key))
 
 
-# what is recorded of a file
+# numbers
 
 
 def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
-    """Numbers of an input file by question; kept meshes are in a folder. Raises BadInput, ComputationFailed."""
+    """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput, ComputationFailed."""
     match kind_of(path):
         case "stage":
             stage = load_feasible(path)
             for name, question in QUESTIONS:
                 try:
                     yield name, _by_path(question(stage).entries())
-                except BadInput:  # the stage states nothing of it, or the model does not suit it
+                except BadInput:  # the question does not apply to the stage
                     continue
             yield "mesh", kept(stage, path, folder)
         case "case":
@@ -321,17 +321,17 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
 
 
 def _by_path(found: Iterable[Number]) -> Numbers:
-    """Numbers by path without those that have no answer."""
+    """Return numbers by path, without nan."""
     return {each.path: each for each in found if not np.isnan(each.value)}
 
 
 def _number(path: str, value: float, accepted: float) -> Number:
-    """A number without a unit and a band."""
+    """Return a number without unit and band."""
     return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
 def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
-    """The compliance on a kept mesh, which is made when it is missing. Raises BadInput when that is damaged."""
+    """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it is damaged."""
     place = folder / f"{path.stem}-{stage.hash[:8]}.npz"
     if not place.exists():
         made = build_mesh(stage, COARSE)
@@ -355,7 +355,7 @@ def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
 
 
 def _of_chart(path: Path) -> Iterator[Number]:
-    """What the analytic model reads from a chart of flexfem itself, at every fifth point."""
+    """Yield the values that the analytic model reads from a built-in chart, at every fifth point."""
     if path.stem == "thickness_chart":
         found: dict[str, Any] = {"thickness": thickness_review()}
     else:
@@ -371,7 +371,7 @@ def _of_chart(path: Path) -> Iterator[Number]:
 
 
 def _of_study(path: Path) -> Iterator[Number]:
-    """The numbers of the collected table of a study."""
+    """Yield the numbers of the collected table of a study."""
     with tempfile.TemporaryDirectory() as folder:
         status = run_study(path, folder, workers=1)
         if status["failed"]:
@@ -379,7 +379,7 @@ def _of_study(path: Path) -> Iterator[Number]:
         found = table(collect_study(path, folder).path, as_arrow=True)
     every = {name: found[name].to_numpy() for name in found.column_names}
     columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
-    sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # of others the largest number of the column
+    sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # the largest number of the column for others
     model = str(read_toml(path).data.get("model"))
     for name, values in columns.items():
         relative = STUDY_GATES.get(model) or STUDY_GATES.get(name.partition("_")[0], COARSER_TABLE)

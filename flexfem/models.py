@@ -1,4 +1,4 @@
-"""A stage, the two models of it, and how far they differ, as `import flexfem` offers them."""
+"""The two models of a stage and their difference, as `import flexfem` offers them."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlatformModel:
-    """What both models answer; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N mm, order x, y, theta.
+    """Common interface of both models; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N mm, order x, y, theta.
 
     stiffness, compliance : (3, 3), of the platform at rest: N, mm, rad.
     """
@@ -42,15 +42,15 @@ class PlatformModel:
     compliance: Array
 
     def force(self, pose: ArrayLike) -> Array:
-        """Load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput for another shape."""
+        """Return the load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput: other shape."""
         return apply(self.stiffness, poses("pose", pose))
 
     def pose(self, force: ArrayLike) -> Array:
-        """Pose (..., 3) of the platform under loads (..., 3). Raises BadInput for another shape."""
+        """Return the pose (..., 3) of the platform under loads (..., 3). Raises BadInput: other shape."""
         return apply(self.compliance, forces("force", force))
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """Largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, with the platform at poses (..., 3)."""
+        """Return the largest von Mises stress at each neck (..., 3 chains, 3 hinges), MPa, at poses (..., 3)."""
         raise NotImplementedError
 
     @cached_property
@@ -62,10 +62,10 @@ class PlatformModel:
 
 @dataclass(frozen=True, eq=False)
 class AnalyticModel(PlatformModel):
-    """The pseudo-rigid model of a stage at rest, as `analyse` gives it.
+    """The pseudo-rigid model of a stage at rest, as `analyse` returns it.
 
     mobility : by (1).   formula : of the hinges.   links : whether pads, links and platform are elastic.
-    chosen : what the result is of; its stage has the plane model that was taken.
+    chosen : settings of the model; its stage has the plane model that was used.
     """
 
     mobility: int
@@ -75,19 +75,19 @@ class AnalyticModel(PlatformModel):
     result: AnalyticResult
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """As of `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `strength.concentration`."""
+        """See `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `strength.concentration`."""
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
 
     @property
     def warnings(self) -> list[str]:
-        """Where the answers leave what they are meant for, one plain sentence each."""
+        """Limits of validity that the stage exceeds, one sentence each."""
         found = [*warning.of_numbers(self.stage), *warning.of_formula(self.stage, self.formula)]
         return found if self.links else [*found, *warning.of_model(self.stage, self.result)]
 
 
 @dataclass(frozen=True, eq=False)
 class ElementModel(PlatformModel):
-    """Plane finite elements of a stage, as `solve` gives them; resolution: quadratic triangles across every neck."""
+    """Plane finite elements of a stage, as `solve` returns them; resolution: quadratic triangles across every neck."""
 
     resolution: int
     solved: Response
@@ -98,34 +98,34 @@ class ElementModel(PlatformModel):
         return self.solved.mesh
 
     def displacement(self, force: ArrayLike) -> Array:
-        """Displacement (..., n, 2), mm, of every node under loads (..., 3)."""
+        """Return the displacement (..., n, 2), mm, of every node under loads (..., 3)."""
         return np.tensordot(forces("force", force), self.solved.fields, axes=1)
 
     def stress(self, force: ArrayLike) -> Array:
-        """Von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
+        """Return the von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
         loads = forces("force", force)
         stress = [load_case(self.stage, self.mesh, self.solved, load).stress for load in loads.reshape(-1, 3)]
         return np.reshape(stress, (*loads.shape[:-1], len(self.mesh.nodes)))
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """As of `PlatformModel`."""
+        """See `PlatformModel`."""
         loads = self.force(pose)
         return neck_stresses(self.stage, self.solved, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
 
     def fields(self, force: ArrayLike) -> Fields:
-        """Mesh, displacement and von Mises stress under one load (3,), as figures take them."""
+        """Return mesh, displacement and von Mises stress under one load (3,), for figures."""
         mesh, load = self.mesh, forces("force", force, 1)
         return Fields(mesh.nodes, mesh.triangles, mesh.bodies, self.displacement(load), self.stress(load))
 
     @cached_property
     def band(self) -> Array:
-        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, by two coarser meshes."""
+        """Half-width (3, 3) of the mesh uncertainty of the compliance, N, mm, rad, from two coarser meshes."""
         steps = levels(self.resolution)
         return compliance_bands(np.array(steps), np.array([solved(self.stage, level).compliance for level in steps]))
 
     @property
     def warnings(self) -> list[str]:
-        """Where the answers leave what they are meant for, one plain sentence each."""
+        """Limits of validity that the stage exceeds, one sentence each."""
         return [*warning.of_numbers(self.stage), *warning.of_thickness(self.stage)]
 
     def plot(self, force: ArrayLike, ax: Axes | None = None, factor: float | None = None) -> Axes:
@@ -139,7 +139,7 @@ class ElementModel(PlatformModel):
 
 
 class Errors(NamedTuple):
-    """Error percentages of the protocol: finite-element displacement minus commanded, under the force of (18).
+    """Error percentages: finite-element displacement minus commanded displacement, under the force of (18).
 
     percent : (3, 3), per cent; column j for a command in direction j, order x, y, theta. Rotations count with the
     lever l3, as CONVENTIONS says.   band : (3, 3), percentage points, half-width of the numerical uncertainty.
@@ -150,7 +150,7 @@ class Errors(NamedTuple):
 
 
 def load(path: PathLike) -> Stage:
-    """Read a stage file, validated and feasible. Raises BadInput, one line with file, line, key and expectation.
+    """Read and check a stage file. Raises BadInput, one line with file, line, key and expected value.
 
     Examples
     --------

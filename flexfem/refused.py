@@ -1,17 +1,17 @@
-"""The ways flexfem refuses: what the user gave is wrong, the computation cannot be trusted, or its code has changed."""
+"""Exceptions: input that cannot be used, a computation that cannot be trusted, sources edited during a command."""
 
 from __future__ import annotations
 
 from typing import Any
 
 
-class BadInput(Exception):  # noqa: N818  the exit code says error, the name says whose
-    """A file, key or option that cannot be used; its text is one line, shown as it is, and the exit code is 2.
+class BadInput(Exception):  # noqa: N818  the name says whose error it is
+    """A file, key or option that cannot be used; its text is one line, shown unchanged, and the exit code is 2.
 
-    reason : the text without file and line, where they stand in front.   located : whether they do.
+    reason : the text without its leading file and line.   located : whether the text has them.
     """
 
-    __module__ = "flexfem"  # where users find it
+    __module__ = "flexfem"  # the public name in tracebacks and documentation
     located = False
 
     def __init__(self, text: str, place: str = "") -> None:
@@ -23,8 +23,8 @@ class BadInput(Exception):  # noqa: N818  the exit code says error, the name say
 
 
 class ComputationFailed(Exception):  # noqa: N818
-    """A mesh or a solution that fails its own checks; its text is one line, shown as it is, and the exit code is 1."""
+    """A mesh or a solution that fails its own checks; its text is one line, shown unchanged, and the exit code is 1."""
 
 
 class SourcesChanged(Exception):  # noqa: N818
-    """flexfem's own sources were edited under a command; its text is one line, and the exit code is 1."""
+    """flexfem's own sources were edited during a command; its text is one line, and the exit code is 1."""

@@ -1,8 +1,8 @@
-"""Results: what a question answers, declared once as `Quantity` attributes of a subclass of `Result`.
+"""Results of questions, declared once as `Quantity` attributes of a subclass of `Result`.
 
 Tables, JSON documents with their schema, columns of studies, the reference in the documentation and the gates of
-`regression` follow from the declaration. Values are inside in N, mm, MPa, rad, tonne and s; what is printed or stored
-has the units of the declaration.
+`regression` follow from the declaration. Values are held in N, mm, MPa, rad, tonne and s (inside units). Printed and
+stored numbers have the units of the declaration.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
 DRAFT = "http://json-schema.org/draft-07/schema#"
-LARGEST_FILE = 2**26  # bytes of a stored result
-LONG, MOST_COLUMNS = 40, 8  # characters of a text of a list, else it has its own line; of a table of records
+LARGEST_FILE = 2**26  # bytes, largest stored result
+LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
 SPACE = "\N{NO-BREAK SPACE}"
-ROUND_OFF = 1e-9  # of the scale of a value: less is zero by symmetry and shown as 0
+ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
-SHEET = "plane stress"  # likewise, of the plane problem beside three dimensions
+SHEET = "plane stress"  # label of the plane problem that is compared with three dimensions
 AXES = {
     "direction": DIRECTIONS,
     "component": DIRECTIONS,
@@ -46,37 +46,37 @@ Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
 
 
 class Gate(NamedTuple):
-    """The change that `regression` accepts: relative to the scale of a value, of its band, and in inside units."""
+    """Change that `regression` accepts: relative to the scale, relative to the band, and absolute in inside units."""
 
     relative: float
     band: float = 0.05
     absolute: float = 0.0
 
 
-EXACT = Gate(1e-12)  # closed forms and small dense algebra
-SOLVED = Gate(1e-9)  # iterated to a tolerance, or differences of such numbers
-FRESH = Gate(1.5e-5)  # finite elements on a mesh made now: gmsh 4.13 to 4.15 mesh the reference stages alike
-COARSER = Gate(3e-4)  # the same on coarser meshes, and what is extrapolated from them
-STRESS = Gate(5e-3)  # largest stress on such a mesh
+EXACT = Gate(1e-12)  # closed forms and small dense matrices
+SOLVED = Gate(1e-9)  # iterative solutions, and differences of numbers
+FRESH = Gate(1.5e-5)  # finite elements on a new mesh: gmsh 4.13 to 4.15 make almost the same mesh
+COARSER = Gate(3e-4)  # finite elements on coarser meshes, and extrapolated values
+STRESS = Gate(5e-3)  # largest stress on a new mesh
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity of a result: a descriptor that gives the array of an instance.
+    """A quantity of a result: a descriptor that returns the array of an instance.
 
     Parameters
     ----------
-    meaning : a noun phrase, which heads the column of a table.
+    meaning : a noun phrase, the heading of a table column.
     unit : key of `units.UNITS`, "" for a pure number; a tuple by label of the axis "direction", or without it of the
         last axis; a matrix for the last two axes; or a key of `BY_DIRECTION`.
     over : axes of the array.
     gate : the change that `regression` accepts.
-    scale : what a change is relative to: the value; the largest of the last axis or of all; the largest of a pose or
-        wrench with rotations times the lever and moments divided by it; or the diagonal of a matrix.
-    largest : axes over which tables show the largest value alone.
+    scale : reference size of a change: the value; the largest value along the last axis or of all; the largest
+        component of a pose or wrench, with rotations times the lever or moments divided by it; or the matrix diagonal.
+    largest : axes over which tables show only the largest value.
     prefixed : whether tables choose a prefix for every number (um, nm, mrad).
-    shown : whether tables have it; JSON always has.
-    note : a sentence on how it is to be read, below the tables.
+    shown : whether tables include it; JSON always does.
+    note : an explanation that is printed below the tables.
     """
 
     meaning: str
@@ -107,7 +107,7 @@ class Quantity:
             raise AttributeError(f"{owner.__name__} without {self.name!r}: {self.meaning} was not computed") from None
 
     def unit_at(self, place: tuple[int, ...]) -> Unit:
-        """The unit of the value at a place of the array."""
+        """Return the unit of the value at an index of the array."""
         name: Any = self.unit
         if isinstance(name, tuple) and isinstance(name[0], str):
             name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
@@ -116,7 +116,7 @@ class Quantity:
         return UNITS[name] if name else NONE
 
     def factors(self, shape: tuple[int, ...]) -> Array:
-        """Factors from inside units to those of the declaration, as an array of a shape."""
+        """Return factors (shape) from inside units to the declared units."""
         found = np.ones(shape)
         for place in np.ndindex(shape):
             found[place] = self.unit_at(place).factor
@@ -124,18 +124,18 @@ class Quantity:
 
 
 class About(NamedTuple):
-    """What a result is of: name of the stage, its file, hash, key paths of numbers in doubt, lever l3."""
+    """Subject of a result: name of the stage, its file, its hash, key paths of doubtful numbers, and the lever l3."""
 
     name: str
     file: str = ""
     hash: str = ""
     assumed: Sequence[str] = ()
     not_stated: Sequence[str] = ()
-    lever: float = 1.0  # mm, makes rotations comparable with translations
+    lever: float = 1.0  # mm; a rotation times the lever is comparable with a translation
 
 
 class Number(NamedTuple):
-    """One number of a result: its path, value and band in inside units, and the change that is accepted."""
+    """One number of a result: path, value and band in inside units, and the accepted changes of value and band."""
 
     path: str
     value: float
@@ -146,7 +146,7 @@ class Number(NamedTuple):
 
 
 class TextTable(NamedTuple):
-    """A table as text: its head, its rows, how many columns at the left name the rows, and what it shows."""
+    """A table of texts: head, rows, number of columns at the left that name the rows, and caption."""
 
     head: list[str]
     rows: list[list[str]]
@@ -155,7 +155,7 @@ class TextTable(NamedTuple):
 
 
 class Fields(NamedTuple):
-    """Finite-element fields of a figure; in three dimensions of the mid-plane, with the highest stress through it."""
+    """Finite-element fields of a figure; in three dimensions at the mid-plane, with the largest stress over z."""
 
     nodes: AnyArray  # (n, 2), mm
     triangles: AnyArray  # (m, 6)
@@ -165,16 +165,16 @@ class Fields(NamedTuple):
 
 
 class Result:
-    """Quantities with labelled axes, bands, and what they are of.
+    """Quantities with labelled axes, their bands, and their subject.
 
     Parameters
     ----------
-    values : arrays by quantity, inside units; nan where there is no answer. What was not computed is left out.
-    bands : half-widths of the numerical uncertainty, of the same shapes; nan where there is none.
+    values : arrays by quantity, inside units; nan where there is no value. Quantities not computed are absent.
+    bands : half-widths of the numerical uncertainty, same shapes; nan where none is known.
     axes : labels of the axes that the class does not fix.
-    settings : what the question was asked with: models, resolutions.
-    warnings, notes : where the answer leaves what it is meant for, and how its table is to be read.
-    fields : fields of finite elements for figures; not stored.
+    settings : settings of the question, such as models and resolutions.
+    warnings, notes : limits of validity, and explanations of the tables.
+    fields : finite-element fields for figures; they are not stored.
     """
 
     title: ClassVar[str] = ""
@@ -187,8 +187,8 @@ class Result:
     kinds: ClassVar[dict[str, type[Result]]] = {}
 
     def __init_subclass__(cls) -> None:
-        every = {name: one for base in reversed(cls.__mro__) for name, one in vars(base).items()}
-        cls.quantities = {name: one for name, one in every.items() if isinstance(one, Quantity)}
+        attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+        cls.quantities = {name: value for name, value in attributes.items() if isinstance(value, Quantity)}
         Result.kinds[cls.kind()] = cls
 
     def __init__(
@@ -221,17 +221,17 @@ class Result:
 
     @classmethod
     def kind(cls) -> str:
-        """Name of the kind of result: that of the class in lower case."""
+        """Return the name of the kind of result: the class name in snake case."""
         return "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
 
     # access
 
     def at(self, quantity: str, **labels: str) -> Array:
-        """The part of a quantity at labels of some of its axes; the others keep their order."""
+        """Return a quantity at labels of some of its axes; the other axes keep their order."""
         return self._part(self.values, quantity, labels)
 
     def band(self, quantity: str, **labels: str) -> Array:
-        """Bands of that part; nan where there are none."""
+        """Return the bands of the same part; nan where there are none."""
         return self._part(self.bands, quantity, labels)
 
     def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
@@ -247,7 +247,7 @@ class Result:
         return np.asarray(array[place])
 
     def entries(self) -> Iterator[Number]:
-        """All numbers by path, `quantity.label.label`, blanks of labels as underscores."""
+        """Yield all numbers with their paths `quantity.label.label`; blanks in labels become underscores."""
         for name, values in self.values.items():
             quantity, sizes, bands = self.quantities[name], self.sizes(name), self.band(name)
             for at, labels in self._places(quantity.over):
@@ -262,7 +262,7 @@ class Result:
             yield tuple(k for k, _ in each), tuple(label for _, label in each)
 
     def sizes(self, name: str) -> Array:
-        """What changes of a quantity are relative to, and round-off is small against: an array of its shape."""
+        """Return the reference sizes of changes and round-off of a quantity, in its shape."""
         values, scale = np.abs(np.nan_to_num(self.values[name], posinf=0.0, neginf=0.0)), self.quantities[name].scale
         if scale == "value":
             return values
@@ -278,7 +278,7 @@ class Result:
     # documents
 
     def to_dict(self) -> dict[str, Any]:
-        """The JSON document: numbers in the units of the declaration, null where there is no answer."""
+        """Return the JSON document: numbers in the declared units, null where there is no value."""
         found = {}
         for name, values in self.values.items():
             quantity = self.quantities[name]
@@ -305,12 +305,12 @@ class Result:
         }
 
     def write(self, path: Path) -> Path:
-        """Store the document as JSON with its digest, by which `read` sees a change; returns the path."""
+        """Store the document as JSON with a digest, so that `read` detects changes; return the path."""
         return write_sealed(checked_path(path), self.to_dict())
 
     @classmethod
     def read(cls, path: Path) -> Self:
-        """Read a stored result of this kind, or of any for `Result`. Raises BadInput when it is none or was changed."""
+        """Read a stored result of this kind (any kind for `Result`). Raises BadInput for other or changed files."""
         data = unsealed(path)
         kind = Result.kinds.get(str(data.get("result")))
         if kind is None or not issubclass(kind, cls):
@@ -331,7 +331,7 @@ class Result:
 
     @classmethod
     def schema(cls) -> dict[str, Any]:
-        """JSON schema of the document."""
+        """Return the JSON schema of the document."""
         text = {"type": "string"}
         texts = {"type": "array", "items": text}
         quantities: dict[str, Any] = {}
@@ -357,9 +357,9 @@ class Result:
 
     @classmethod
     def reference(cls) -> TextTable:
-        """The declaration as a table for the documentation."""
+        """Return the declaration as a table for the documentation."""
         rows = [
-            [f"{cls.kind()}.{name}", one.meaning, _units_said(one.unit), ", ".join(one.over) or "one number"]
+            [f"{cls.kind()}.{name}", one.meaning, _units_text(one.unit), ", ".join(one.over) or "one number"]
             for name, one in cls.quantities.items()
         ]
         return TextTable(["quantity", "meaning", "unit", "for each"], rows, 1)
@@ -367,9 +367,9 @@ class Result:
     # tables
 
     def tables(self, plain: bool = True) -> list[TextTable]:
-        """Tables of all quantities: those with the same rows and the same kind of columns make one table.
+        """Return the tables: quantities with the same rows and the same kind of columns share a table.
 
-        `plain` : units in ASCII letters, for terminals.
+        plain : write units in ASCII, for terminals.
         """
         groups: dict[tuple[tuple[str, ...], str], list[Quantity]] = {}
         for name, quantity in self.quantities.items():
@@ -393,25 +393,25 @@ class Result:
             return TextTable(head, self._rows(over, group, plain), len(over), group[0].meaning)
         stacked = []  # rows for each quantity, whose name has the units
         for one in group:
-            unit = "" if one.prefixed or not one.unit else f" ({_units_said(one.unit, plain)})"
+            unit = "" if one.prefixed or not one.unit else f" ({_units_text(one.unit, plain)})"
             for k, row in enumerate(self._rows(over, [one], plain)):
                 stacked.append([f"{one.meaning}{unit}" if k == 0 else "", *row])
         return TextTable(["", *over, *labels], stacked, 1 + len(over))
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
-        """The head of a column with its unit; prefixed numbers have theirs with them."""
-        name = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)).said(plain)
+        """Return the heading of a column with its unit, unless the cells contain the unit."""
+        name = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)).label(plain)
         return f"{text} ({name})" if name and not self._with_unit(quantity) else text
 
     def _with_unit(self, quantity: Quantity) -> bool:
-        """Whether cells have their unit: where numbers have prefixes of their own, or units differ by row."""
+        """Return whether cells contain the unit: numbers have their own prefixes, or units differ by row."""
         by_direction = isinstance(quantity.unit, tuple) and "direction" in quantity.over
         return quantity.prefixed or (by_direction and self._spread(quantity) not in ("direction", "component"))
 
     def _rows(
         self, over: tuple[str, ...], group: list[Quantity], plain: bool, with_unit: bool = False
     ) -> list[list[str]]:
-        """Rows of quantities with the same axes; behind the last model how the first differs from it."""
+        """Return rows of quantities with the same axes; the difference of the models follows the last model."""
         rows, last = [], tuple[str, ...]()
         last_model = len(self.axes.get("model", ())) - 1
         for place, labels in self._places(over):
@@ -431,12 +431,12 @@ class Result:
         return rows
 
     def _spread(self, quantity: Quantity) -> str:
-        """The axis of a quantity whose labels are columns."""
+        """Return the axis of a quantity whose labels are table columns, "" for none."""
         found = [axis for axis in quantity.over if axis in self.columns]
         return found[-1] if found else ""
 
     def _shown(self, quantity: Quantity, over: Sequence[str], place: Sequence[int]) -> list[tuple[int, ...]]:
-        """Places of the array behind the cells of one row: for each column that of the largest value."""
+        """Return the array indices shown in the cells of a row: the first of the largest values of each column."""
         spread, sizes = self._spread(quantity), np.abs(self.values[quantity.name])
         sizes, found = np.where(np.isnan(sizes), -1.0, sizes), []
         for k in range(len(self.axes[spread]) if spread else 1):
@@ -455,13 +455,13 @@ class Result:
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
-        text = f"{text} {unit.said(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
+        text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
         return f"{text} ({', '.join(where)})" if where and value and text else text
 
     def _differences(self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]) -> list[str]:
-        """By how much per cent the first model differs from the last one, for the cells of a row of the last one."""
+        """Return the differences of the first model from the last in per cent, for the cells of a row of the last."""
         values, sizes, last = self.values[quantity.name], self.sizes(quantity.name), self._shown(quantity, over, place)
         if "model" not in quantity.over:
             return [""] * len(last)
@@ -472,13 +472,13 @@ class Result:
         return found
 
     def heading(self) -> str:
-        """The stage and the settings in one line."""
+        """Return the stage and the settings in one line."""
         shown = {key: value for key, value in self.settings.items() if not isinstance(value, Mapping)}
-        said = [f"{key} {value}" for key, value in shown.items() if value not in (None, "", False)]
-        return f"{self.about.name}: {'; '.join([self.title, *said])}" if said else f"{self.about.name}: {self.title}"
+        texts = [f"{key} {value}" for key, value in shown.items() if value not in (None, "", False)]
+        return f"{self.about.name}: {'; '.join([self.title, *texts])}"
 
     def sentences(self) -> list[str]:
-        """What stands below the tables: how to read them."""
+        """Return the explanations below the tables."""
         banded = any(np.any(np.isfinite(band)) for band in self.bands.values())
         band = ["±: half-width of the numerical uncertainty, by meshes"] if banded else []
         noted = (one for name, one in self.quantities.items() if one.note and name in self.values)
@@ -486,7 +486,7 @@ class Result:
         return [*self.reading, *notes, *self.notes, *band]
 
     def to_markdown(self) -> str:
-        """All tables in Markdown."""
+        """Return all tables in Markdown."""
         lines = []
         for each in self.tables(plain=False):
             align = "l" * each.names + "r" * (len(each.head) - each.names)
@@ -501,7 +501,7 @@ class Result:
         return f"<{type(self).__name__} of {self.about.name!r}: {parts}>"
 
     def to_frame(self) -> Any:
-        """All numbers as a pandas DataFrame: path, value, band, unit."""
+        """Return all numbers as a pandas DataFrame: path, value, band, unit."""
         import pandas as pd
 
         rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
@@ -509,9 +509,9 @@ class Result:
 
 
 def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:
-    """The fields of a named tuple by name in words, and its lists of named tuples as tables; assumptions are left out.
+    """Return the fields of a named tuple as texts by name, and its lists of named tuples as tables.
 
-    Fields are said with the units that their names end in; keys whose texts are equal are one.
+    Texts contain the units that the field names end in. Keys with equal texts are merged. Assumptions are omitted.
     """
     facts, tables = list[tuple[str, str]](), list[TextTable]()
     for name, value in record._asdict().items():
@@ -526,7 +526,7 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
             tables.append(_records_table(title, value, plain))
         elif isinstance(value, dict):
             texts = {
-                key if isinstance(each, str) else without_unit(key): _said(each, unit_of(key).said(plain))
+                key if isinstance(each, str) else without_unit(key): _text(each, unit_of(key).label(plain))
                 for key, each in value.items()
             }
             for text in dict.fromkeys(texts.values()):
@@ -534,45 +534,45 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
         elif isinstance(value, list) and any(len(str(each)) > LONG for each in value):
             facts.append((title, "\n" + "\n".join(map(str, value))))
         else:
-            facts.append((title, _said(value, unit_of(name).said(plain))))
+            facts.append((title, _text(value, unit_of(name).label(plain))))
     return facts, tables
 
 
 def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable:
-    """A row for each named tuple; of many fields a column, so that it is not wider than a terminal."""
-    units = [unit_of(name).said(plain) for name in records[0]._fields]
+    """Return a table with a row for each named tuple, or a column where it would be wider than a terminal."""
+    units = [unit_of(name).label(plain) for name in records[0]._fields]
     names = [without_unit(name).replace("_", " ") for name in records[0]._fields]
     head = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
-    rows = [[_said(part) for part in one] for one in records]
+    rows = [[_text(part) for part in one] for one in records]
     if len(head) > MOST_COLUMNS:
         head, *rows = map(list, zip(head, *rows, strict=True))
         return TextTable(head, rows, len(head), title)
     return TextTable(head, rows, sum(isinstance(part, int | str) for part in records[0][:2]), title)
 
 
-def _said(value: Any, unit: str = "") -> str:
-    """A value in words."""
+def _text(value: Any, unit: str = "") -> str:
+    """Return a value as text."""
     if hasattr(value, "_asdict"):
-        return _said(value._asdict())
+        return _text(value._asdict())
     if isinstance(value, dict):
-        said = (
-            f"{without_unit(key).replace('_', ' ')} {_said(each, unit_of(key).plain)}"
+        texts = (
+            f"{without_unit(key).replace('_', ' ')} {_text(each, unit_of(key).plain)}"
             for key, each in value.items()
             if each is not None
         )
-        return "; ".join(said)
+        return "; ".join(texts)
     if isinstance(value, list | tuple):
-        return f"{', '.join(map(_said, value))} {unit}".rstrip()
+        return f"{', '.join(map(_text, value))} {unit}".rstrip()
     return f"{round(value, 12) + 0.0:.8g} {unit}".rstrip() if isinstance(value, float) else str(value)
 
 
 def thousands(count: int) -> str:
-    """A count with its thousands apart."""
+    """Return a count with separated thousands."""
     return f"{count:,}".replace(",", SPACE)
 
 
 def number(value: float, band: float = np.nan) -> str:
-    """A number with as many digits as its band carries, five significant ones without a band; "" for nan."""
+    """Return a number with the digits that its band justifies, five significant ones without a band; "" for nan."""
     if not np.isfinite(value):
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
@@ -585,7 +585,7 @@ def number(value: float, band: float = np.nan) -> str:
 
 
 def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:
-    """Store a document as JSON with its digest; returns the path. Raises BadInput when the folder does not take it."""
+    """Store a document as JSON with its digest; return the path. Raises BadInput when it cannot be written."""
     data = json.loads(json.dumps(content, allow_nan=False))
     text = json.dumps(data | {"digest": digest(data)}, indent=1, allow_nan=False)
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
@@ -593,7 +593,7 @@ def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:
 
 
 def unsealed(path: PathLike) -> dict[str, Any]:
-    """A stored document without its digest. Raises BadInput when it is none, or was changed since it was stored."""
+    """Return a stored document without its digest. Raises BadInput for other files and changed documents."""
     try:
         data: dict[str, Any] = json.loads(read_bytes(path, LARGEST_FILE))
         stated = data.pop("digest")
@@ -606,7 +606,7 @@ def unsealed(path: PathLike) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of the packages that move numbers."""
+    """Return the versions of the packages that affect numbers."""
     found = dict.fromkeys(PACKAGES, "not installed as a package")
     for package in PACKAGES:
         with suppress(PackageNotFoundError):
@@ -615,7 +615,7 @@ def versions() -> dict[str, str]:
 
 
 def _nested(values: Array) -> Any:
-    """An array as nested lists; null where there is no answer, a word where there is no limit."""
+    """Return an array as nested lists: null for nan, "unlimited" for infinity."""
     found = np.array(values, dtype=object)
     for word, where in ((None, np.isnan(values)), ("unlimited", values == np.inf), ("-unlimited", values == -np.inf)):
         found[where] = word
@@ -623,20 +623,20 @@ def _nested(values: Array) -> Any:
 
 
 def _numbers(value: Any) -> Any:
-    """Nested lists of a document with nan for null and inf for "unlimited"."""
+    """Return nested lists of a document with nan for null and infinity for "unlimited"."""
     if isinstance(value, list):
         return [_numbers(each) for each in value]
     return {None: np.nan, "unlimited": np.inf, "-unlimited": -np.inf}.get(value, value)
 
 
 def _table_schema(description: str, properties: dict[str, Any], optional: str) -> dict[str, Any]:
-    """JSON schema of a table with these keys and no others."""
+    """Return the JSON schema of an object with these keys and no others."""
     required = [key for key in properties if key != optional]
     parts = {"type": "object", "properties": properties, "required": required, "additionalProperties": False}
     return {"description": description, **parts}
 
 
-def _units_said(unit: UnitNames, plain: bool = False) -> str:
-    """The different units of a quantity, with commas."""
+def _units_text(unit: UnitNames, plain: bool = False) -> str:
+    """Return the distinct units of a quantity, separated by commas."""
     names = np.ravel(unit).tolist()
-    return ", ".join(dict.fromkeys(UNITS[name].said(plain) if name else "1" for name in names))
+    return ", ".join(dict.fromkeys(UNITS[name].label(plain) if name else "1" for name in names))

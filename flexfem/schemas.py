@@ -1,7 +1,7 @@
-"""Files that flexfem reads and writes: JSON schemas, draft 7, and tables of their keys for people.
+"""JSON schemas (draft 7) of the files that flexfem reads and writes, and tables of their keys.
 
-The schema of an input file is made from the model that reads it, without references, so that editors of TOML read it;
-that of a stored result is of its declaration.
+The schema of an input file is made from the model that reads it. It has no references, because TOML editors do not
+resolve them. The schema of a result is made from its declaration.
 """
 
 from __future__ import annotations
@@ -43,13 +43,13 @@ from flexfem.units import unit_of
 FILE = "flexfem-{}.schema.json"
 NUMBERS = ("number", "integer")
 WORDS = {"string": "text", "number": "number", "integer": "integer", "boolean": "true or false", "object": "table"}
-LISTED = 12  # values of an enumeration; of more a few are named
+LISTED = 12  # values of an enumeration that are listed; of longer ones three are
 
 
 class Format(NamedTuple):
-    """A kind of input file: the model that reads it, its title, and what it is for.
+    """A kind of input file: the model that reads it, its title, and its purpose.
 
-    `named` is what the tables of the file are, where their names are the user's: then the model is that of each.
+    named : what each table describes where the user names the tables; the model is then that of one table.
     """
 
     model: type[BaseModel]
@@ -101,7 +101,7 @@ FORMATS = {
 
 
 class Schema(dict[str, Any]):
-    """A JSON schema, whose text is a table of the keys of the file."""
+    """A JSON schema that prints as a table of the keys of the file."""
 
     text = ""
 
@@ -154,7 +154,7 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
 
 
 def _lines(name: str) -> Iterator[str]:
-    """The keys of a file, or the quantities of a result, in a line each with the meaning below it."""
+    """Yield the keys of a file, or the quantities of a result, each with its meaning on the next line."""
     if name not in FORMATS:
         for quantity, meaning, unit, axes in results()[name].reference().rows:
             yield f"{quantity}{f' {unit}' if unit else ''}: for each {axes}\n    {meaning}"
@@ -167,14 +167,14 @@ def _lines(name: str) -> Iterator[str]:
 
 
 def results() -> dict[str, type[Result]]:
-    """All kinds of results by name."""
+    """Return all kinds of results by name."""
     for module in iter_modules(questions.__path__):
         import_module(f"{questions.__name__}.{module.name}")
     return {name: one for name, one in Result.kinds.items() if one.__module__.startswith("flexfem.")}
 
 
 def schema_of(name: str) -> dict[str, Any]:
-    """The JSON schema of an input file or result. Raises BadInput when there is no such kind."""
+    """Return the JSON schema of an input file or result. Raises BadInput for an unknown kind."""
     if name not in (known := [*FORMATS, *results()]):
         raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected one of: {', '.join(known)}")
     if name not in FORMATS:
@@ -190,12 +190,12 @@ def schema_of(name: str) -> dict[str, Any]:
 
 
 class _Described(GenerateJsonSchema):
-    """Keys with the text below their attributes, which pydantic would read at the start of every command."""
+    """Schemas with the attribute docstrings as descriptions; pydantic would parse them at every start."""
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         found, model, texts = super().model_schema(schema), schema["cls"], dict[str, str]()
         for each in (*getattr(model, "described_by", ()), *reversed(model.__mro__)):
-            if not issubclass(each, Table) or each is Override:  # which is made without a source
+            if not issubclass(each, Table) or each is Override:  # has no source code
                 continue
             tree: Any = ast.parse(dedent(inspect.getsource(each))).body[0]
             for one, below in pairwise(tree.body):
@@ -208,17 +208,17 @@ class _Described(GenerateJsonSchema):
         return found
 
 
-def _plain(given: Any, known: dict[str, Any]) -> Any:
-    """A schema without references, without null, which TOML has not, and with arrays of one kind of member."""
-    if not isinstance(given, dict):
-        return given
-    found = {key: value for key, value in given.items() if key not in ("title", "$defs", "$ref", "default")}
-    if given.get("default") is not None and given["default"] != []:
-        found["default"] = given["default"]
+def _plain(schema: Any, known: dict[str, Any]) -> Any:
+    """Return a schema without references, without null, and with one schema for all items of an array."""
+    if not isinstance(schema, dict):
+        return schema
+    found = {key: value for key, value in schema.items() if key not in ("title", "$defs", "$ref", "default")}
+    if schema.get("default") is not None and schema["default"] != []:
+        found["default"] = schema["default"]
     if "description" in found:
-        found["description"] = " ".join(found["description"].split())  # of the lines of a docstring
-    if "$ref" in given:
-        found = {**_plain(known[given["$ref"].rpartition("/")[2]], known), **found}
+        found["description"] = " ".join(found["description"].split())
+    if "$ref" in schema:
+        found = {**_plain(known[schema["$ref"].rpartition("/")[2]], known), **found}
     members = found.get("anyOf", [])
     if {"type": "null"} in members:
         (inner,) = (each for each in members if each != {"type": "null"})
@@ -238,7 +238,7 @@ def _plain(given: Any, known: dict[str, Any]) -> Any:
 
 
 def _state_units(of: dict[str, Any], key: str) -> None:
-    """Give every number the unit that its key ends in; a number without one says so itself."""
+    """Add to every number the unit that its key ends in, unless its own schema states one."""
     if of.get("type") in NUMBERS and UNIT not in of:
         unit = str(unit_of(key)) or ("1" if of["type"] == "integer" else "")
         assert unit, f"{key}: a number without a unit"
@@ -250,7 +250,7 @@ def _state_units(of: dict[str, Any], key: str) -> None:
 
 
 class KeyRow(NamedTuple):
-    """One key: its value in words, `default` and `example` as TOML writes them, "" where there is none."""
+    """One key: the values it may have as text, default and example in TOML, "" where there is none."""
 
     key: str
     needed: bool
@@ -262,7 +262,7 @@ class KeyRow(NamedTuple):
 
 
 class KeyTable(NamedTuple):
-    """A table of a file by its header, "" for the top of the file; `array`: one of as many as wanted."""
+    """A table of a file: its name, "" for the top level, and whether it is an array of tables."""
 
     name: str
     array: bool
@@ -271,12 +271,12 @@ class KeyTable(NamedTuple):
 
     @property
     def header(self) -> str:
-        """As TOML writes it."""
+        """The header in TOML."""
         return f"[[{self.name}]]" if self.array else f"[{self.name}]"
 
 
 def tables_of(name: str) -> list[KeyTable]:
-    """The tables of an input file, each before those inside it. Raises BadInput when there is no such format."""
+    """Return the tables of an input file, outer tables first. Raises BadInput for an unknown format."""
     of, named = schema_of(name), FORMATS[name].named
     return list(_tables(of["additionalProperties"], f"name of the {named}", False) if named else _tables(of, "", False))
 
@@ -300,12 +300,12 @@ def _tables(of: dict[str, Any], name: str, array: bool) -> Iterator[KeyTable]:
 
 
 def example_of(of: dict[str, Any]) -> Any:
-    """A value that the key may have: its example, its default, or the first of those it may be."""
+    """Return a valid value of a key: its example, its default, or the first value of its enumeration."""
     return (of.get("examples") or [of.get("default", of.get("enum", [True])[0])])[0]
 
 
 def _in_words(of: dict[str, Any]) -> str:
-    """What a value may be."""
+    """Return the valid values of a key as text."""
     if "enum" in of:
         values = [as_toml(each) for each in of["enum"]]
         if len(values) > LISTED:

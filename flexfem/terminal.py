@@ -1,4 +1,4 @@
-"""Standard streams, signals and progress of a command: nothing printed can command a terminal or end the command."""
+"""Standard streams, signals and progress of a command; printed text cannot control the terminal."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from typing import Any
 
 from flexfem.refused import SourcesChanged
 
-EVERY = 10.0  # s between two lines
-COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # escapes, overwriting
-IMPORTER = "<frozen importlib._bootstrap>"  # of what Python imports with
-LOOK, PATIENCE = 0.02, 2.0  # s between two looks whether an import is over, and how long it may take
-ENDING = 5.0  # s that a stopped command has to end in order, before the next signal ends it at once
+EVERY = 10.0  # s between two progress lines
+COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # control characters
+IMPORTER = "<frozen importlib._bootstrap>"  # file name in frames of the import system
+LOOK, PATIENCE = 0.02, 2.0  # s between two checks whether an import has ended, and its longest duration
+ENDING = 5.0  # s for a stopped command to end; after that the next signal ends it at once
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal asks the command to stop; the exit code is 128 and the signal's number, `said` the line about it."""
+    """A signal stopped the command; `code` is 128 plus the signal number, `said` the message."""
 
     said = "stopped"
 
@@ -33,24 +33,24 @@ class Stopped(KeyboardInterrupt):
 
 
 class Plain:
-    """A text stream through which control characters go escaped; `raw` is the stream itself, for progress bars.
+    """A text stream that escapes control characters; `raw` is the wrapped stream, for progress bars.
 
-    `silent` : what cannot be written is lost without a word: progress to a full or closed stream ends no run.
+    silent : ignore write errors, because progress on a full or closed stream must not end a run.
     """
 
     def __init__(self, raw: Any, silent: bool) -> None:
         self.raw, self._silent = raw, silent
         if hasattr(raw, "reconfigure"):
-            raw.reconfigure(errors="backslashreplace")  # a title that the terminal's encoding lacks
+            raw.reconfigure(errors="backslashreplace")  # characters that the encoding of the terminal lacks
 
     def write(self, text: str) -> int:
-        """Write text, its control characters escaped but for new lines and tabs."""
+        """Write text with escaped control characters, except new lines and tabs."""
         with self._lossless():
             self.raw.write(COMMANDS.sub(lambda found: repr(found[0])[1:-1], text))
         return len(text)
 
     def flush(self) -> None:
-        """As of any stream."""
+        """Flush the stream."""
         with self._lossless():
             self.raw.flush()
 
@@ -68,24 +68,24 @@ class Plain:
 
 
 def discard(stream: Any) -> None:
-    """Let what a stream still holds go nowhere."""
+    """Redirect a stream to the null device, so that its buffered text is discarded."""
     with suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def open_streams() -> None:
-    """Open standard streams that are closed: else the next file or pipe would take their place."""
+    """Open closed standard streams; otherwise the next file or pipe would get their numbers."""
     for stream in (0, 1, 2):
         try:
             os.fstat(stream)
         except OSError:
-            opened = os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, this one
-            os.set_inheritable(opened, True)  # for child processes, whose pipes would take its place
+            opened = os.open(os.devnull, os.O_RDWR)  # gets the lowest free number, this one
+            os.set_inheritable(opened, True)  # for child processes, whose pipes would get its number
 
 
 @contextmanager
 def plain_streams() -> Iterator[None]:
-    """Let nothing but text reach standard output and error, and losing the latter end nothing."""
+    """Escape control characters on standard output and error, and ignore write errors on standard error."""
     before = sys.stdout, sys.stderr
     sys.stdout = Plain(sys.stdout, False) if sys.stdout is not None else None
     sys.stderr = Plain(sys.stderr, True) if sys.stderr is not None else None
@@ -100,10 +100,10 @@ def plain_streams() -> Iterator[None]:
 
 @contextmanager
 def stoppable() -> Iterator[list[Stopped]]:
-    """Raise Stopped at the first signal to stop, and yield a list that has it; later ones wait `ENDING` s.
+    """Raise Stopped at the first stop signal, and yield a list that then contains it.
 
-    A library that is being imported is imported first: broken off, it prints what it likes, or goes on in pieces. Where
-    nothing can be raised, the stop is raised a moment later.
+    A running import is finished first, because interrupted libraries print messages or stay half loaded. Where no
+    exception can be raised, it is raised a moment later. Further signals are ignored for `ENDING` s.
     """
     raised: list[Stopped] = []
     if threading.current_thread() is not threading.main_thread():
@@ -128,7 +128,7 @@ def stoppable() -> Iterator[list[Stopped]]:
         signal.setitimer(signal.ITIMER_REAL, LOOK)
 
     def unraisable(lost: Any) -> None:
-        """Raise a stop again that came where nothing can be raised, such as in C code of a library."""
+        """Raise a stop again that was lost where no exception can be raised, such as in C code."""
         if not isinstance(lost.exc_value, Stopped):
             sys.__unraisablehook__(lost)
         elif sys.platform != "win32":
@@ -138,28 +138,28 @@ def stoppable() -> Iterator[list[Stopped]]:
     before = {number: signal.getsignal(number) for number in taken}
     hook, sys.unraisablehook = sys.unraisablehook, unraisable
     for number in taken:
-        if before[number] is not signal.SIG_IGN:  # nohup, and jobs in the background of a shell
+        if before[number] is not signal.SIG_IGN:  # nohup, and background jobs of a shell
             signal.signal(number, stop)
     try:
         yield raised
     finally:
         sys.unraisablehook = hook
-        if not raised:  # else they stay, until the process is gone
+        if not raised:  # otherwise the handlers stay until the process ends
             for number, handler in before.items():
                 signal.signal(number, handler)
         elif sys.platform != "win32":
-            signal.setitimer(signal.ITIMER_REAL, 0)  # a command that ended before it looked again ends by its own code
+            signal.setitimer(signal.ITIMER_REAL, 0)  # the command ended before the next check: its own exit code counts
 
 
 def _imports(frame: FrameType | None) -> bool:
-    """Whether a frame is run for an import."""
+    """Return whether a frame belongs to an import."""
     while frame is not None and frame.f_code.co_filename != IMPORTER:
         frame = frame.f_back
     return frame is not None
 
 
 def deepest(error: BaseException) -> TracebackType | None:
-    """Where an error was raised."""
+    """Return the innermost frame of an error."""
     frame = error.__traceback__
     while frame is not None and frame.tb_next is not None:
         frame = frame.tb_next
@@ -167,7 +167,7 @@ def deepest(error: BaseException) -> TracebackType | None:
 
 
 def reason_of(error: BaseException) -> str:
-    """What went wrong in one line, for an error that nobody has put into words."""
+    """Return one line on an unexpected error."""
     from flexfem.files.refusals import one_line  # heavy
     from flexfem.sources import require_unchanged
 
@@ -179,7 +179,7 @@ def reason_of(error: BaseException) -> str:
     if isinstance(error, ImportError):
         return f"a library cannot be loaded: {what}"
     try:
-        require_unchanged()  # parts of two versions together can fail anywhere
+        require_unchanged()  # modules of two versions can fail anywhere
     except SourcesChanged as changed:
         return str(changed)
     frame = deepest(error)
@@ -189,10 +189,10 @@ def reason_of(error: BaseException) -> str:
 
 @contextmanager
 def working(description: str, pause: float = 0.0) -> Iterator[Callable[[str], None]]:
-    """Yield what takes a word whenever something is done or begins.
+    """Yield a function that shows a progress message.
 
-    On a terminal a sign that moves, gone at the end; else a line for every word that comes `pause` s after the last
-    line, and one whenever `EVERY` seconds have passed without any.
+    A terminal shows a spinner, removed at the end. Other streams get a line for each message at least `pause` s after
+    the last line, and a line with the time whenever `EVERY` s have passed without one.
     """
     stream = sys.stderr.raw if isinstance(sys.stderr, Plain) else sys.stderr
     if stream.isatty():

@@ -1,4 +1,4 @@
-"""Units, once: how every one is written, and what turns a number from inside (N, mm, MPa, rad) into it."""
+"""Units of all output: their names, and their factors on internal numbers (N, mm, MPa, rad)."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from typing import Literal, NamedTuple, TypeAlias
 
 Direction: TypeAlias = Literal["x", "y", "theta"]
 DIRECTIONS: tuple[Direction, ...] = ("x", "y", "theta")
-PLANES = {  # how a stage is made a plane problem
+PLANES = {  # reductions of a stage to a plane problem
     "plane_stress": "plane stress",
     "plane_strain": "plane strain",
     "corrected": "corrected for thickness",
 }
 PREFIXES = {-18: "a", -15: "f", -12: "p", -9: "n", -6: "µ", -3: "m", 0: ""}
-ROUND_DOWN = 1e-9  # a thousandth less round-off takes the next smaller prefix no more than 1.0000 does
+ROUND_DOWN = 1e-9  # of a power of 1000; a number below it by round-off keeps the prefix of that power
 
 
 class Unit(NamedTuple):
-    """A unit: a number from inside times `factor` is the number in the unit `name`."""
+    """A unit: an internal number times `factor` is the number in the unit `name`."""
 
     factor: float
     name: str
@@ -26,17 +26,17 @@ class Unit(NamedTuple):
     def __str__(self) -> str:
         return self.name
 
-    def said(self, plain: bool) -> str:
-        """The name, or the plain one."""
+    def label(self, plain: bool) -> str:
+        """Return the name, or its ASCII form."""
         return self.plain if plain else self.name
 
     @property
     def plain(self) -> str:
-        """The name for terminals: with ASCII letters."""
+        """The name in ASCII, for terminals."""
         return self.name.replace("µ", "u").replace("°", "deg").replace("²", "^2").replace("³", "^3")
 
 
-UNITS = {  # by what keys of files and columns of studies end in
+UNITS = {  # by the suffix of file keys and study columns
     "mm": Unit(1.0, "mm"),
     "um": Unit(1e3, "µm"),
     "rad": Unit(1.0, "rad"),
@@ -47,7 +47,7 @@ UNITS = {  # by what keys of files and columns of studies end in
     "mpa": Unit(1.0, "MPa"),
     "gpa": Unit(1e-3, "GPa"),
     "kg_m3": Unit(1.0, "kg/m³"),
-    "percent": Unit(1.0, "%"),  # percentages are percentages inside, too
+    "percent": Unit(1.0, "%"),  # internal percentages are percentages, not fractions
     "n_per_mm": Unit(1.0, "N/mm"),
     "n_per_um": Unit(1e-3, "N/µm"),
     "n_mm_per_rad": Unit(1.0, "N mm/rad"),
@@ -61,8 +61,8 @@ UNITS = {  # by what keys of files and columns of studies end in
     "mpa_per_mrad": Unit(1e-3, "MPa/mrad"),
     "v": Unit(1.0, "V"),
     "s": Unit(1.0, "s"),
-    "hz": Unit(1 / (2 * math.pi), "Hz"),  # of rad/s
-    "kg": Unit(1e3, "kg"),  # of tonne, which goes with N, mm and s
+    "hz": Unit(1 / (2 * math.pi), "Hz"),  # from rad/s
+    "kg": Unit(1e3, "kg"),  # from tonne, the mass unit consistent with N, mm and s
     "kg_mm2": Unit(1e3, "kg mm²"),
     "um_per_m_k": Unit(1e6, "µm/(m K)"),
     "um_per_k": Unit(1e3, "µm/K"),
@@ -70,7 +70,7 @@ UNITS = {  # by what keys of files and columns of studies end in
     "um_per_k_per_mm": Unit(1e3, "µm/(K/mm)"),
     "urad_per_k_per_mm": Unit(1e6, "µrad/(K/mm)"),
 }
-DENSITY = 1e-12  # tonne/mm^3 of one kg/m^3
+DENSITY = 1e-12  # tonne/mm^3 per kg/m^3
 NONE = Unit(1.0, "")
 ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d+\])?$")
 
@@ -78,7 +78,7 @@ LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNI
 EXPANSION = UNITS["um_per_m_k"]
 RATE = UNITS["n_per_um"]  # stiffness of stacks and contacts, as data sheets give it
 UnitNames: TypeAlias = str | tuple[str, ...] | tuple[tuple[str, ...], ...]
-BY_DIRECTION: dict[object, UnitNames] = {  # keys of `UNITS` in x, y and theta
+BY_DIRECTION: dict[object, UnitNames] = {  # keys of `UNITS` for x, y and theta
     "motion": ("mm", "mm", "rad"),
     "command": ("um", "um", "mrad"),
     "wrench": ("n", "n", "n_mm"),
@@ -90,26 +90,26 @@ BY_DIRECTION: dict[object, UnitNames] = {  # keys of `UNITS` in x, y and theta
     "compliance matrix": (("mm_per_n", "mm_per_n", "per_n"),) * 2 + (("per_n", "per_n", "rad_per_n_mm"),),
 }
 POSES, COMMANDS, FORCES, STIFFNESSES, COMPLIANCES = (
-    tuple(UNITS[str(name)] for name in BY_DIRECTION[what])
-    for what in ("motion", "command", "wrench", "stiffness", "compliance")
+    tuple(UNITS[str(name)] for name in BY_DIRECTION[quantity])
+    for quantity in ("motion", "command", "wrench", "stiffness", "compliance")
 )
 
 
 def unit_of(name: str) -> Unit:
-    """The unit that the name of a column or the path of a key ends in; `NONE` without one."""
-    found = ENDING.search(name)
-    return UNITS[found[1]] if found else NONE
+    """Return the unit in the suffix of a column name or key path; `NONE` without one."""
+    match = ENDING.search(name)
+    return UNITS[match[1]] if match else NONE
 
 
 def without_unit(name: str) -> str:
-    """The name of a column or the path of a key less its unit."""
+    """Return a column name or key path without its unit suffix."""
     return ENDING.sub(r"\2", name)
 
 
 def unit_for(freedom: Direction, largest: float) -> Unit:
-    """The prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1 and 1000.
+    """Return the prefixed unit in which `largest` (mm for x and y, rad for theta) reads between 1 and 1000.
 
-    Numbers below 1 am (or arad) keep that unit, numbers from 1000 m keep the metre; zero and infinity get um or urad.
+    The smallest unit is 1 am (or arad), the largest 1 m (or rad); zero and infinity get um or urad.
     """
     base, symbol = (1.0, "rad") if freedom == "theta" else (1e-3, "m")
     power = -6

@@ -28,7 +28,7 @@ from flexfem.fem.mesh import Sector, StageMesh, nodes_on, welded
 from flexfem.fem.structure import NONE, Mass, Structure, structure
 from flexfem.fem.symmetry import chain_values, factorise_stage, whole_fields
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.contacts import Push, Stack, spread
+from flexfem.mechanism.contacts import Push, Stack, body_forces
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
 from flexfem.refused import ComputationFailed
 
@@ -262,7 +262,7 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
     for batch in integration(link, FORCE_QUADRATURE):
         at = turned(mesh.nodes[batch.triangles], -chain * CHAIN_TURN)
         points = np.einsum("eid,iq->eqd", at, batch.phi)
-        density = spread(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
+        density = body_forces(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
         nodal = np.einsum("keqd,eq,iq->keid", density, batch.weights, batch.phi)
         for force, values in zip(forces, nodal, strict=True):
             np.add.at(force, batch.triangles, values)

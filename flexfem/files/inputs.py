@@ -1,4 +1,4 @@
-"""Files that a command has read: it may replace none of them, whatever they are called where it writes."""
+"""Input files of a command, which its output may not replace, also not through links."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from typing import Any
 
 from flexfem.refused import BadInput
 
-_reads: list[dict[tuple[int, int] | None, str]] = []  # names by node, of the command that runs; none of a session
+_reads: list[dict[tuple[int, int] | None, str]] = []  # names by inode for the running command; empty in Python
 _written: set[str] = set()
 _hooked: list[bool] = []
 
 
 @contextmanager
 def noted() -> Iterator[None]:
-    """Take note of every file that is opened for reading meanwhile, by whatever code."""
+    """Record every file that any code opens for reading in the context."""
     if not _hooked:
         _hooked.append(True)
-        sys.addaudithook(_note)  # stays for good
+        sys.addaudithook(_note)  # cannot be removed
     _reads.append({})
     _written.clear()
     try:
@@ -32,7 +32,7 @@ def noted() -> Iterator[None]:
 
 def _note(event: str, about: tuple[Any, ...]) -> None:
     if event == "open" and _reads:
-        with suppress(TypeError, ValueError, LookupError):  # such as the number of a file that is open already
+        with suppress(TypeError, ValueError, LookupError):  # such as a file descriptor
             path, _, flags = about
             if not flags & (os.O_WRONLY | os.O_RDWR):
                 _reads[-1].setdefault(_node(os.fsdecode(path)), os.fsdecode(path))
@@ -47,7 +47,7 @@ def _node(path: str | Path) -> tuple[int, int] | None:
 
 
 def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
-    """Raise BadInput when the command has read a file to write, also by a link, or it is one of `read`."""
+    """Raise BadInput for an output file that the command has read, also through a link, or that is one of `read`."""
     from flexfem.files.refusals import place_of  # heavy
 
     names = {node: name for each in _reads for node, name in list(each.items())}
@@ -60,6 +60,6 @@ def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
 
 
 def wrote(path: Path) -> None:
-    """Say that the command has written a file: it may read it back, and write it again."""
+    """Record that the command has written a file, so that it may read it and write it again."""
     if _reads:
         _written.add(os.path.abspath(path))

@@ -1,4 +1,4 @@
-"""Where the numbers of a file come from: stated with a source, assumed, or not stated at all."""
+"""Provenance of the numbers of a file: stated with a source, assumed, or not stated."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from flexfem.files.toml import Label, Table
 
 
 class Sourced(Table):
-    """A file with a `[provenance]`: the source of its numbers, by key path of the number or of a table above it."""
+    """A file with a `[provenance]` table: sources by key path of a number, or of a table that contains it."""
 
     provenance: Mapping[str, Label] = Field(default_factory=dict, examples=[{"name": "assumed: an example"}])
     """Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin with "assumed"
@@ -32,7 +32,7 @@ class Sourced(Table):
         for key in self.provenance:
             if key not in known:
                 try:
-                    now = key_path(path_of(key), self)  # of a member by its place that goes by what it is about
+                    now = key_path(path_of(key), self)  # a member named by index has another path
                 except ValueError:
                     now = ""
                 close = f", did you mean {now}?" if now in known else suggestion(key, known)
@@ -41,7 +41,7 @@ class Sourced(Table):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of the numbers that need a source: all that are measured, none that only set up a computation."""
+        """Key paths of the numbers that need a source; settings of a computation need none."""
         return numeric_key_paths(self)
 
     @property
@@ -52,13 +52,13 @@ class Sourced(Table):
 
     @property
     def not_stated(self) -> tuple[str, ...]:
-        """Key paths of the numbers, in order, of which the file does not say where they come from."""
+        """Key paths of the numbers, in order, without a stated source."""
         sources = self.sources
         return tuple(path for path in self.numbers if sources[path] is None)
 
     @property
     def sources(self) -> dict[str, str | None]:
-        """Where every table and value comes from, by key path: its own provenance or else its nearest table's."""
+        """Source of every table and value by key path: its own, or that of its nearest table."""
         found = dict[str, str | None]()
         for path in key_paths(self):
             parts = path_of(path)
@@ -68,36 +68,36 @@ class Sourced(Table):
 
 
 class Assumptions(NamedTuple):
-    """Key paths of the numbers behind an answer that are assumed, and of those whose source is not stated, sorted."""
+    """Sorted key paths of the numbers behind a result that are assumed, and of those without a stated source."""
 
     assumed: list[str]
     not_stated: list[str]
 
 
 def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:
-    """Assumptions of several files, each with what its key paths are to begin with; "" for stages, by agreement."""
+    """Return the assumptions of several files, each with the prefix of its key paths; "" for stages."""
     found = list(files)
     assumed = {f"{prefix}{key}" for prefix, file in found for key in file.assumed}
     return Assumptions(sorted(assumed), sorted({f"{prefix}{key}" for prefix, file in found for key in file.not_stated}))
 
 
 def is_assumed(source: str) -> bool:
-    """Whether the text of a provenance says that the number is assumed."""
+    """Return whether a source says that the number is assumed."""
     return source.strip().lower().startswith("assumed")
 
 
 def key_paths(file: Table) -> tuple[str, ...]:
-    """The key path of every table and value the file gives, provenance excepted, an array counting as one."""
+    """Return the key paths of all tables and values in the file except provenance; an array counts as one."""
     return tuple(path for path, _ in _walk(file))
 
 
 def values_by_key(file: Table) -> dict[str, Any]:
-    """Every value the file gives that is no table, by its key path."""
+    """Return all values in the file that are not tables, by key path."""
     return {path: value for path, value in _walk(file) if not _is_table(value)}
 
 
 def numeric_key_paths(file: Table) -> tuple[str, ...]:
-    """The key paths of all measured numbers the file gives; the chain of an override is none."""
+    """Return the key paths of all physical numbers in the file; integers such as a chain are none."""
     return tuple(path for path, value in _walk(file) if _is_number(value))
 
 

@@ -1,7 +1,7 @@
-"""Plausible ranges of the values of keys, by quantity; the JSON schemas have them, too.
+"""Plausible ranges of the values of keys by quantity, also for the JSON schemas.
 
-Less than the least or more than the most is a mistake of the unit or of the keyboard, and would overflow or vanish in
-what is computed. What is merely unusual is inside, and some of it is warned of: see `questions.warnings`.
+A value outside is a mistake of the unit or of typing, and would overflow or vanish in the computation. Unusual values
+are inside; `questions.warnings` reports some of them.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from pydantic import AfterValidator, Field
 from flexfem.files.refusals import refusal
 
 UNIT = "x-unit"  # keyword of every number: its unit
-COUNT: dict[str, Any] = {UNIT: "1"}  # of a number without a unit
-OF_THE_KEY: dict[str, Any] = {UNIT: "of the key"}  # of a number in the unit of what it stands for
+COUNT: dict[str, Any] = {UNIT: "1"}  # of a dimensionless number
+OF_THE_KEY: dict[str, Any] = {UNIT: "of the key"}  # of a number in the unit of another key
 
 
 class Keywords(NamedTuple):
-    """Annotation of a type: keywords that its JSON schema has besides, found when the schema is made."""
+    """Annotation of a type: additional keywords of its JSON schema, computed when the schema is made."""
 
     found: Callable[[], dict[str, Any]]
 
@@ -28,12 +28,12 @@ class Keywords(NamedTuple):
 
 
 def keywords(**given: Any) -> Keywords:
-    """Keywords that are known beforehand."""
+    """Return fixed keywords."""
     return Keywords(lambda: given)
 
 
 class Ends(NamedTuple):
-    """The least size other than zero, and the largest, in the unit of the file."""
+    """Smallest nonzero size and largest size, in the unit of the file."""
 
     least: float
     most: float
@@ -51,18 +51,18 @@ FORCE = Ends(1e-6, 1e6)  # N
 STACK_STIFFNESS = Ends(1e-6, 1e6)  # N/um
 SPRING = Ends(1e-6, 1e9)  # N/mm
 TORSION = Ends(1e-3, 1e12)  # N mm/rad
-COMMAND_UM, COMMAND_MRAD = Ends(1e-9, 1e6), Ends(1e-9, 1e3)  # far below an atom; no stage is larger
+COMMAND_UM, COMMAND_MRAD = Ends(1e-9, 1e6), Ends(1e-9, 1e3)  # from far below an atom to the largest stage
 AMPLITUDE = Ends(1e-6, 1e5)  # um, mrad, of a life
 READING = Ends(1e-9, 1e3)  # um, N: far below any sensor
 TOLERANCE = Ends(1e-6, 1000)  # um
 MASS, INERTIA = Ends(1e-12, 1e4), Ends(1e-12, 1e10)  # kg, kg mm^2: no stage of necks carries a hundredth of it
 PER_CENT = Ends(1e-6, 100)
 TIME = Ends(1e-3, 86_400)  # s
-OF_ANY_KEY = Ends(1e-12, 1e12)  # in the unit of the key: beyond all that a key can be
+OF_ANY_KEY = Ends(1e-12, 1e12)  # in the unit of the key; contains the ranges of all keys
 
 
 def above_zero(ends: Ends) -> tuple[Any, ...]:
-    """Annotations of a number that is positive; one so small that the unit must be wrong is refused."""
+    """Return annotations of a positive number that reject an implausibly small one."""
 
     def checked(value: float) -> float:
         if value < ends.least:
@@ -73,17 +73,17 @@ def above_zero(ends: Ends) -> tuple[Any, ...]:
 
 
 def from_zero(ends: Ends) -> tuple[Any, ...]:
-    """Annotations of a number that is positive or zero."""
+    """Return annotations of a number that is positive or zero."""
     return Field(ge=0, le=ends.most), *zero_or(ends.least)
 
 
 def either_sign(ends: Ends) -> tuple[Any, ...]:
-    """Annotations of a number of either sign, or zero."""
+    """Return annotations of a number of either sign, or zero."""
     return Field(ge=-ends.most, le=ends.most), *zero_or(ends.least, signed=True)
 
 
 def zero_or(least: float, signed: bool = False, unit: str = "") -> tuple[AfterValidator, Keywords]:
-    """Annotations of a number: refuse what is not zero and smaller than `least`; `unit` goes on about it."""
+    """Return annotations of a number that is zero or at least `least` in size; `unit` ends the error message."""
 
     def checked(value: float) -> float:
         if 0 < abs(value) < least:

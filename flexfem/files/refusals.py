@@ -1,9 +1,9 @@
-"""Key paths, and refusals in the words of the file: one line with key path, value and expectation.
+"""Key paths, and errors in the terms of the file: one line with key path, value and expected value.
 
-A key path is what a key of a file is called, the same in refusals, in `[provenance]`, in study files and in baselines.
-Tables go by their keys and members of an array by their place, from 0: `hinges.base.neck_mm`,
-`chain.link_lengths_mm[0]`, `factor[1].sd`. Where a member of an array says which thing it is about, it goes by that:
-`override.2.elbow.neck_mm` is the neck of the elbow hinge of chain 2, wherever the override stands.
+A key path names a key of a file, the same in errors, in `[provenance]`, in study files and in baselines. Tables are
+named by their keys and members of an array by their index from 0: `hinges.base.neck_mm`, `chain.link_lengths_mm[0]`,
+`factor[1].sd`. A member of an array that identifies its subject is named by the subject: `override.2.elbow.neck_mm` is
+the neck of the elbow hinge of chain 2, wherever the override stands in the file.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from flexfem.units import ENDING
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
-ABOUT = {  # by array: the keys of a member that say which it is
+ABOUT = {  # by array: the keys that identify a member
     "override": ("chain", "hinge"),
     "actuator": ("name",),
     "neck": ("chain", "hinge"),
 }
 SHOWN = 60  # characters of a value or key in a message
-COMPARED = 32  # unknown keys that missing ones are compared with
-_BARE = re.compile(r"[A-Za-z0-9_-]+")  # as TOML has it
-_PLAIN = re.compile(r'[^.\[\]"]{1,60}')  # needs no quotes to be read back
+COMPARED = 32  # unknown keys, at most, that are compared with missing ones
+_BARE = re.compile(r"[A-Za-z0-9_-]+")  # bare keys of TOML
+_PLAIN = re.compile(r'[^.\[\]"]{1,60}')  # needs no quotes in a key path
 _PART = re.compile(r'\[(?P<place>\d+)\]|(?:^|\.)(?:(?P<bare>[^.\[\]"]+)|(?P<quoted>"(?:[^"\\]|\\.)*"))')
 
 
 def key_path(path: KeyPath, data: Any = None) -> str:
-    """The text of a path of keys and places; `data`, tables or a model of them, tells what members are about.
+    """Return the text of a path of keys and indices; `data`, tables or their model, identifies members of arrays.
 
-    A key that says which member it is, right or wrong, is itself found by place: `override[0].chain`.
+    A key that identifies a member is itself named by index, because its value may be wrong: `override[0].chain`.
     """
     text, inside = "", data
     for index, part in enumerate(path):
@@ -55,9 +55,9 @@ def key_path(path: KeyPath, data: Any = None) -> str:
 
 
 def path_of(text: str, data: Any = None) -> KeyPath:
-    """The path of keys that a text says, with places for what members are about where `data` has them.
+    """Return the path of a key path text, with indices for the members that `data` identifies.
 
-    Raises ValueError when it is no key path.
+    Raises ValueError for another text.
     """
     parts, end = list[str | int](), 0
     while end < len(text):
@@ -78,7 +78,7 @@ def path_of(text: str, data: Any = None) -> KeyPath:
 
 
 def _about(array: str, member: Any) -> tuple[str, ...]:
-    """What a member of an array is about, nothing where it does not say so in plain numbers and words."""
+    """Return the values that identify a member of an array, none unless they are plain numbers and words."""
     values = tuple(_inside(member, key) for key in ABOUT.get(array, ()))
     if array == "override" and values[1] is None:
         values = (values[0], "actuator", _inside(member, "actuator"))
@@ -95,18 +95,18 @@ def _inside(data: Any, part: str | int) -> Any:
 
 
 def as_key(key: str) -> str:
-    """A key as TOML writes it, clipped where it is long."""
+    """Return a key as TOML writes it, clipped where it is long."""
     text = key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=not key.isprintable())
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
 
 
 def refusal(expected: str, *at: str | int) -> PydanticCustomError:
-    """Return the exception by which a validator refuses the value at `at`, a key path below the validated one."""
+    """Return the exception of a validator for the value at `at`, a key path below the validated one."""
     return PydanticCustomError("refused", "expected {expected}", {"expected": expected, "at": at})
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ", did you mean ...?" with the known word closest to `word`, or nothing when none is close."""
+    """Return ", did you mean ...?" with the known word closest to `word`, or "" when none is close."""
     close = difflib.get_close_matches(word, list(known), n=1)
     return f", did you mean {close[0]}?" if close else ""
 
@@ -124,19 +124,19 @@ def shown(value: Any) -> str:
 
 
 def checked_path(value: Any) -> Path:
-    """The path of a file that a function was given. Raises BadInput for anything else."""
+    """Return an argument that is the path of a file. Raises BadInput for anything else."""
     if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
         raise BadInput(f"{value!r}, expected the path of a file")
     return Path(value)
 
 
 def place_of(path: str | os.PathLike[str], line: int | None = None) -> str:
-    """Return file and line as every message begins with them."""
+    """Return file and line as messages begin with them."""
     name = one_line(os.fspath(path)) or '""'
     return name if line is None else f"{name}, line {line}"
 
 
-_EXPECTED = {  # by pydantic's kind of mistake
+_EXPECTED = {  # by kind of error in pydantic
     "refused": "{expected}",
     "greater_than": "> {gt}",
     "greater_than_equal": ">= {ge}",
@@ -159,7 +159,7 @@ _EXPECTED = {  # by pydantic's kind of mistake
 
 
 class Problem(NamedTuple):
-    """One mistake: pydantic's kind of it, where, and what was expected."""
+    """One error: its kind in pydantic, its key path, and the expected value."""
 
     kind: str
     path: KeyPath
@@ -167,10 +167,10 @@ class Problem(NamedTuple):
 
 
 def problem_of(details: ErrorDetails, data: dict[str, Any]) -> Problem:
-    """Say in the file's terms what pydantic found."""
+    """Return an error of pydantic in the terms of the file."""
     kind, context = details["type"], details.get("ctx", {})
     at = context.get("at", ())
-    named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)  # as Python has them
+    named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)  # names of attributes
     path = max((_present((*details["loc"], *below), data) for below in (at, named)), key=len)
     if kind == "missing" and isinstance(details["loc"][-1], int):
         return Problem("short", path, f"{details['loc'][-1] + 1} values, not {len(reduce(_inside, path, data))}")
@@ -187,7 +187,7 @@ def problem_of(details: ErrorDetails, data: dict[str, Any]) -> Problem:
 
 
 def _present(path: KeyPath, data: Any) -> KeyPath:
-    """Return the part of `path` that is in the file: pydantic adds the names of unions and the like."""
+    """Return the part of a path that is in the file; pydantic adds names of types."""
     found: KeyPath = ()
     for part in path:
         in_table = isinstance(data, dict) and part in data
@@ -197,7 +197,7 @@ def _present(path: KeyPath, data: Any) -> KeyPath:
 
 
 def merged(problems: list[Problem]) -> list[Problem]:
-    """Keep one problem a mistake: of a misspelt key and the key then missing, and of a short array."""
+    """Return one problem for each mistake: a misspelt key is also missing, a short array has two errors."""
     inner = {problem.path[:length] for problem in problems for length in range(len(problem.path))}
     problems = [each for each in problems if each.kind != "too_short" or each.path not in inner]  # broken members
     unknown = [problem.path for problem in problems if problem.kind == "extra_forbidden"][:COMPARED]
@@ -210,16 +210,16 @@ def merged(problems: list[Problem]) -> list[Problem]:
 
 
 def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[str]:
-    """The keys that a missing key stands for: itself, or all that its table needs."""
+    """Return the keys that are missing: the key itself, or the required keys of a missing table."""
     inside = _annotation_at(model, problem.path)
     fields = inside.model_fields.items() if isinstance(inside, type) and issubclass(inside, BaseModel) else ()
     names = [field.alias or name for name, field in fields if field.is_required()]
     keys = [key for name in names for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
-    return keys or [key_path(problem.path, data)]  # also a table of which no single key is a must
+    return keys or [key_path(problem.path, data)]  # a table may have no required key
 
 
 def _annotation_at(model: type[BaseModel], path: KeyPath) -> Any:
-    """The type of the value at a path of keys or names, None where there is none."""
+    """Return the type of the value at a path of keys or names, None for an unknown path."""
     annotation: Any = model
     for part in (each for each in path if isinstance(each, str)):
         table = next(_models_in(annotation), None)
@@ -229,7 +229,7 @@ def _annotation_at(model: type[BaseModel], path: KeyPath) -> Any:
 
 
 def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_name: bool = False) -> str:
-    """What is wrong and what was expected, in the words of the file, or `by_name` in those of Python."""
+    """Return the message of a problem in the terms of the file, or `by_name` in those of Python."""
     key, what = key_path(problem.path, data), "name" if by_name else "key"
     if problem.kind == "missing":
         return f"{key} is missing"
@@ -241,12 +241,12 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
         return f"expected {problem.expected}"
     names = [part for part in problem.path if isinstance(part, str)]
     alias = _fields_at(model, problem.path[:-1], by_name).get(names[-1], "") if by_name and names else ""
-    unit = f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""  # the number that is expected is in it
+    unit = f"{alias} " if alias.endswith(("_gpa", "_deg", "_um")) else ""  # the unit of the expected number
     return f"{key} = {shown(reduce(_inside, problem.path, data))}, expected {unit}{problem.expected}"
 
 
 def _fields_at(model: type[BaseModel], path: KeyPath, by_name: bool) -> dict[str, str]:
-    """Keys of files for the fields of the table at a path, by themselves or by name; that of the provenance last."""
+    """Return the file keys of the table at a path, by key or by name of the attribute; `provenance` comes last."""
     table = next(_models_in(_annotation_at(model, path)), model)
     keys = {name: field.alias or name for name, field in table.model_fields.items()}
     return {name if by_name else keys[name]: keys[name] for name in sorted(keys, key="provenance".__eq__)}
@@ -260,7 +260,7 @@ def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
 
 
 def as_toml(value: Any) -> str:
-    """A value as TOML writes it on one line; integers that are too long for a message are clipped."""
+    """Return a value as TOML on one line; very long integers are clipped."""
     if isinstance(value, bool | str):
         return json.dumps(value, ensure_ascii=False)
     if isinstance(value, int) and value.bit_length() > 4 * SHOWN:

@@ -1,7 +1,7 @@
-"""TOML files, checked as they are read: every refusal is one line that names file, line, key, value and expectation.
+"""Read and check TOML files: every error is one line that names file, line, key, value and expected value.
 
-The text is split into statements before `tomllib` sees it: that gives the line of every key, and refuses nesting and
-dotted keys so deep that `tomllib` would overflow the stack or take quadratic time.
+The text is split into statements before `tomllib` parses it. This gives the line of every key, and it rejects nesting
+that would overflow the stack of `tomllib` or take quadratic time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from flexfem.files.refusals import (
 from flexfem.refused import BadInput
 
 MAX_BYTES = 2**20
-MAX_DEPTH = 32  # brackets about a value, parts of a dotted key; the deepest shipped file has four
+MAX_DEPTH = 32  # brackets around a value, parts of a dotted key; shipped files have at most four
 LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
 _STRING = r"""
@@ -50,11 +50,11 @@ _TOKEN = re.compile(
 
 
 class DepthError(Exception):
-    """Nesting deeper than `MAX_DEPTH`, at a character offset."""
+    """Nesting deeper than `MAX_DEPTH` at a character offset."""
 
 
 def _ends(text: str) -> Iterator[int]:
-    """The offsets at which statements (a header, a key with its value, a comment) end. Raises DepthError."""
+    """Yield the offsets at which statements (header, key with value, comment) end. Raises DepthError."""
     depth = 0
     for match in _TOKEN.finditer(text):
         token = match[0]
@@ -67,7 +67,7 @@ def _ends(text: str) -> Iterator[int]:
 
 
 class TomlFile:
-    """What a TOML text says, and the lines of its key paths; elements and tables of arrays count from zero."""
+    """The data of a TOML text, and the lines of its key paths; elements of arrays count from zero."""
 
     def __init__(self, text: str) -> None:
         self.text, self.ends = text, [*_ends(text)]
@@ -75,7 +75,7 @@ class TomlFile:
 
     @cached_property
     def places(self) -> dict[KeyPath, tuple[int, int]]:
-        """Line, counted from 1, of the statement that a key path is in, and its rank among all paths of the file."""
+        """Line, from 1, of the statement that contains each key path, and the rank of the path in the file."""
         found, counts = dict[KeyPath, tuple[int, int]](), Counter[KeyPath]()
         line, table = 1, KeyPath()
         for start, end in pairwise([0, *self.ends]):
@@ -94,7 +94,7 @@ class TomlFile:
                         found.setdefault(table, (line, len(found)))
                         table = (*table, counts[table] - 1)
                     found.setdefault(table, (line, len(found)))
-                found[table] = (line, len(found))  # a better place than [table.below] before it
+                found[table] = (line, len(found))  # a better line than that of [table.below] before it
             else:
                 for path in _paths(content, table):
                     found.setdefault(path, (line, len(found)))
@@ -102,12 +102,12 @@ class TomlFile:
         return found
 
     def place(self, path: KeyPath) -> tuple[int, int]:
-        """Line and rank of `path`, else of its nearest table that is there, else of none."""
+        """Return line and rank of a path, or of its nearest existing table, or (0, -1)."""
         ways_up = (path[:length] for length in range(len(path), 0, -1))
         return next((self.places[way] for way in ways_up if way in self.places), (0, -1))
 
     def line(self, path: KeyPath) -> int | None:
-        """The line of `path`, else of its nearest table that is there, else None."""
+        """Return the line of a path, or of its nearest existing table, or None."""
         return self.place(path)[0] or None
 
 
@@ -151,7 +151,7 @@ KINDS = {  # by the keys that only files of that kind have
 
 
 def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
-    """The kind of file that most keys speak for, `expected` where as many speak for it, None where none do."""
+    """Return the kind of file that most keys indicate; `expected` wins a tie; None where no key indicates one."""
     votes = {kind: sum(key in data for key in keys) for kind, keys in KINDS.items()}
     most = max(votes.values())
     leading = [kind for kind, count in votes.items() if count == most]
@@ -188,7 +188,7 @@ def read_toml(path: PathLike) -> TomlFile:
         place = place_of(path, int(found[1]) if found else line_of(text, len(text.rstrip())))
         reason = "this is JSON, such as flexfem writes" if text.startswith("{") else reason
         raise BadInput(f"{place}: not TOML: {one_line(reason, 2 * SHOWN)}") from None
-    except ValueError:  # tomllib passes on what int() says of more than 4300 digits, without a line
+    except ValueError:  # int() refuses more than 4300 digits, and tomllib names no line
         digits = re.search(r"[0-9_]{4000}", text)
         place = place_of(path, line_of(text, digits.start()) if digits else None)
         raise BadInput(f"{place}: not TOML: a number of too many digits") from None
@@ -196,18 +196,18 @@ def read_toml(path: PathLike) -> TomlFile:
         raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
 
-def bad_key(path: PathLike, key: KeyPath, said: str) -> BadInput:
-    """What is said of a key of a file, after the file and the line of it."""
-    return BadInput(f"{place_of(path, read_toml(path).line(key))}: {said}")
+def bad_key(path: PathLike, key: KeyPath, message: str) -> BadInput:
+    """Return the error for a key of a file, with the file and the line of the key."""
+    return BadInput(f"{place_of(path, read_toml(path).line(key))}: {message}")
 
 
 def validate(
     model_class: type[Model], path: PathLike, completed: Callable[[dict[str, Any]], dict[str, Any]] | None = None
 ) -> Model:
-    """Read a TOML file into a model of it; `completed` adds what the file says by naming another file.
+    """Read a TOML file into its model; `completed` adds the data of other files that the file names.
 
-    Raises BadInput as `read_toml`, and for a file of another kind, keys that are missing, unknown or have a value that
-    the model refuses: the first such value in the file is named, the others are counted; missing keys are named all.
+    Raises BadInput as `read_toml`, and for a file of another kind and for missing, unknown or invalid keys. The first
+    invalid value in the file is named and the others are counted; all missing keys are named.
     """
     file = read_toml(path)
     require_plain_stem(path)
@@ -223,15 +223,15 @@ def validate(
     wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path))
     keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
-    said = [sentence(wrong[0], model_class, data) + more] if wrong else []
+    messages = [sentence(wrong[0], model_class, data) + more] if wrong else []
     if keys:
-        said.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
+        messages.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
     first = wrong[0] if wrong else min(problems, key=lambda problem: file.place(problem.path))
-    raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(said)}"))
+    raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(messages)}"))
 
 
 def require_plain_stem(path: PathLike) -> None:
-    """Raise BadInput for a file whose stem would name results that are hidden, elsewhere, or taken for an option."""
+    """Raise BadInput for a file whose stem would name results that are hidden, misplaced, or read as options."""
     stem = PurePath(path).stem
     device = stem.partition(".")[0].rstrip().upper() in DEVICES
     if stem[:1] in ("", ".", "-", " ") or stem[-1] in ". " or device or not stem.isprintable() or "\\" in stem:
@@ -242,7 +242,7 @@ def require_plain_stem(path: PathLike) -> None:
 
 
 def read_text(path: PathLike) -> str:
-    """The text of a file of at most `MAX_BYTES`. Raises BadInput as `read_toml`, but for what TOML is."""
+    """Return the text of a file of at most `MAX_BYTES`. Raises BadInput: not readable, or not UTF-8."""
     data = read_bytes(path)
     if data.startswith(b"\xef\xbb\xbf"):
         raise BadInput(f"{place_of(path, 1)}: starts with a byte order mark, expected UTF-8 without one")
@@ -257,7 +257,7 @@ def read_text(path: PathLike) -> str:
 
 
 def read_csv(path: PathLike, required: Sequence[str], optional: Sequence[str] = ()) -> dict[int, dict[str, str]]:
-    """Rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
+    """Return the rows of a CSV file by line and column; lines that begin with # are comments. Raises BadInput."""
     texts = {k: text for k, text in enumerate(read_text(path).splitlines(), 1) if text.strip() and text[0] != "#"}
     try:
         rows = [(k, [cell.strip() for cell in next(csv.reader([text]))]) for k, text in texts.items()] or [(1, [])]
@@ -274,7 +274,7 @@ def read_csv(path: PathLike, required: Sequence[str], optional: Sequence[str] = 
 
 
 def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
-    """Content of a regular file of at most `most` bytes, a whole number of MiB. Raises BadInput for any other."""
+    """Return the content of a regular file of at most `most` bytes (whole MiB). Raises BadInput for any other."""
     path = checked_path(path)
     try:
         mode = os.stat(path).st_mode

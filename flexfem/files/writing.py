@@ -1,4 +1,4 @@
-"""What is written: TOML that reads back bit for bit, tables in Markdown, and files that appear whole or not at all."""
+"""Write TOML that reads back exactly, Markdown tables, and files atomically."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from flexfem.files.inputs import require_unread, wrote
 from flexfem.files.refusals import as_toml, place_of
 from flexfem.refused import BadInput
 
-LONGEST_NAME = 240  # bytes of a file's name; systems take 255, with what the temporary file beside it adds
+LONGEST_NAME = 240  # bytes; file systems take 255, and the name of the temporary file is longer
 
 
 def toml_text(content: Mapping[str, Any]) -> str:
-    """The text of nested tables: numbers, texts, truths, arrays of them, tables, and arrays of tables."""
+    """Return nested tables of numbers, texts, booleans and arrays as TOML."""
     return "\n".join(_lines(content, "")).strip() + "\n"
 
 
@@ -54,19 +54,14 @@ def _key(key: str) -> str:
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:
-    """A table in Markdown, without a line end after it.
-
-    Parameters
-    ----------
-    align : a letter a column, l or r for numbers, flush right; columns beyond it are l.
-    """
+    """Return a table in Markdown without a final line end; `align` has l or r for each column, default l."""
     rule = ["---:" if side == "r" else "---" for side in align.ljust(len(head), "l")]
     lines = [head, rule, *([cell.replace("|", "\\|") for cell in row] for row in rows)]
     return "\n".join("|" + "".join(f" {cell} |" if cell else " |" for cell in line) for line in lines)
 
 
 def check_folder(folder: Path, written: bool = True) -> None:
-    """Raise BadInput when something else is in a folder's place, or it takes no file and is to be `written`."""
+    """Raise BadInput where a file is in the place of a folder, or the folder to be `written` is read-only."""
     with _refused(folder):
         for place in (folder, *folder.parents):
             if place.is_dir():
@@ -78,10 +73,7 @@ def check_folder(folder: Path, written: bool = True) -> None:
 
 
 def check_file(path: Path, *read: Path) -> None:
-    """Raise BadInput for a file to write that a user has named: a folder, or in one that is not there or takes none.
-
-    It may replace none of the files that are `read` for it, nor one that the command has read.
-    """
+    """Raise BadInput for an output file that the user has named: as `check_name`, or its folder cannot take it."""
     check_name(path, *read)
     if not path.parent.is_dir():
         raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
@@ -89,7 +81,7 @@ def check_file(path: Path, *read: Path) -> None:
 
 
 def check_name(path: Path, *read: Path) -> None:
-    """Raise BadInput for a file to write that is a folder, has too long a name, or is read, as `check_file`."""
+    """Raise BadInput for an output file that is a folder, has too long a name, or is one of the inputs (`read`)."""
     with _refused(path):
         if path.is_dir():
             raise BadInput(f"{place_of(path)}: is a folder, expected a file")
@@ -100,7 +92,7 @@ def check_name(path: Path, *read: Path) -> None:
 
 @contextmanager
 def _refused(path: Path) -> Iterator[None]:
-    """Raise BadInput for what the system refuses to do with a path, such as one too long."""
+    """Turn errors of the system about a path into BadInput."""
     try:
         yield
     except OSError as error:
@@ -109,14 +101,14 @@ def _refused(path: Path) -> Iterator[None]:
 
 @contextmanager
 def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Iterator[Path]:
-    """Yield a temporary path beside `path` that takes its place when all went well.
+    """Yield a temporary path in the folder of `path`, and move it to `path` when no error occurred.
 
     Parameters
     ----------
-    suffix : extension of the temporary path; default that of `path`, for writers that go by it.
-    again : a file that flexfem keeps for itself, and reads before it writes it anew.
+    suffix : extension of the temporary path, by default that of `path`; some writers choose the format by it.
+    again : the file belongs to flexfem, which may have read it before.
 
-    Raises BadInput when the folder does not take the file, or it is one that the command has read.
+    Raises BadInput when the file cannot be written, or is an input of the command.
     """
     if not again:
         require_unread(path)
@@ -133,13 +125,13 @@ def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Ite
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: bool = False) -> None:
-    """Write a file by a function of the open file, as `replacing`. Raises BadInput."""
+    """Write a file atomically by a function of the open file. Raises BadInput as `replacing`."""
     with replacing(path, ".tmp", again) as temporary, temporary.open("wb") as file:
         write(file)
 
 
 def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
-    """Arrays of an .npz file by name. Raises BadInput, saying `what` was expected, when it cannot be read."""
+    """Return the arrays of an .npz file by name. Raises BadInput, naming the expected content `what`."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return dict(arrays)
@@ -150,13 +142,13 @@ def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
 
 
 def digest(content: Any) -> str:
-    """SHA-256 of plain data, as JSON."""
+    """Return the SHA-256 of plain data as JSON."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def digest_of_arrays(arrays: Mapping[str, AnyArray]) -> str:
-    """SHA-256 of named arrays, with their types and shapes."""
+    """Return the SHA-256 of named arrays with their types and shapes."""
     found = hashlib.sha256()
     for name in sorted(arrays):
         found.update(f"{name} {arrays[name].dtype.str} {arrays[name].shape}".encode())
@@ -165,7 +157,7 @@ def digest_of_arrays(arrays: Mapping[str, AnyArray]) -> str:
 
 
 def canonical(value: Any) -> Any:
-    """Plain data with every number as a float, -0.0 as 0.0, and tuples as lists."""
+    """Return plain data with numbers as floats, -0.0 as 0.0, and tuples as lists."""
     if isinstance(value, dict):
         return {key: canonical(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""The stiffness experiment of Section VI as it would go on a stage: readings, slopes with intervals, and Table II."""
+"""Simulation of the stiffness experiment of Section VI: readings, slopes with intervals, and Table II."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
 PAPER = Analytic(formula=DEFAULT_FORMULA)
-SOFTER = (2.6, 2.6, 31.0)  # per cent, in x, y, theta: what Section VI says of its experiment against its own model
-COUPLED = 1e-3  # of a stiffness: what a push that leaves the other directions free misses of K_ii
+SOFTER = np.array([2.6, 2.6, 31.0])  # per cent in x, y, theta by which Section VI measures less than its model
+COUPLED = 1e-3  # relative difference of two stiffnesses above which a warning reports the coupling of directions
 NOT_THE_PAPERS = (
     "The numbers of the paper's Table II are not available: no number here is one of them, and no claim holds by it."
 )
 
 
 class Experiment(Result):
-    """Slopes of load over displacement as pushed: by the model, by the stage itself, as simulated and as measured."""
+    """Slopes of load over displacement: of the model, of the stage, simulated and measured."""
 
     title = "stiffness experiment"
     columns = ("source", "against", "part")
@@ -59,7 +59,7 @@ class Experiment(Result):
 
 
 class Slope(NamedTuple):
-    """A slope with its confidence interval, nan where the readings bound none, and the force at no displacement."""
+    """Slope, its confidence interval (nan if the readings give no bounded one), and force at zero displacement."""
 
     slope: float
     low: float
@@ -68,22 +68,22 @@ class Slope(NamedTuple):
 
 
 def slope_of(command: Array, force: Array, displacement: Array, confidence: float) -> Slope:
-    """Slope of force (n,) over displacement (n,), both read with errors, at known commands (n,), any unit.
+    """Return the slope of force (n,) over displacement (n,), both with errors, at known commands (n,), in any units.
 
     Notes
     -----
-    A regression of one reading on the other is biased by the errors of the latter. The command has none, so it is the
-    instrument: K is the ratio of the slopes of both readings over the command, `K = b_F / b_q`. The interval is
-    Fieller's: all K for which `F - K q` has, by Student's t with n - 2 degrees of freedom, no slope over the command,
-    `(b_F - K b_q)^2 <= t^2 (S_FF - 2 K S_Fq + K^2 S_qq) / ((n - 2) S_ss)`, S the sums of squares and products of what
-    the regressions on the command leave. It is exact for normal errors, independent from one command to the next, of
-    unknown variances. E. C. Fieller, J. Roy. Statist. Soc. B 16, 175-185 (1954).
+    A regression of one reading on the other is biased by the errors of the latter. The command is free of errors and
+    serves as instrumental variable: K is the ratio of the slopes of both readings over the command, `K = b_F / b_q`.
+    The interval is Fieller's: all K for which the slope of `F - K q` over the command does not differ from zero by
+    Student's t with n - 2 degrees of freedom, `(b_F - K b_q)^2 <= t^2 (S_FF - 2 K S_Fq + K^2 S_qq) / ((n - 2) S_ss)`,
+    where S are sums of squares and products of the residuals of both regressions. It is exact for normal errors of
+    unknown variances that are independent between commands. E. C. Fieller, J. Roy. Statist. Soc. B 16, 175-185 (1954).
     """
     s = command - np.mean(command)
     readings = np.stack([force, displacement])
     b = readings @ s / (s @ s)
-    left = readings - np.mean(readings, axis=1, keepdims=True) - np.outer(b, s)
-    S, dof = left @ left.T, len(command) - 2
+    residuals = readings - np.mean(readings, axis=1, keepdims=True) - np.outer(b, s)
+    S, dof = residuals @ residuals.T, len(command) - 2
     g = stats.t.ppf((1 + confidence) / 2, dof) ** 2 / (dof * (s @ s))
     a, half, c = b[1] ** 2 - g * S[1, 1], b[0] * b[1] - g * S[0, 1], b[0] ** 2 - g * S[0, 0]
     slope = float(b[0] / b[1]) if b[1] else float("nan")
@@ -112,7 +112,7 @@ def experiment(
     measured : path, optional
         File of measured slopes to compare; by default those of the fixture, if any.
     models : {"both", "analytic", "elements"}
-        "analytic" takes calibrated hinges and elastic links instead of finite elements for the stage that is pushed.
+        "analytic" takes calibrated hinges and elastic links instead of finite elements for the loaded stage.
     analytic : Analytic
         The model of the table's first column; by default that of the paper.
     resolution : int, optional
@@ -131,7 +131,7 @@ def experiment(
     mesh = mesh_of(models, resolution, None, least=2)
     set_up, others = fixture_of(fixture), {} if measured is None else {"measured": measured_of(measured)}
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
-    found = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
+    paper = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)
     if mesh is None:
         best = analyse(*best_model(stage, warnings)._replace(stage=stage))  # of one plane with finite elements
         name, C = best.name, best.compliance
@@ -141,33 +141,33 @@ def experiment(
             progress("the stage is solved")
     pushes = pushes_of(set_up)
     load, displacement = simulated(pushes, C, set_up)
-    lines = [_line(set_up, load[k], displacement[k], axis) for k, axis in enumerate(DIRECTIONS)]
-    compared = others.get("measured", set_up).measured
-    seen, sd = np.full((2, 3), np.nan) if compared is None else compared.slopes
-    model, own, fitted = 1 / np.diag(found.compliance), 1 / np.diag(C), np.array([line.slope for line in lines])
+    lines = [_fitted_slope(set_up, load[k], displacement[k], axis) for k, axis in enumerate(DIRECTIONS)]
+    measurement = others.get("measured", set_up).measured
+    slopes, measured_sd = np.full((2, 3), np.nan) if measurement is None else measurement.slopes
+    modelled, actual, fitted = 1 / np.diag(paper.compliance), 1 / np.diag(C), np.array([line.slope for line in lines])
     shares = np.array(pushes.shares(C))
-    whole = np.sum(shares, axis=0)
-    stiffer, looks = (model, model * (1 - np.array(SOFTER) / 100)) if compared is None else (1 / shares[0], seen)
-    springs = np.array([spring_in_series(one, look) for one, look in zip(stiffer, looks, strict=True)])
-    deviations = [own / model, fitted / model, seen / model, seen / own]
-    warnings += _of_run(stage, set_up, pushes, C) + _of_coupling(pushes, C)
+    total = np.sum(shares, axis=0)
+    reference, apparent = (1 / shares[0], slopes) if measurement else (modelled, modelled * (1 - SOFTER / 100))
+    springs = np.array([spring_in_series(stiff, soft) for stiff, soft in zip(reference, apparent, strict=True)])
+    deviations = [actual / modelled, fitted / modelled, slopes / modelled, slopes / actual]
+    warnings += _run_warnings(stage, set_up, pushes, C) + _coupling_warnings(pushes, C)
     confidence = f"{set_up.run.confidence_percent:g} %"
     return Experiment(
         about(stage, files={"fixture": set_up, **others}),
         {
-            "slope": np.stack([model, own, fitted, seen], axis=1),
+            "slope": np.stack([modelled, actual, fitted, slopes], axis=1),
             "deviation": 100 * (np.stack(deviations, axis=1) - 1),
-            "share": 100 * (shares / whole).T,
+            "share": 100 * (shares / total).T,
             "low": [line.low for line in lines],
             "high": [line.high for line in lines],
-            "softer": 100 * (1 - looks / stiffer),
+            "softer": 100 * (1 - apparent / reference),
             "spring": springs,
-            "ratio": springs / stiffer,
+            "ratio": springs / reference,
             "pole": 1 / np.where(shares[1] > 0, shares[1], np.nan),
-            "noiseless": 1 / whole,
+            "noiseless": 1 / total,
             "intercept": [line.intercept for line in lines],
-            "explained": stiffer,
-            "measured_sd": sd,
+            "explained": reference,
+            "measured_sd": measured_sd,
             "stroke": set_up.run.strokes,
             "load": load,
             "displacement": displacement,
@@ -176,43 +176,43 @@ def experiment(
             "repeat": [str(k + 1) for k in range(set_up.run.repeats)],
             "increment": [str(k) for k in range(set_up.run.increments + 1)],
         },
-        settings={"fixture": set_up.name, "model": found.name, "stage": name, "confidence": confidence} | meshed(mesh),
+        settings={"fixture": set_up.name, "model": paper.name, "stage": name, "confidence": confidence} | meshed(mesh),
         warnings=warnings,
         notes=[
-            f"spring: in series, after {'the text of the paper' if compared is None else 'the measured slopes'}",
+            f"spring: in series, after {'the text of the paper' if measurement is None else 'the measured slopes'}",
             f"intervals of {confidence} by Fieller's theorem",
             NOT_THE_PAPERS,
         ],
     )
 
 
-def spring_in_series(stage: float, seen: float) -> float:
-    """Stiffness K_f by which the stage's, K, looks as it is seen, `1/K_seen = 1/K + 1/K_f`; nan where no softer."""
-    return seen * stage / (stage - seen) if seen < stage else float("nan")
+def spring_in_series(stage: float, apparent: float) -> float:
+    """Return K_f in `1/apparent = 1/stage + 1/K_f`, nan unless the apparent stiffness is below that of the stage."""
+    return apparent * stage / (stage - apparent) if apparent < stage else float("nan")
 
 
-def simulated(of: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
-    """Load and displacement (3, repeats, n) read in the run on a stage of compliance C (3, 3), drawn from its seed."""
+def simulated(pushes: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
+    """Return simulated readings (3, repeats, n) of load and displacement on a stage of compliance C (3, 3)."""
     run, rng = fixture.run, np.random.default_rng(fixture.run.seed)
 
     def read(values: Array, sensor: ForceSensor | Lvdt) -> Array:
-        """Values (k, n) as a sensor reads them (k, repeats, n), with its noise, rounded to its steps."""
-        found = values[:, None] + sensor.noise * rng.normal(size=(len(values), run.repeats, values.shape[1]))
+        """Return the readings (k, repeats, n) of values (k, n), with the noise of the sensor, rounded to its steps."""
+        noisy = values[:, None] + sensor.noise * rng.normal(size=(len(values), run.repeats, values.shape[1]))
         step = sensor.resolution
-        return np.asarray(step * np.round(found / step)) if step > 0 else found
+        return np.asarray(step * np.round(noisy / step)) if step > 0 else noisy
 
-    force = of.force(C, run.strokes)
-    pushed = read(force, fixture.sensor)
-    moved = read((of.stage(C) + of.pole + of.bar)[:, None] * force[of.push], fixture.lvdt)
-    return of.arm[:, None, None] * pushed, np.moveaxis(of.read(np.moveaxis(moved, 0, -1)), -1, 0)
+    force = pushes.force(C, run.strokes)
+    loads = pushes.arm[:, None, None] * read(force, fixture.sensor)
+    displacements = read((pushes.stage(C) + pushes.pole + pushes.bar)[:, None] * force[pushes.push], fixture.lvdt)
+    return loads, np.moveaxis(pushes.read(np.moveaxis(displacements, 0, -1)), -1, 0)
 
 
-def _line(fixture: Fixture, load: Array, displacement: Array, axis: str) -> Slope:
-    """The line through the readings (repeats, n) of one push. Raises ComputationFailed where they tell no slope."""
+def _fitted_slope(fixture: Fixture, load: Array, displacement: Array, axis: str) -> Slope:
+    """Return the slope of the readings (repeats, n) in a direction. Raises ComputationFailed if it may be zero."""
     run = fixture.run
-    for what, values in (("load", load), ("displacement", displacement)):
-        if np.ptp(values) == 0:  # all below half a step of the sensor
-            raise ComputationFailed(f"the {what} read in {axis} does not change with the stroke")
+    for quantity, values in (("load", load), ("displacement", displacement)):
+        if np.ptp(values) == 0:  # all readings are below half a step of the sensor
+            raise ComputationFailed(f"the {quantity} read in {axis} does not change with the stroke")
     command = np.tile(run.strokes, run.repeats)
     found = slope_of(command, load.ravel(), displacement.ravel(), run.confidence_percent / 100)
     bounded = not np.isnan(found.low)
@@ -225,35 +225,35 @@ def _line(fixture: Fixture, load: Array, displacement: Array, axis: str) -> Slop
     return found
 
 
-def _of_run(stage: Stage, fixture: Fixture, of: Pushes, C: Array) -> list[str]:
-    """Readings that say little, and pushes that the stage does not bear."""
-    found, loads = [], of.load * of.force(C, fixture.run.strokes[-1:])
+def _run_warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> list[str]:
+    """Warn of readings dominated by sensor steps, and of loads beyond the range or strength of the stage."""
+    messages, loads = [], pushes.load * pushes.force(C, fixture.run.strokes[-1:])
     best = analyse(*(chosen := best_model(stage, [])))
-    for what, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
+    for key, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
         if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
-            found.append(
-                f"{what}.noise_{unit} is below half of {what}.resolution_{unit}: the readings step, and the intervals, "
+            messages.append(
+                f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: the readings step, and the intervals, "
                 "which take errors as normal and independent, need not hold"
             )
     for axis, pose in zip(DIRECTIONS, loads @ C.T, strict=True):
         where, highest = f"the largest push in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
-        found += warning.of_motion(stage, pose, where)
-        found += warning.of_yield(highest, stage.material.yield_strength, where)
-    return found
+        messages += warning.of_motion(stage, pose, where)
+        messages += warning.of_yield(highest, stage.material.yield_strength, where)
+    return messages
 
 
-def _of_coupling(of: Pushes, C: Array) -> list[str]:
-    """Directions in which what is measured is not K_ii: others are free, and pushes have other components."""
-    K, read, free, left_free, others = np.diag(inverse(C)), 1 / of.shares(C)[0], 1 / np.diag(C), [], []
+def _coupling_warnings(pushes: Pushes, C: Array) -> list[str]:
+    """Warn of directions whose slope is not K_ii: other directions are free, or the load has other components."""
+    K, free, rigid, of_freedom, of_load = np.diag(inverse(C)), 1 / np.diag(C), 1 / pushes.shares(C)[0], [], []
     for k, axis in enumerate(DIRECTIONS):
         if abs(K[k] / free[k] - 1) > COUPLED:
-            left_free.append(
+            of_freedom.append(
                 f"a push in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal "
                 f"term of the stiffness, {K[k]:.5g}"
             )
-        if abs(read[k] / free[k] - 1) > COUPLED:
-            others.append(
+        if abs(rigid[k] / free[k] - 1) > COUPLED:
+            of_load.append(
                 f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid "
-                f"fixture the slope is {read[k]:.5g}, where 1/C is {free[k]:.5g}"
+                f"fixture the slope is {rigid[k]:.5g}, where 1/C is {free[k]:.5g}"
             )
-    return left_free + others
+    return of_freedom + of_load

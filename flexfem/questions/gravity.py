@@ -1,4 +1,4 @@
-"""A stage under its own weight and a payload: displacement of the platform and stress of the necks.
+"""A stage under its own weight and a payload: displacement of the platform and stress in the necks.
 
 The plate stands upright in the plane, gravity at an angle to x; in three dimensions it lies horizontally, gravity along
 -z. The centre of mass of the payload is at the platform's centre, in the mid-plane.
@@ -34,7 +34,7 @@ HEAVIEST = 1e4  # kg
 
 
 class Gravity(Result):
-    """What the weight of a stage and of its payload does to it."""
+    """Displacement and neck stress of a stage under its own weight and that of its payload."""
 
     title = "weight"
     labels: ClassVar = {"out of plane": ("z", "tilt x", "tilt y")}
@@ -69,7 +69,7 @@ def gravity(
     angle : float
         Direction of gravity in the plane of an upright plate, degrees from x.
     payload : float
-        Mass of what the platform carries at its centre, kg.
+        Mass that the platform carries at its centre, kg.
     layers : int, optional
         A horizontal plate in three dimensions, with so many layers in half the thickness, from 3.
     {shared}
@@ -85,53 +85,53 @@ def gravity(
     mesh = setup.mesh_of(models, resolution, layers)
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
-    along = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
-    warnings, name, found = list(warning.of_stage(stage)), None, dict[str, ModelAnswer]()
+    g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+    warnings, analytic_name, results = list(warning.of_stage(stage)), None, dict[str, ModelAnswer]()
     in_plane = models != "elements" and not layers
     chosen = analytic.chosen(stage, warnings if in_plane else [])
     if in_plane:
-        pose, stress = under_weight(chosen.stage, analyse(*chosen), load, along)
-        found[ANALYTIC], name = ModelAnswer({"pose": pose, "stress": stress}, {}), chosen.name
+        pose, stress = under_weight(chosen.stage, analyse(*chosen), load, g)
+        results[ANALYTIC], analytic_name = ModelAnswer({"pose": pose, "stress": stress}, {}), chosen.name
     if mesh is not None and mesh.layers:
-        found[SOLID] = _horizontal(stage, load, mesh)
+        results[SOLID] = _horizontal(stage, load, mesh)
         warnings += warning.held_faces(stage)
     elif mesh is not None:
-        found[ELEMENTS] = _upright(stage, load, along, mesh.resolution, progress)
+        results[ELEMENTS] = _upright(stage, load, g, mesh.resolution, progress)
         warnings += warning.of_thickness(stage)
-    highest = max(float(np.max(one.values["stress"])) for one in found.values())
+    highest = max(float(np.max(model.values["stress"])) for model in results.values())
     warnings += warning.of_yield(highest, stage.material.yield_strength, "under the weight")
     plate = "horizontal" if layers else f"upright, gravity at {angle:g} degrees"
-    settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": name}
+    settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": analytic_name}
     mass = drawn_inertia(stage)[0, 0] + load.mass
-    return setup.answer(Gravity, stage, found, mesh, settings, {"mass": mass}, warnings=warnings)
+    return setup.answer(Gravity, stage, results, mesh, settings, {"mass": mass}, warnings=warnings)
 
 
-def _upright(stage: Stage, load: Payload, along: Array, resolution: int, progress: Progress | None) -> ModelAnswer:
-    """Plane finite elements on three meshes."""
+def _upright(stage: Stage, load: Payload, g: Array, resolution: int, progress: Progress | None) -> ModelAnswer:
+    """Return the response of an upright plate by plane finite elements on three meshes."""
     steps, lever = levels(resolution), stage.chain.link_lengths[2]
-    each = on_meshes(steps, lambda level: _by_elements(stage, load, along, level), progress)
-    poses, stresses = (np.array(part) for part in zip(*each, strict=True))
+    solutions = on_meshes(steps, lambda level: _by_elements(stage, load, g, level), progress)
+    poses, stresses = (np.array(part) for part in zip(*solutions, strict=True))
     sizes = np.array(steps, dtype=float)
     bands = {"pose": pose_bands(sizes, poses[..., None], lever)[:, 0], "stress": highest_band(sizes, stresses)}
     return ModelAnswer({"pose": poses[-1], "stress": stresses[-1]}, bands)
 
 
 def _horizontal(stage: Stage, load: Payload, mesh: Mesh) -> ModelAnswer:
-    """Three dimensions: the band is that of the mesh in the plane and that of the layers."""
-    lever, down = stage.chain.link_lengths[2], np.array([-GRAVITY, 0.0])
-    size = np.array([[1.0], [lever], [lever]])
-    sag, stress = _by_elements(stage, load, down, *mesh)
-    band = solid_pose_bands(lambda *sizes: size * _by_elements(stage, load, down, *sizes)[0][:, None], *mesh)
-    return ModelAnswer({"sag": sag, "stress": stress}, {"sag": (band / size)[:, 0]})
+    """Return the response in three dimensions; bands add those of the mesh in the plane and of the layers."""
+    lever, g = stage.chain.link_lengths[2], np.array([-GRAVITY, 0.0])
+    scale = np.array([[1.0], [lever], [lever]])
+    sag, stress = _by_elements(stage, load, g, *mesh)
+    bands = solid_pose_bands(lambda *sizes: scale * _by_elements(stage, load, g, *sizes)[0][:, None], *mesh)
+    return ModelAnswer({"sag": sag, "stress": stress}, {"sag": (bands / scale)[:, 0]})
 
 
-def _by_elements(stage: Stage, load: Payload, along: Array, level: int, layers: int = 0) -> tuple[Array, Array]:
-    """Pose and neck stress on one mesh under an acceleration (2,), mm/s^2: x and y, or with layers z alone."""
+def _by_elements(stage: Stage, load: Payload, g: Array, level: int, layers: int = 0) -> tuple[Array, Array]:
+    """Return pose and neck stress on one mesh under an acceleration (2,), mm/s^2: in x and y, or with layers in z."""
     mesh, solid = welded(setup.sectors_of(stage, level))[0], layers > 0
-    through = layers_of(stage, layers, antisymmetric=True) if solid else None
+    in_depth = layers_of(stage, layers, antisymmetric=True) if solid else None
     plate = sheet_of(stage) if solid else plate_of(stage)
-    of = structure(mesh, plate, through)
-    mass = mass_of(of, stage.material.density * DENSITY, (carried_out_of_plane if solid else carried)(stage, load))
-    found = weight_response(mass, np.array([along[0], 0.0 if solid else along[1], 0.0]))
-    stress = von_mises(nodal_stress(mesh, plate, found.fields[0], layers=through), out_of_plane_ratio_of(stage))
-    return found.compliance[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)
+    platform = (carried_out_of_plane if solid else carried)(stage, load)
+    mass = mass_of(structure(mesh, plate, in_depth), stage.material.density * DENSITY, platform)
+    response = weight_response(mass, np.array([g[0], 0.0 if solid else g[1], 0.0]))
+    stress = von_mises(nodal_stress(mesh, plate, response.fields[0], layers=in_depth), out_of_plane_ratio_of(stage))
+    return response.compliance[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)

@@ -1,9 +1,9 @@
-"""What a change of temperature does to a stage: pose, stress and reactions per kelvin and per K/mm.
+"""Effect of a change of temperature on a stage: pose, stress and reactions per kelvin and per K/mm.
 
-Stage and frame have the same temperature at every place, linear in X and Y (in three dimensions also in Z). The stage
-does not strain the frame; every answer is proportional to the difference of their coefficients of expansion. In plane
-strain the faces are held at the expansion of the frame; in three dimensions they are free, and displacements out of the
-plane are those against the frame as it bows.
+Stage and frame have the same temperature field, linear in X and Y (in three dimensions also in Z). The stage does not
+strain the frame, and all results are proportional to the difference of their coefficients of expansion. In plane strain
+the faces are held at the expansion of the frame. In three dimensions they are free, and displacements out of the plane
+are relative to the frame, which bows.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from flexfem.units import EXPANSION
 
 CASES = ("uniform", "gradient in x", "gradient in y")
 IN_DEPTH = "gradient in z"
-LEAST_SOLID = 6  # on 4 triangles across a neck bands left out the z of 2 of 4 stages: meshes agreed by chance
-UNLIKE = 10.0  # per cent by which necks of some chains are wider, or narrower, where chains are made unlike
+LEAST_SOLID = 6  # with 4 triangles across a neck, bands missed z of 2 of 4 stages, whose meshes agreed by chance
+UNLIKE = 10.0  # per cent by which necks of some chains are widened or narrowed to make chains differ
 _MORE, _LESS = 1 + UNLIKE / 100, 1 - UNLIKE / 100
 UNLIKE_CHAINS = ((_MORE, 1.0, 1.0), (_LESS, 1.0, 1.0), (_MORE, _LESS, 1.0))  # factors on the necks of each chain
 CASE_DRIFT = FRESH._replace(absolute=1e-15)
 
 
 class Drift(Result):
-    """What a change of temperature does to a stage."""
+    """Displacement and stress of a stage per change of temperature."""
 
     title = "change of temperature"
     labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
@@ -83,7 +83,7 @@ class Drift(Result):
 
 
 class Expansion(NamedTuple):
-    """In-plane expansion of stage and frame, and stress across the plane, MPa, where nothing strains: per kelvin."""
+    """In-plane expansion of stage and frame, and stress across the unstrained plane, MPa; all per kelvin."""
 
     stage: float
     frame: float
@@ -91,9 +91,9 @@ class Expansion(NamedTuple):
 
 
 class WarmFields(NamedTuple):
-    """Fields of the finest plane mesh by case, per kelvin or per K/mm.
+    """Fields on the finest plane mesh by case, per kelvin or per K/mm.
 
-    ground : (k, 3), edges of the mesh that the frame carries.
+    ground : (k, 3), edges of the mesh that are clamped to the frame.
     """
 
     cases: dict[str, Fields]
@@ -129,82 +129,82 @@ def drift(
     """
     check_feasible(stage)
     mesh = setup.mesh_of(models, resolution, layers, 4, LEAST_SOLID)
-    alpha, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
+    expansion, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
     if stage.frame.expansion is None:
         warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
-    found, values, name = dict[str, ModelAnswer](), dict[str, Array](), None
+    results, values, analytic_name = dict[str, ModelAnswer](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
     chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
-        found[ANALYTIC], name = _by_network(chosen, alpha), chosen.name
-        if stage.chains_alike and (unlike := _unlike(chosen)):
+        results[ANALYTIC], analytic_name = _by_network(chosen, expansion), chosen.name
+        if stage.chains_alike and (poses := _poses_of_unlike_chains(chosen)):
             values["unlike"] = np.full((len(cases), 3), np.nan)  # the analytic model has no gradient in depth
-            values["unlike"][: len(CASES)] = unlike
+            values["unlike"][: len(CASES)] = poses
     if mesh is not None and mesh.layers:
-        found[SHEET], found[SOLID], fields = _in_three_dimensions(stage, mesh, progress)
+        results[SHEET], results[SOLID], fields = _in_three_dimensions(stage, mesh, progress)
         warnings += warning.held_faces(stage)
     elif mesh is not None:
-        found[ELEMENTS], fields = _in_plane(stage, alpha, mesh.resolution, progress)
-    own, frame = (f"{EXPANSION.factor * each:g} {EXPANSION.plain}" for each in _expansions(stage))
-    settings = {"expansion": own, "frame": frame, "analytic model": name}
-    of = setup.about(stage, heat=True)
-    return setup.answer(Drift, of, found, mesh, settings, values, {"case": cases}, warnings=warnings, fields=fields)
+        results[ELEMENTS], fields = _in_plane(stage, expansion, mesh.resolution, progress)
+    stage_rate, frame_rate = (f"{EXPANSION.factor * rate:g} {EXPANSION.plain}" for rate in _coefficients(stage))
+    settings = {"expansion": stage_rate, "frame": frame_rate, "analytic model": analytic_name}
+    subject, axes = setup.about(stage, heat=True), {"case": cases}
+    return setup.answer(Drift, subject, results, mesh, settings, values, axes, warnings=warnings, fields=fields)
 
 
-def _expansions(stage: Stage) -> tuple[float, float]:
-    """Coefficients of stage and frame, 1/K: the stage's for both where none is stated for the frame."""
-    own = float(stage.material.expansion or 0.0)
-    return own, own if stage.frame.expansion is None else stage.frame.expansion
+def _coefficients(stage: Stage) -> tuple[float, float]:
+    """Return the coefficients of stage and frame, 1/K; that of the stage for both if none is stated for the frame."""
+    of_stage = float(stage.material.expansion or 0.0)
+    return of_stage, of_stage if stage.frame.expansion is None else stage.frame.expansion
 
 
 def expansion_of(stage: Stage) -> Expansion:
-    """What the plane problem of a stage sees of its expansion. Raises BadInput when it is not stated."""
+    """Return the expansion in the plane problem of a stage. Raises BadInput if no coefficient is stated."""
     with located(stage):
         require_expansion(stage)
     (plane,), (frame,) = in_plane(lower(stage))
-    free = float(frame) - _expansions(stage)[0]
+    free = float(frame) - _coefficients(stage)[0]
     across = stage.material.youngs_modulus * free if stage.model == "plane_strain" else 0.0  # held at the frame's
     return Expansion(float(plane), float(frame), across)
 
 
-def _by_network(chosen: ModelChoice, alpha: Expansion) -> ModelAnswer:
-    """The three cases by the pseudo-rigid model."""
+def _by_network(chosen: ModelChoice, expansion: Expansion) -> ModelAnswer:
+    """Return the three cases by the pseudo-rigid model."""
     stage, at_rest = chosen.stage, analyse(*chosen)
     design = lower(stage)
     hinges = Compliance(*(part[None] for part in at_rest.hinges))
-    rates = (np.array([alpha.stage]), np.array([alpha.frame]))
+    rates = (np.array([expansion.stage]), np.array([expansion.frame]))
     bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if chosen.links else None
     pose, reaction, stress = (
         np.moveaxis(part[0], -1, 0) for part in analytic_drift(design, hinges, at_rest.freedoms, *rates, bodies)
     )
-    along, pull = stress / von_mises_along(design.out_of_plane)[0], float(design.out_of_plane[0])
-    places = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
-    held = alpha.across * np.moveaxis(places, -1, 0)
-    stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (pull * s + held,)], axis=0)
+    along, ratio = stress / von_mises_along(design.out_of_plane)[0], float(design.out_of_plane[0])
+    temperature = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
+    across = expansion.across * np.moveaxis(temperature, -1, 0)
+    stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (ratio * s + across,)], axis=0)
     return ModelAnswer({"pose": pose, "stress": stress, "reaction": reaction})
 
 
 def _in_plane(
-    stage: Stage, alpha: Expansion, resolution: int, progress: Progress | None
+    stage: Stage, expansion: Expansion, resolution: int, progress: Progress | None
 ) -> tuple[ModelAnswer, WarmFields]:
-    """The three cases by plane finite elements on three meshes."""
+    """Return the three cases by plane finite elements on three meshes."""
 
     def solve(level: int) -> tuple[StageMesh, HeatResponse, list[Array], list[Array]]:
         mesh = build_mesh(stage, level)
-        response = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame)
-        warm = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
-        pull = out_of_plane_ratio_of(stage)
-        stresses = [von_mises(response.stress[k], pull, alpha.across * warm[:, k]) for k in range(3)]
-        return mesh, response, stresses, [edge_maxima(mesh, each) for each in stresses]
+        response = heat_response(mesh, plate_of(stage), expansion.stage, expansion.frame)
+        temperature = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
+        ratio = out_of_plane_ratio_of(stage)
+        stresses = [von_mises(response.stress[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
+        return mesh, response, stresses, [edge_maxima(mesh, stress) for stress in stresses]
 
     steps, meshes = np.array(levels(resolution), dtype=float), on_meshes(levels(resolution), solve, progress)
-    (mesh, found, stresses, _), edges = meshes[-1], np.array([each[-1] for each in meshes])
-    poses = np.array([each[1].pose for each in meshes])
+    (mesh, finest, stresses, _), edges = meshes[-1], np.array([solution[-1] for solution in meshes])
+    poses = np.array([solution[1].pose for solution in meshes])
     values = {
-        "pose": found.pose.T,
-        "stress": np.array([neck_maxima(stage, mesh, each) for each in stresses]),
-        "reaction": found.reactions,
+        "pose": finest.pose.T,
+        "stress": np.array([neck_maxima(stage, mesh, stress) for stress in stresses]),
+        "reaction": finest.reactions,
         "edges": edges[-1],
     }
     bands = {
@@ -212,7 +212,7 @@ def _in_plane(
         "edges": np.array([highest_band(steps, edges[:, k], corner_bands) for k in range(3)]),
     }
     drawn = {
-        case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, found.fields[k], stresses[k])
+        case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, finest.fields[k], stresses[k])
         for k, case in enumerate(CASES)
     }
     return ModelAnswer(values, bands), WarmFields(drawn, mesh.edges["ground"])
@@ -221,68 +221,68 @@ def _in_plane(
 def _in_three_dimensions(
     stage: Stage, mesh: Mesh, progress: Progress | None
 ) -> tuple[ModelAnswer, ModelAnswer, setup.MeshFields]:
-    """The four cases by wedges, in plane stress on the same mesh and in three dimensions.
+    """Return the four cases by wedge elements, in plane stress on the same mesh and in three dimensions.
 
-    A frame that expands otherwise strains the clamped faces most at their corners, where stress has no bound: poses
-    converge by twice its exponent (M. L. Williams, J. Appl. Mech. 19 (1952) 526), far slower than compliances. With the
-    order of these, meshes of 3, 4 and 6 triangles across a neck left out 2 of 16 poses of four stages on 9.
+    A frame of another expansion strains the clamped faces most at their corners, where stress is singular. Poses
+    converge by twice the exponent (M. L. Williams, J. Appl. Mech. 19 (1952) 526), far slower than compliances. Bands by
+    the order of compliances on 3, 4 and 6 triangles across a neck missed 2 of 16 poses (of four stages) with 9.
     """
-    own, frame = _expansions(stage)
-    beyond, lever, plate = frame - own, stage.chain.link_lengths[2], sheet_of(stage)
+    of_stage, of_frame = _coefficients(stage)
+    difference, lever, plate = of_frame - of_stage, stage.chain.link_lengths[2], sheet_of(stage)
 
-    def half(antisymmetric: bool) -> tuple[Response, Array]:
+    def solve_half(antisymmetric: bool) -> tuple[Response, Array]:
         scale = np.array([1.0, lever if antisymmetric else 1.0, lever])[:, None]
 
         def solve(level: int, number: int) -> Response:
             return thermal_response(setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric))
 
         band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, *mesh)
-        return solve(*mesh), abs(beyond) * band / scale
+        return solve(*mesh), abs(difference) * band / scale
 
-    (even, pose_band), (odd, tilt_band) = on_meshes((False, True), half, progress)
-    order = [2, 0, 1]  # of the cases of the even half, of which the other has the last
-    places = [(even, at) for at in order] + [(odd, 2)]
-    warm = [(half, at, beyond * half.fields[at]) for half, at in places]
-    loads = beyond * np.eye(3)
+    (even, pose_band), (odd, tilt_band) = on_meshes((False, True), solve_half, progress)
+    order = [2, 0, 1]  # cases of the even half; the odd one has the last case
+    columns = [(even, column) for column in order] + [(odd, 2)]
+    cases = [(response, column, difference * response.fields[column]) for response, column in columns]
+    loads = difference * np.eye(3)
     solid = ModelAnswer(
         {
-            "pose": beyond * even.compliance.T[order],
+            "pose": difference * even.compliance.T[order],
             "stress": [
                 *neck_stresses(stage, even, loads[order]).highest,
                 *neck_stresses(stage, odd, loads[2:]).highest,
             ],
-            "edges": [_clamped(stage, half, field) for half, _, field in warm],
-            "tilt": beyond * odd.compliance[:, 2],
+            "edges": [_clamped_stress(stage, response, field) for response, _, field in cases],
+            "tilt": difference * odd.compliance[:, 2],
         },
         {"pose": pose_band.T[order], "tilt": tilt_band[:, 2]},
     )
-    sheet = ModelAnswer({"pose": heat_response(even.mesh, plate, own, frame).pose.T})
+    sheet = ModelAnswer({"pose": heat_response(even.mesh, plate, of_stage, of_frame).pose.T})
 
     def fields() -> dict[str, Array]:
-        found = dict[str, Array]()
-        for case, (half, at, field) in zip((*CASES, IN_DEPTH), warm, strict=True):
-            stress = von_mises(nodal_stress(half.mesh, plate, field, layers=half.layers))
-            free = free_displacement(half.mesh.nodes, half.layers)[at]
-            found |= {f"displacement, {case}": own * free + field, f"von Mises stress, {case}": stress}
-        return found
+        arrays = dict[str, Array]()
+        for case, (response, column, field) in zip((*CASES, IN_DEPTH), cases, strict=True):
+            stress = von_mises(nodal_stress(response.mesh, plate, field, layers=response.layers))
+            free = free_displacement(response.mesh.nodes, response.layers)[column]
+            arrays |= {f"displacement, {case}": of_stage * free + field, f"von Mises stress, {case}": stress}
+        return arrays
 
     return sheet, solid, setup.MeshFields(even.mesh, fields, even.layers.heights)
 
 
-def _clamped(stage: Stage, half: Response, field: Array) -> Array:
-    """Highest stress (3 chains,) on the clamped face of each pad, MPa, of displacements (n, m, 3) beyond free ones.
+def _clamped_stress(stage: Stage, response: Response, field: Array) -> Array:
+    """Return the highest stress (3 chains,), MPa, on the clamped face of each pad; field (n, m, 3) excludes expansion.
 
-    A share `CORNER` of the length and of the half thickness along the borders is left out: stress has no bound there.
+    A share `CORNER` of the length and of the half thickness along the borders is left out: stress is singular there.
     """
-    ground, heights = nodes_on(half.mesh, "ground"), half.layers.heights
+    ground, heights = nodes_on(response.mesh, "ground"), response.layers.heights
     stress = np.zeros(field.shape[:2])
-    stress[ground] = von_mises(nodal_stress(half.mesh, sheet_of(stage), field, ground, half.layers))
-    return largest_within(heights / heights[-1], edge_maxima(half.mesh, stress).T, 0.0, 1 - CORNER)
+    stress[ground] = von_mises(nodal_stress(response.mesh, sheet_of(stage), field, ground, response.layers))
+    return largest_within(heights / heights[-1], edge_maxima(response.mesh, stress).T, 0.0, 1 - CORNER)
 
 
-def _unlike(chosen: ModelChoice) -> list[Array]:
-    """Poses (3,) by case of the stage with chains made unlike, of each the one that moves furthest in X and Y."""
-    stage, found = chosen.stage, []
+def _poses_of_unlike_chains(chosen: ModelChoice) -> list[Array]:
+    """Return, by case, the pose (3,) that moves furthest in X and Y among those of the stage with unlike chains."""
+    stage, solutions = chosen.stage, []
     for factors in UNLIKE_CHAINS:
         necks = {
             (chain, name): {"neck": factor * stage.hinge(chain, name).neck}
@@ -290,8 +290,8 @@ def _unlike(chosen: ModelChoice) -> list[Array]:
             for name in HINGE_NAMES
         }
         try:
-            other = stage.replace(override=necks)
-            found.append(_by_network(chosen._replace(stage=other), expansion_of(other)).values["pose"])
+            varied = stage.replace(override=necks)
+            solutions.append(_by_network(chosen._replace(stage=varied), expansion_of(varied)).values["pose"])
         except (BadInput, ComputationFailed):  # a neck as wide as its link, or off the chart
             continue
-    return [max(poses, key=lambda pose: float(np.hypot(*pose[:2]))) for poses in zip(*found, strict=True)]
+    return [max(poses, key=lambda pose: float(np.hypot(*pose[:2]))) for poses in zip(*solutions, strict=True)]

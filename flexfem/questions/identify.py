@@ -1,4 +1,4 @@
-"""Which neck offset and which soft fixture explain measured slopes, and whether these can tell them apart."""
+"""Identify a neck offset and a soft fixture from measured slopes, and judge whether the data tell them apart."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from flexfem.results import Gate, Quantity, Result
 from flexfem.units import MICROMETRE
 
 Unknown: TypeAlias = Literal["pole", "springs"]
-POOR = 0.01  # chance below which a fit is none
-SOFTEST = 10.0  # of a fixture over the stage, where it is softest
-DEPENDENT = 1e4  # condition number of the sensitivities, each over its size, beyond which data do not tell two apart
-AT_END = 1e-6  # of the range of a number: as near to its end as one gets
-GRID = 161  # offsets at which the compliance is computed; a spline between them
-FURTHEST = 0.5  # of the thinnest neck: offsets that are looked at
-DEPENDENT_NUMBERS = 0.98  # correlation: a fifth of what either number does is not done by the other
-RIGID = 1e-9  # of the stage's compliance: a fixture that adds no more is rigid but for round-off
+POOR = 0.01  # probability of chi square below which a fit is rejected
+SOFTEST = 10.0  # upper bound of the compliance of the fixture over that of the stage
+DEPENDENT = 1e4  # condition number of the normalized sensitivities above which data do not tell two numbers apart
+AT_END = 1e-6  # of the range of a number: distance below which a value counts as the end of the range
+GRID = 161  # number of offsets at which the compliance is computed; a spline interpolates between them
+FURTHEST = 0.5  # of the thinnest neck: largest offset
+DEPENDENT_NUMBERS = 0.98  # correlation at which a fifth of the effect of either number is independent of the other
+RIGID = 1e-9  # of the stage's compliance: a fixture that adds less is rigid up to round-off
 MAP = 121  # points of the map of chi square along each axis
-FITTED = Gate(1e-5, absolute=1e-9)  # by iterations
+FITTED = Gate(1e-5, absolute=1e-9)  # for results of iterations
 CAUSES = ("neither", "necks alone", "fixture alone")
 
 
 class Identification(Result):
-    """Offset of all necks and softness of the fixture that fit measured slopes, with intervals.
+    """Offset of all necks and compliance of the fixture, fitted to measured slopes, with intervals.
 
-    The numbers of the fixture are, by label, `pole`: by how much its pole is softer than described; or `translation`
-    and `rotation`: series compliances, mm/N and rad/(N mm).
+    The numbers of the fixture are, by label, `pole`: compliance of the pole over that of its description; or
+    `translation` and `rotation`: series compliances, mm/N and rad/(N mm).
     """
 
     title = "necks and fixture from measured slopes"
@@ -74,93 +74,93 @@ class Identification(Result):
     region_fixture = Quantity("numbers of the map", "", ("map y",), FITTED, shown=False)
     region_above = Quantity("chi square above its least", "", ("map x", "map y"), FITTED, "all", shown=False)
     region_limit = Quantity("joint limit of chi square", shown=False)
-    finding = property(lambda of: of.notes[0], doc="What the data say.")
+    finding = property(lambda self: self.notes[0], doc="Conclusion drawn from the data.")
 
 
 class SlopeProblem(NamedTuple):
-    """Slopes (m,) with standard deviations as a function of an offset, mm, and p numbers of the fixture, from 0 on.
+    """Measured slopes (m,), standard deviations, and their model in an offset, mm, and p numbers >= 0 of the fixture.
 
-    axes : (m,), directions.   stage : spline of the logarithm of the compliance (m,) that is read, without the fixture.
-    fixture : (m, p), compliance that each number adds by 1.   ends : (1 + p, 2), of offset and numbers.
+    axes : (m,), directions.   log_compliance : spline over the offset, of the compliance (m,) on a rigid fixture.
+    added : (m, p), compliance that the fixture adds per unit of each number.   bounds : (1 + p, 2), of all unknowns.
     """
 
     axes: AnyArray
     slope: Array
     sd: Array
-    stage: CubicSpline
-    fixture: Array
-    ends: Array
+    log_compliance: CubicSpline
+    added: Array
+    bounds: Array
 
     def slopes(self, x: Array) -> Array:
-        """Slopes (..., m) for numbers (..., 1 + p)."""
-        return np.asarray(1 / (np.exp(self.stage(x[..., 0])) + x[..., 1:] @ self.fixture.T))  # in series
+        """Return modelled slopes (..., m) for unknowns x (..., 1 + p)."""
+        return np.asarray(1 / (np.exp(self.log_compliance(x[..., 0])) + x[..., 1:] @ self.added.T))  # in series
 
-    def left(self, x: Array) -> Array:
-        """Slopes less the measured ones, over their standard deviations (..., m)."""
+    def residuals(self, x: Array) -> Array:
+        """Return modelled less measured slopes over their standard deviations (..., m)."""
         return np.asarray((self.slopes(x) - self.slope) / self.sd)
 
     def gradient(self, x: Array) -> Array:
-        """Derivatives (m, 1 + p) of `left` at numbers (1 + p,)."""
-        per = -(self.slopes(x) ** 2) / self.sd
-        offset = np.exp(self.stage(x[0])) * self.stage(x[0], 1)
-        return np.asarray(per[:, None] * np.column_stack([offset, self.fixture]))
+        """Return the derivatives (m, 1 + p) of `residuals` at unknowns x (1 + p,)."""
+        factor = -(self.slopes(x) ** 2) / self.sd
+        offset = np.exp(self.log_compliance(x[0])) * self.log_compliance(x[0], 1)
+        return np.asarray(factor[:, None] * np.column_stack([offset, self.added]))
 
 
 class Fit(NamedTuple):
-    """Numbers (1 + p,) and their chi square."""
+    """Unknowns (1 + p,) and their chi square."""
 
     x: Array
     chi_square: float
 
 
-def fit(of: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
-    """The numbers of least chi square, some of them fixed; looked for `near` some (1 + p,) when these are known."""
-    free = np.setdiff1d(np.arange(len(of.ends)), list(fixed))
-    x = np.array([fixed.get(k, 0.0) for k in range(len(of.ends))])
+def fit(problem: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
+    """Minimize chi square with some unknowns fixed, starting from `near` (1 + p,) if that is given."""
+    free = np.setdiff1d(np.arange(len(problem.bounds)), list(fixed))
+    x = np.array([fixed.get(k, 0.0) for k in range(len(problem.bounds))])
     if not len(free):
-        return Fit(x, float(np.sum(of.left(x) ** 2)))
-    size = np.where(free == 0, np.ptp(of.ends[0]), of.ends[free, 1] / SOFTEST)
-    low, high = of.ends[free].T / size
+        return Fit(x, float(np.sum(problem.residuals(x) ** 2)))
+    scale = np.where(free == 0, np.ptp(problem.bounds[0]), problem.bounds[free, 1] / SOFTEST)
+    low, high = problem.bounds[free].T / scale
 
-    def at(part: Array) -> Array:
-        x[free] = part * size
+    def at(scaled: Array) -> Array:
+        x[free] = scaled * scale
         return x
 
-    def residuals(part: Array) -> Array:
-        return of.left(at(part))
+    def residuals(scaled: Array) -> Array:
+        return problem.residuals(at(scaled))
 
-    def jacobian(part: Array) -> Array:
-        return np.asarray(of.gradient(at(part))[:, free] * size)
+    def jacobian(scaled: Array) -> Array:
+        return np.asarray(problem.gradient(at(scaled))[:, free] * scale)
 
-    starts = [np.where(free == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / size]
+    starts = [np.where(free == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / scale]
     exact: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
-    tried = [least_squares(residuals, np.clip(one, low, high), jacobian, (low, high), **exact) for one in starts]
-    best = min(tried, key=lambda each: float(each.cost))
+    fits = [least_squares(residuals, np.clip(start, low, high), jacobian, (low, high), **exact) for start in starts]
+    best = min(fits, key=lambda result: float(result.cost))
     return Fit(at(best.x), 2 * float(best.cost))
 
 
-def interval(of: SlopeProblem, best: Fit, k: int, level: float) -> list[float]:
-    """The profile-likelihood interval of one number; inf where its end, or that of the offset, is the range's."""
-    least, found = best.chi_square + float(chi2.ppf(level, 1)), list[float]()
+def interval(problem: SlopeProblem, best: Fit, k: int, level: float) -> list[float]:
+    """Return the profile-likelihood interval of unknown k; infinite where it or the offset reaches its bounds."""
+    limit, ends = best.chi_square + float(chi2.ppf(level, 1)), list[float]()
 
     def above(value: float) -> float:
-        return fit(of, {k: value}, best.x).chi_square - least
+        return fit(problem, {k: value}, best.x).chi_square - limit
 
-    for end, unlimited in zip(of.ends[k], (-np.inf, np.inf), strict=True):
-        if k > 0 and end == 0 and above(0.0) <= 0:
-            found.append(0.0)
-        elif abs(end - best.x[k]) <= AT_END * np.ptp(of.ends[k]) or above(end) <= 0:
-            found.append(unlimited)
+    for bound, unlimited in zip(problem.bounds[k], (-np.inf, np.inf), strict=True):
+        if k > 0 and bound == 0 and above(0.0) <= 0:
+            ends.append(0.0)
+        elif abs(bound - best.x[k]) <= AT_END * np.ptp(problem.bounds[k]) or above(bound) <= 0:
+            ends.append(unlimited)
         else:
-            value = float(brentq(above, best.x[k], end, xtol=1e-8 * float(np.ptp(of.ends[k]))))
-            from_ends = np.abs(of.ends[0] - fit(of, {k: value}, best.x).x[0])
-            found.append(value if np.min(from_ends) > AT_END * np.ptp(of.ends[0]) else unlimited)
-    return found
+            value = float(brentq(above, best.x[k], bound, xtol=1e-8 * float(np.ptp(problem.bounds[k]))))
+            from_ends = np.abs(problem.bounds[0] - fit(problem, {k: value}, best.x).x[0])
+            ends.append(value if np.min(from_ends) > AT_END * np.ptp(problem.bounds[0]) else unlimited)
+    return ends
 
 
-def sensitivity(of: SlopeProblem, x: Array) -> tuple[int, float, float]:
-    """How many combinations of the numbers the data depend on, condition number and correlation; nan where not all."""
-    J = of.gradient(x)
+def sensitivity(problem: SlopeProblem, x: Array) -> tuple[int, float, float]:
+    """Return rank and condition number of the sensitivities, and the correlation of x[0] and x[1]; nan if singular."""
+    J = problem.gradient(x)
     J = J / np.linalg.norm(J, axis=0)
     rank = int(np.linalg.matrix_rank(J, tol=1 / DEPENDENT))
     if rank < J.shape[1]:
@@ -174,60 +174,60 @@ def sensitivity(of: SlopeProblem, x: Array) -> tuple[int, float, float]:
 def identify(
     stage: Stage, measured: Path, *, unknown: Unknown | None = None, confidence: float = 95.0
 ) -> Identification:
-    """Fit an offset of all necks and a soft fixture to measured slopes, and say whether these can tell them apart.
+    """Fit an offset of all necks and a soft fixture to measured slopes, and judge whether the data tell them apart.
 
     Parameters
     ----------
     measured : path, Fixture or Measurement
         File of measured slopes with standard deviations, with the set-up or alone.
     unknown : {"pole", "springs"}, optional
-        Of the fixture: how many times softer than described its pole is, in bending and torsion alike (0: rigid), or in
-        its place two springs, one in x and y and one in rotation; by default the pole where one is described.
+        Unknowns of the fixture: compliance of its pole, in bending and torsion, over the described one (0: rigid), or
+        instead two springs, one in x and y and one in rotation; by default the pole if one is described.
     confidence : float
-        Of the intervals, per cent, from 50 to 99.9.
+        Confidence level of the intervals, per cent, from 50 to 99.9.
     {shared}
 
     Notes
     -----
-    Nonlinear least squares, chi square the sum of squared deviations over the variances as stated. Intervals are by
-    profile likelihood: all values at which the best of the others takes chi square no further above its least than the
-    quantile of one degree of freedom. A cause alone is allowed when chi square without the other is within the quantile
-    of as many degrees as numbers were dropped.
+    Nonlinear least squares; chi square is the sum of squared deviations over the stated variances. Intervals are by
+    profile likelihood: all values for which chi square, minimized over the other unknowns, exceeds its minimum by no
+    more than the quantile of one degree of freedom. One cause alone is allowed if setting the other to zero raises chi
+    square by no more than the quantile of as many degrees of freedom as unknowns were set to zero.
     """
     check_feasible(stage)
     level = arguments.between("confidence", confidence, 50.0, 99.9) / 100
     source, warnings = measured_of(measured), list(warning.of_stage(stage))
     place = source.name if isinstance(measured, Fixture | Measurement) else place_of(measured)
     problem, numbers, model = _problem(stage, source, place, unknown, warnings)
-    best, count = fit(problem, {}), len(problem.ends)
+    best, count = fit(problem, {}), len(problem.bounds)
     low, high = np.transpose([interval(problem, best, k, level) for k in range(count)])
-    dropped = (range(count), range(1, count), range(1))  # for each of `CAUSES`
-    alone = [fit(problem, dict.fromkeys(which, 0.0)) for which in dropped]
-    more = [each.chi_square - best.chi_square for each in alone]
-    allowed = [bool(one <= chi2.ppf(level, len(which))) for one, which in zip(more, dropped, strict=True)]
+    dropped = (range(count), range(1, count), range(1))  # unknowns set to zero, for each of `CAUSES`
+    alone = [fit(problem, dict.fromkeys(zeros, 0.0)) for zeros in dropped]
+    excesses = [cause.chi_square - best.chi_square for cause in alone]
+    allowed = [bool(excess <= chi2.ppf(level, len(zeros))) for excess, zeros in zip(excesses, dropped, strict=True)]
     rank, condition, correlation = sensitivity(problem, best.x)
     dof = len(problem.axes) - rank
     distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(best.chi_square, dof)
-    marks = np.array([best.x[:2], *(each.x[:2] for each in alone), low[:2], high[:2]])
+    marks = np.array([best.x[:2], *(cause.x[:2] for cause in alone), low[:2], high[:2]])
     if abs(correlation) > DEPENDENT_NUMBERS:
         warnings.append(
             f"the correlation of offset and fixture is {correlation:+.4f}: small differences between the directions "
             "tell them apart, which errors of the model and unequal necks make as well"
         )
-    drawn = problem.slopes(np.zeros(count))  # on a rigid fixture
-    soft = problem.fixture @ best.x[1:]
-    stiff = np.where(soft > RIGID / drawn, 1 / np.maximum(soft, 1e-300), np.inf)
-    of_directions = np.full((5, 3), np.nan)
-    of_directions[:, problem.axes] = problem.slope, drawn, problem.slopes(best.x), problem.sd, stiff
+    rigid = problem.slopes(np.zeros(count))  # on a rigid fixture
+    added = problem.added @ best.x[1:]
+    stiffness = np.where(added > RIGID / rigid, 1 / np.maximum(added, 1e-300), np.inf)
+    by_direction = np.full((5, 3), np.nan)
+    by_direction[:, problem.axes] = problem.slope, rigid, problem.slopes(best.x), problem.sd, stiffness
     sentence = finding(best, dof, alone[1].x[0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within its interval."
     return Identification(
         about(stage, files={"measured": source}),
         {
-            "slope": of_directions[:3].T,
-            "sd": of_directions[3],
-            "stiffness": of_directions[4],
+            "slope": by_direction[:3].T,
+            "sd": by_direction[3],
+            "stiffness": by_direction[4],
             **{"offset": best.x[0], "offset_low": low[0], "offset_high": high[0]},
             **{"fixture": best.x[1:], "fixture_low": low[1:], "fixture_high": high[1:]},
             "chi_square": best.chi_square,
@@ -236,10 +236,10 @@ def identify(
             "correlation": correlation,
             "distinct": distinct,
             "allowed": allowed,
-            "cause_chi_square": [each.chi_square for each in alone],
-            "cause_offset": [each.x[0] for each in alone],
-            "cause_fixture": [each.x[1:] for each in alone],
-            **_region(problem, np.where(np.isinf(marks), np.nan, marks), best.chi_square),
+            "cause_chi_square": [cause.chi_square for cause in alone],
+            "cause_offset": [cause.x[0] for cause in alone],
+            "cause_fixture": [cause.x[1:] for cause in alone],
+            **_chi_square_map(problem, np.where(np.isinf(marks), np.nan, marks), best.chi_square),
             "region_limit": float(chi2.ppf(level, 2)),
         },
         axes={"number": numbers} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
@@ -252,7 +252,7 @@ def identify(
 def _problem(
     stage: Stage, measured: Fixture | Measurement, place: str, unknown: Unknown | None, warnings: list[str]
 ) -> tuple[SlopeProblem, list[str], str]:
-    """The problem, names of the fixture's numbers, and of the analytic model; `place` is where the slopes are."""
+    """Return the problem, labels of the fixture's numbers and the model's name; place: of the slopes, for errors."""
     assert measured.measured is not None, "of `measured_of`"
     value, sd = measured.measured.slopes
     axes = np.flatnonzero(~np.isnan(value))
@@ -260,29 +260,29 @@ def _problem(
     if missing := [f"measured.{keys[k]}" for k in axes if np.isnan(sd[k])]:
         raise BadInput(f"{', '.join(missing)}: expected, for without it no interval can be given", place)
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
-    offsets, C, model = _stages(stage, warnings)
-    own, pole, bar = pushes.shares(C)
+    offsets, C, model = _stages_with_offsets(stage, warnings)
+    of_stage, pole, bar = pushes.shares(C)
     described = bool(np.any(pole[axes] > 0))
     if unknown == "pole" and not described:
         raise BadInput('unknown "pole", expected springs: no pole is in these readings', place)
-    read = (own + bar)[:, axes]
-    if not np.all(read > 0):
+    rigid = (of_stage + bar)[:, axes]
+    if not np.all(rigid > 0):
         raise ComputationFailed(f"{place}: a slope of this stage on a rigid fixture is not positive")
-    spline = CubicSpline(offsets, np.log(read))
-    adds = (
+    spline = CubicSpline(offsets, np.log(rigid))
+    added_by = (
         {"pole": pole[axes]} if described and unknown != "springs" else {"translation": axes < 2, "rotation": axes == 2}
     )
-    adds = {name: one for name, one in adds.items() if np.any(one)}
-    fixture = np.column_stack(list(adds.values())).astype(float)
-    most = SOFTEST / np.max(fixture / np.exp(spline(0.0))[:, None], axis=0)
-    ends = np.array([[offsets[0], offsets[-1]], *([0.0, one] for one in most)])
-    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, ends), list(adds), model
+    added_by = {name: added for name, added in added_by.items() if np.any(added)}
+    fixture = np.column_stack(list(added_by.values())).astype(float)
+    largest = SOFTEST / np.max(fixture / np.exp(spline(0.0))[:, None], axis=0)
+    bounds = np.array([[offsets[0], offsets[-1]], *([0.0, added] for added in largest)])
+    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, bounds), list(added_by), model
 
 
-def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
-    """Neck offsets (n,), mm, and the compliances (n, 3, 3) of stages with them, by the best model there is."""
+def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
+    """Return neck offsets (n,), mm, the compliances (n, 3, 3) of stages with them, and the name of the best model."""
     chosen = best_model(stage, warnings)
-    analyse(*chosen)  # refuses a stage that has no answer itself
+    analyse(*chosen)  # refuses a stage without a solution at zero offset
     stage, formula = chosen.stage, chosen.formula
     neck, radius = stage.array("neck"), stage.array("radius")
     ends = FURTHEST * float(np.min(neck)) * np.array([-1.0, 1.0])
@@ -299,40 +299,40 @@ def _stages(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
     return offsets[kept], inverse(K[kept]), chosen.name
 
 
-def _region(of: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:
-    """Chi square above its least over the offset and the fixture's first number, the others at their best.
+def _chi_square_map(problem: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:
+    """Return chi square above its minimum over the offset and the fixture's first number, minimized over the others.
 
-    marks : (n, 2), points that the map must show, nan for none; rest on a rigid fixture is always on it.
+    marks : (n, 2), points that the map must contain, nan for none; zero offset on a rigid fixture is always added.
     """
     shown = np.vstack([marks, np.zeros(2)])
     low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
-    room = 0.3 * (high - low)
-    low, high = np.clip(low - room, *of.ends[:2].T), np.clip(high + room, *of.ends[:2].T)
-    high = np.where(high - low > AT_END * np.ptp(of.ends[:2], axis=1), high, of.ends[:2, 1])
+    margin = 0.3 * (high - low)
+    low, high = np.clip(low - margin, *problem.bounds[:2].T), np.clip(high + margin, *problem.bounds[:2].T)
+    high = np.where(high - low > AT_END * np.ptp(problem.bounds[:2], axis=1), high, problem.bounds[:2, 1])
     offsets, numbers = np.linspace(low, high, MAP).T
-    x = np.zeros((MAP, MAP, len(of.ends)))
+    x = np.zeros((MAP, MAP, len(problem.bounds)))
     x[..., 0], x[..., 1] = offsets[:, None], numbers
-    for column in range(2, len(of.ends)):  # a spring that softens one direction alone: exact, or none
-        row = int(np.argmax(of.fixture[:, column - 1]))
-        wanted = (1 / of.slope[row] - np.exp(of.stage(offsets))[:, row]) / of.fixture[row, column - 1]
-        x[..., column] = np.maximum(wanted, 0.0)[:, None]
-    above = np.sum(of.left(x) ** 2, axis=-1) - least
+    for column in range(2, len(problem.bounds)):  # a spring of a single direction fits it exactly or vanishes
+        row = int(np.argmax(problem.added[:, column - 1]))
+        missing = 1 / problem.slope[row] - np.exp(problem.log_compliance(offsets))[:, row]
+        x[..., column] = np.maximum(missing / problem.added[row, column - 1], 0.0)[:, None]
+    above = np.sum(problem.residuals(x) ** 2, axis=-1) - least
     return {"region_offset": offsets, "region_fixture": numbers, "region_above": above}
 
 
 def unexplained(chi_square: float, dof: int) -> bool:
-    """Whether a fit is none: chance would hardly leave so much. Without one, one degree of freedom counts."""
+    """Return whether chi square is improbable under chance; at least one degree of freedom is assumed."""
     return bool(chi2.sf(chi_square, max(dof, 1)) < POOR)
 
 
 def finding(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
-    """What the data say, in a sentence or two, by the offset of the necks alone and what is `allowed` of `CAUSES`."""
+    """State the conclusion in words; offset: fitted with necks alone, allowed: flags of `CAUSES`."""
     um, (neither, by_necks, by_fixture) = MICROMETRE.factor, allowed
     necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
     if unexplained(best.chi_square, dof):
-        usual = f"where chance goes beyond {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}"
+        comparison = f"where chance goes beyond {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}"
         return (
-            f"Nothing of this explains the data: chi square {best.chi_square:.3g} at the best fit, {usual}. "
+            f"Nothing of this explains the data: chi square {best.chi_square:.3g} at the best fit, {comparison}. "
             "Look at the standard deviations, or for another cause."
         )
     if distinct:
@@ -341,11 +341,11 @@ def finding(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: b
             (False, True): "A soft fixture explains the data, and no neck offset alone does.",
             (False, False): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
         }[by_necks, by_fixture]
-    alike = {
+    causes = {
         (True, True): f" N{necks} alone and a soft fixture alone both agree with them.",
         (True, False): f" N{necks} alone agree with them, a soft fixture alone does not.",
         (False, True): " A soft fixture alone agrees with them, no neck offset alone does.",
         (False, False): "",
     }[by_necks, by_fixture]
-    nothing = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
-    return f"These data cannot tell them apart.{nothing if neither else alike}"
+    no_cause = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
+    return f"These data cannot tell them apart.{no_cause if neither else causes}"

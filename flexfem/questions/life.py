@@ -97,7 +97,7 @@ def by_wrenches(designs: Designs, wrench: Wrench, of: Repeated) -> Strained:
     """Both sides of every neck of n designs, by what the necks carry (n, 3, 3, 3)."""
     bending, along = strength.surface_stress(wrench, designs.neck, designs.thickness, strength.stress_raised(designs))
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
-    part = np.repeat(strength.counted(designs.neck / designs.radius, of.sensitivity).reshape(len(along), 9), 2, axis=1)
+    part = strength.fatigue_fraction(designs.neck / designs.radius, of.sensitivity).reshape(-1, 9).repeat(2, axis=1)
     return Strained(np.repeat(np.arange(9), 2), np.abs(sides @ of.amplitude), sides @ of.mean, part)
 
 
@@ -110,7 +110,7 @@ def by_model(stage: Stage, result: AnalyticResult, of: Repeated) -> Strained:
 def by_elements(stage: Stage, response: Response, of: Repeated) -> Strained:
     """The nodes in every notch, by finite elements in the plane."""
     pull, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
-    part = strength.counted(design.neck[0] / design.radius[0], of.sensitivity)
+    part = strength.fatigue_fraction(design.neck[0] / design.radius[0], of.sensitivity)
     loads = np.array([of.amplitude, of.mean]) @ stiffness.T
     parts = []
     for (chain, hinge), stress in notch_fields(stage, response, loads):

@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import analyse
-from flexfem.arrays import Array, alone, is_largest
+from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
 from flexfem.fem.fields import load_case, neck_stresses
 from flexfem.fem.response import Response, unit_response
@@ -178,7 +178,7 @@ def _at_rest(
 ) -> ModelAnswer:
     """A stage at rest by its compliance, with bands, and stress (3 chains, 3 hinges, 3 directions) per displacement."""
     K = np.asarray(np.linalg.inv(compliance) if stiffness is None else stiffness)
-    values = {"compliance": compliance, "stiffness": K, "free": alone(K)}
+    values = {"compliance": compliance, "stiffness": K, "free": free_stiffness(K)}
     if stress is not None:
         far = stage.material.yield_strength / np.max(stress, axis=(0, 1))
         values |= {"stress": stress, "yield_range": far, "yield_force": np.diag(K) * far}

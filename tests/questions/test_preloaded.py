@@ -135,9 +135,9 @@ def changes(stage, forces, follows, resolution):
         of = loaded(joints, force, NONE)
         for j, stiff in enumerate((0 * drive.stiffness, drive.stiffness)):
             engaged = drive._replace(stiffness=stiff)
-            K, K_rest = (np.diag(np.linalg.inv(driven(each, engaged).engaged)) for each in (C, metal.of.C))
+            K, K_rest = (np.diag(np.linalg.inv(driven(each, engaged).engaged)) for each in (C, metal.system.C))
             found[0, i, j] = K / K_rest - 1
-            rest = np.diag(np.linalg.inv(driven(model.of.C, engaged).engaged))
+            rest = np.diag(np.linalg.inv(driven(model.system.C, engaged).engaged))
             found[1, i, j] = np.diag(of.stiffness(stiff)) / rest - 1
     return found
 
