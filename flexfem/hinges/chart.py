@@ -1,18 +1,18 @@
-"""The notch as a beam and by finite elements: beam integrals, and charts of what elements and thickness change of them.
+"""Compliance of a notch: beam integrals, and charts of their corrections from finite elements.
 
-With tau = t/R the beam integrals are pure numbers of tau: rotation theta/M times E b R^2, axial dx/F_x and bending
-dy/F_y (the part of shear that bending makes) times E b, over x = R sin(theta) in -R..R, where the depth is
+The beam integrals are dimensionless functions of tau = t/R: rotation theta/M times E b R^2, axial dx/F_x and bending
+dy/F_y (the bending part of the shear compliance) times E b, over x = R sin(theta) in -R..R, where the depth is
 h(x) = t + 2 R - 2 sqrt(R^2 - x^2).
 
-`python -m flexfem.fem.chart` makes the files in `flexfem/data`; they say with which versions, meshes and uncertainties.
-`hinge_chart.json` and `hinge_chart_high.json` hold compliances in plane stress on grids of t/R and H/h (H the height of
-the blocks beside the notch, h = 2R + t the notch's), H/h 1 to 3 and 3 to 60. Over the beam integrals they are smooth in
-sqrt(t/R) and in log(H/h). As H/h grows the notch sees two half-planes: the rotation has a limit, axial and shear
-compliance grow by `SPREADING ln(H/h) / (E b)` (Flamant; K. L. Johnson, Contact Mechanics, 1985, sections 2.2 and 2.3),
-and what remains is a polynomial in h/H, which holds for every H/h from 3 on.
+`python -m flexfem.fem.chart` makes the files in `flexfem/data`, which state their versions, meshes and uncertainties.
+`hinge_chart.json` and `hinge_chart_high.json` hold plane-stress compliances on grids of t/R and H/h (H is the height of
+the blocks beside the notch, h = 2R + t that of the notch) for H/h from 1 to 3 and from 3 to 60. Divided by the beam
+integrals they are smooth in sqrt(t/R) and log(H/h). For large H/h the blocks act as half-planes: rotation tends to a
+limit, axial and shear compliance grow by `SPREADING ln(H/h) / (E b)` (Flamant; K. L. Johnson, Contact Mechanics, 1985,
+sections 2.2 and 2.3), and the remainder is a polynomial in h/H, valid for every H/h from 3.
 
 `thickness_chart.json` holds, over t/R, b/t and Poisson's ratio, the position p of a hinge of thickness b between plane
-stress and plane strain, C = C_ps (1 - nu^2 p), and the highest von Mises stress over that in plane stress.
+stress and plane strain, C = C_ps (1 - nu^2 p), and the ratio of its highest von Mises stress to that in plane stress.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R 
 def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
     """Integral of (x/R)^m (h/R)^-n d(x/R) over the notch by Gauss quadrature; shape of `tau`.
 
-    x = R sin(theta) and theta = sqrt(tau) sinh(w): the first removes the vertical tangent of h at the ends, the
-    second moves the poles of 1/h, which close in on the neck as +- i sqrt(tau), to the fixed distance pi/2.
+    x = R sin(theta) removes the vertical tangent of h at the ends. theta = sqrt(tau) sinh(w) moves the poles of 1/h,
+    which approach the neck as +- i sqrt(tau), to the fixed distance pi/2.
     """
     scale = np.sqrt(np.asarray(tau, dtype=float))[..., None]
     end = np.arcsinh(0.5 * np.pi / scale)
@@ -48,7 +48,7 @@ def quadrature(tau: Array, power_of_x: int, power_of_depth: int) -> Array:
 
 
 def rotation_paros_weisbord(tau: Array) -> Array:
-    """E b R^2 alpha_z/M_z (2), for any depth gamma; here the full notch, gamma = 1 + beta."""
+    """E b R^2 alpha_z/M_z by (2), which holds for any depth gamma; here for the full notch, gamma = 1 + beta."""
     beta = 0.5 * tau
     gamma = 1.0 + beta
     q = 2.0 * beta + beta**2
@@ -70,8 +70,8 @@ def bending_closed(tau: Array) -> Array:
     """E b int x^2 dx/(E I) in closed form; our own algebra.
 
     With h = 2 R (c - cos theta), c = 1 + beta, and J_n = int (c - cos theta)^-n d theta over -pi/2..pi/2, integration
-    by parts of sin theta * sin theta cos theta / (c - cos theta)^3 leaves J_1 and J_2. It loses two digits to
-    cancellation at t/R = 2 and none for thin necks.
+    by parts of sin theta * sin theta cos theta / (c - cos theta)^3 leaves J_1 and J_2. Cancellation costs two digits at
+    t/R = 2 and none for thin necks.
     """
     beta = 0.5 * tau
     c = 1.0 + beta
@@ -84,14 +84,14 @@ def bending_closed(tau: Array) -> Array:
 FREEDOMS = ("rotation", "axial", "shear")
 SPREADING = 4.0 / np.pi  # of two half-planes
 GROWTH = np.array([0.0, SPREADING, SPREADING])  # of rotation, axial, shear, per ln(H/h)
-ROUND_OFF = 1e-9  # relative; a block as high as the notch, added up in another order, is still on the chart
+ROUND_OFF = 1e-9  # relative; a block as high as the notch is on the chart in spite of rounding
 
 
 class Compliance(NamedTuple):
     """Compliances of a hinge about its neck centre in its own frame, where they are uncoupled; or factors on them.
 
-    rotation : 1/(N mm), angle of the two bodies per moment.   axial : mm/N, stretch along the neck per force along it.
-    shear : mm/N, sideways displacement per force across the neck at its centre.
+    rotation : 1/(N mm), relative angle of the two bodies per moment.   axial : mm/N, elongation per axial force.
+    shear : mm/N, transverse displacement per transverse force at the neck centre.
     """
 
     rotation: Array
@@ -100,11 +100,11 @@ class Compliance(NamedTuple):
 
 
 class Series(NamedTuple):
-    """Chebyshev series of some numbers over a box.
+    """Chebyshev series of several functions over a box.
 
-    ends : smallest and largest of each of d coordinates that was sampled.
-    scales : of these, on which the numbers are smooth.
-    coefficients : (numbers, n, m, ...).
+    ends : smallest and largest sampled value of each of d coordinates.
+    scales : transformations of the coordinates in which the functions are smooth.
+    coefficients : (functions, n, m, ...).
     """
 
     ends: tuple[tuple[float, float], ...]
@@ -115,51 +115,51 @@ class Series(NamedTuple):
     def through(
         cls, ends: tuple[tuple[float, float], ...], scales: tuple[np.ufunc, ...], points: list[Array], samples: Array
     ) -> Series:
-        """The polynomial through all samples (numbers, n, m, ...), whose points must be Chebyshev's."""
-        for axis, at in enumerate(points, start=1):
-            inverse = np.linalg.inv(_vander(at, ends[axis - 1], scales[axis - 1], len(at)))
+        """Interpolate samples (functions, n, m, ...) at Chebyshev points."""
+        for axis, nodes in enumerate(points, start=1):
+            inverse = np.linalg.inv(_vander(nodes, ends[axis - 1], scales[axis - 1], len(nodes)))
             samples = np.moveaxis(np.tensordot(inverse, samples, axes=(1, axis)), 0, axis)
         return cls(ends, scales, samples)
 
     def covers(self, *point: ArrayLike) -> NDArray[np.bool_]:
-        """Whether coordinates (broadcast against each other) are in the box."""
+        """Return whether coordinates (broadcast against each other) are in the box."""
         inside = [_within(*pair) for pair in zip(point, self.ends, strict=True)]
         return np.asarray(np.logical_and.reduce(np.broadcast_arrays(*inside)))
 
     def at(self, *point: ArrayLike) -> Array:
-        """The numbers (numbers, ...) at coordinates (...), broadcast; nan outside the box."""
-        nearest = [np.clip(np.asarray(at, dtype=float), *ends) for at, ends in zip(point, self.ends, strict=True)]
-        return np.where(self.covers(*point), self.continued(*nearest), np.nan)
+        """Return the values (functions, ...) at coordinates (...), broadcast; nan outside the box."""
+        clipped = [np.clip(np.asarray(x, dtype=float), *ends) for x, ends in zip(point, self.ends, strict=True)]
+        return np.where(self.covers(*point), self.extrapolated(*clipped), np.nan)
 
-    def continued(self, *point: Array) -> Array:
-        """The numbers (numbers, ...) at coordinates (...), broadcast, outside the box too."""
-        parts = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
-        along = [_vander(at, ends, scale, terms) for at, ends, scale, terms in parts]
-        axes = "ijk"[: len(along)]
+    def extrapolated(self, *point: Array) -> Array:
+        """Return the values (functions, ...) at coordinates (...), broadcast, inside and outside the box."""
+        arguments = zip(point, self.ends, self.scales, self.coefficients.shape[1:], strict=True)
+        bases = [_vander(*each) for each in arguments]
+        axes = "ijk"[: len(bases)]
         terms = ",".join(f"...{axis}" for axis in axes)
-        return np.asarray(np.einsum(f"f{axes},{terms}->f...", self.coefficients, *along, optimize=True))
+        return np.asarray(np.einsum(f"f{axes},{terms}->f...", self.coefficients, *bases, optimize=True))
 
 
 class HingeChart(NamedTuple):
-    """The factors in t/R and H/h for every height: `low` up to its largest H/h, `high` beyond, less its growth."""
+    """Factors over t/R and H/h: `low` up to its largest H/h, `high` above it without the logarithmic growth."""
 
     low: Series
     high: Series
 
     def covers(self, ratio: ArrayLike, height: ArrayLike) -> NDArray[np.bool_]:
-        """Whether t/R and H/h (broadcast against each other) are on the chart; there is no largest H/h."""
+        """Return whether t/R and H/h (broadcast against each other) are on the chart; H/h has no upper limit."""
         return _within(ratio, self.low.ends[0]) & _within(height, (self.low.ends[1][0], np.inf)) & np.isfinite(height)
 
     def factors(self, ratio: ArrayLike, height: ArrayLike) -> Compliance:
-        """Factors (...) at t/R and H/h, broadcast against each other."""
+        """Return the factors (...) at t/R and H/h, broadcast against each other."""
         tau, eta = np.broadcast_arrays(np.asarray(ratio, dtype=float), np.asarray(height, dtype=float))
-        found = self.low.at(tau, eta)
-        beyond = self.covers(tau, eta) & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
-        if np.any(beyond):
-            within, high = np.clip(tau[beyond], *self.low.ends[0]), eta[beyond]
-            grown = GROWTH[:, None] * np.log(high) / beam_integrals(within)
-            found[:, beyond] = self.high.continued(within, high) + grown
-        return Compliance(*found)
+        factors = self.low.at(tau, eta)
+        is_high = self.covers(tau, eta) & (eta > self.low.ends[1][1] * (1 + ROUND_OFF))
+        if np.any(is_high):
+            high_tau, high_eta = np.clip(tau[is_high], *self.low.ends[0]), eta[is_high]
+            growth = GROWTH[:, None] * np.log(high_eta) / beam_integrals(high_tau)
+            factors[:, is_high] = self.high.extrapolated(high_tau, high_eta) + growth
+        return Compliance(*factors)
 
 
 def beam_integrals(tau: Array) -> Array:
@@ -171,40 +171,40 @@ def beam_integrals(tau: Array) -> Array:
 
 @cache
 def hinge_chart() -> HingeChart:
-    """The chart in the package, read once."""
+    """Return the hinge chart of the package."""
     parts = []
-    for name, measure, growth in (("hinge_chart", np.log, 0.0), ("hinge_chart_high", np.reciprocal, GROWTH)):
-        found = json.loads(read_data(f"{name}.json"))
-        tau, eta = np.array(found["t/R"]), np.array(found["H/h"])
-        samples = np.array([found[freedom] for freedom in FREEDOMS]) - np.reshape(growth, (-1, 1, 1)) * np.log(eta)
-        ends = tuple(found["range"]["t/R"]), tuple(found["range"]["H/h"])
+    for name, scale, growth in (("hinge_chart", np.log, 0.0), ("hinge_chart_high", np.reciprocal, GROWTH)):
+        data = json.loads(read_data(f"{name}.json"))
+        tau, eta = np.array(data["t/R"]), np.array(data["H/h"])
+        samples = np.array([data[freedom] for freedom in FREEDOMS]) - np.reshape(growth, (-1, 1, 1)) * np.log(eta)
+        ends = tuple(data["range"]["t/R"]), tuple(data["range"]["H/h"])
         factors = samples / beam_integrals(tau)[:, :, None]
-        parts.append(Series.through(ends, (np.sqrt, measure), [tau, eta], factors))
+        parts.append(Series.through(ends, (np.sqrt, scale), [tau, eta], factors))
     return HingeChart(*parts)
 
 
 @cache
 def thickness_chart() -> Series:
-    """The chart in the package, read once, over t/R, b/t and nu.
+    """Return the thickness chart of the package, over t/R, b/t and nu.
 
-    Positions in rotation and axially, 0 in plane stress and 1 in plane strain, and the highest von Mises stress by a
-    moment and by a pull over that in plane stress.
+    Its functions are the positions of the rotational and the axial compliance, 0 in plane stress and 1 in plane strain,
+    and the ratios of the highest von Mises stress in bending and in tension to that in plane stress.
     """
-    found, axes = json.loads(read_data("thickness_chart.json")), ("t/R", "b/t", "nu")
-    points, ends = [np.array(found[axis]) for axis in axes], tuple(tuple(found["range"][axis]) for axis in axes)
-    stress = found["stress"]
-    samples = np.array([found["rotation"], found["axial"], stress["bending"], stress["tension"]])
+    data, axes = json.loads(read_data("thickness_chart.json")), ("t/R", "b/t", "nu")
+    points, ends = [np.array(data[axis]) for axis in axes], tuple(tuple(data["range"][axis]) for axis in axes)
+    stress = data["stress"]
+    samples = np.array([data["rotation"], data["axial"], stress["bending"], stress["tension"]])
     return Series.through(ends, (np.sqrt, np.log, np.positive), points, samples)
 
 
 def thickness_factors(
     radius: ArrayLike, neck: ArrayLike, thickness: ArrayLike, poissons_ratio: ArrayLike
 ) -> Compliance:
-    """Factors (...), at most 1, of the plane-stress compliances of hinges; lengths in mm, the arguments broadcast.
+    """Return the factors (...), at most 1, on the plane-stress compliances of hinges; mm, the arguments broadcast.
 
     nan where t/R, b/t or nu is not on the chart.
 
-    Shear is taken as far from plane stress to plane strain as rotation. Its plane-strain limit follows from its
+    Shear has the position of rotation between plane stress and plane strain. Its plane-strain limit follows from its
     plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/chart.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
     and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
     """
@@ -217,14 +217,13 @@ def thickness_factors(
     return Compliance(1.0 - nu**2 * rotation, 1.0 - nu**2 * axial, 1.0 - nu**2 * rotation * softening)
 
 
-def _vander(values: Array, ends: tuple[float, float], measure: np.ufunc, terms: int) -> Array:
-    """Chebyshev polynomials (..., terms) of values on the scale of a measure between its ends."""
-    low, high = measure(ends)
-    scaled = np.asarray(2.0 * (measure(values) - low) / (high - low) - 1.0)
-    return np.asarray(chebvander(scaled, terms - 1)).reshape(*scaled.shape, terms)  # numpy makes a row of a number
+def _vander(values: Array, ends: tuple[float, float], scale: np.ufunc, terms: int) -> Array:
+    """Return Chebyshev polynomials (..., terms) of values (...), mapped by a scale from its ends to -1 and 1."""
+    low, high = scale(ends)
+    scaled = np.asarray(2.0 * (scale(values) - low) / (high - low) - 1.0)
+    return np.asarray(chebvander(scaled, terms - 1)).reshape(*scaled.shape, terms)  # numpy gives a scalar an axis
 
 
 def _within(values: ArrayLike, ends: tuple[float, float]) -> NDArray[np.bool_]:
     v = np.asarray(values, dtype=float)
-    inside: NDArray[np.bool_] = (v >= ends[0] * (1 - ROUND_OFF)) & (v <= ends[1] * (1 + ROUND_OFF))
-    return inside
+    return np.asarray((v >= ends[0] * (1 - ROUND_OFF)) & (v <= ends[1] * (1 + ROUND_OFF)))

@@ -1,4 +1,4 @@
-"""The circular hinge as three springs, by the published formulas, the calibrated one, and those of the user."""
+"""Spring models of the circular hinge: published formulas, the calibrated formula, and formulas of the user."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from flexfem.sources import load_own
 
 @dataclass(frozen=True)
 class Formula:
-    """A hinge formula in dimensionless form, with what is known of its origin.
+    """A hinge formula in dimensionless form, with its origin.
 
     name : the key in `FORMULAS`.   source : citation.
-    status : how sure the printed form is, and what it was compared with.
-    valid : smallest and largest t/R for which the formula is meant (`status` says who says so).
-    rotation, axial, bending : pure numbers of t/R (see `chart`), None where the source states none.
+    status : certainty of the printed form, and the comparisons made with it.
+    valid : smallest and largest t/R for which the formula is meant (`status` states the origin of the range).
+    rotation, axial, bending : dimensionless functions of t/R (see `chart`), None where the source states none.
     charted : whether they are multiplied by the factors of the hinge chart, which is not extrapolated.
     """
 
@@ -40,13 +40,13 @@ class Formula:
 
     @property
     def freedoms(self) -> tuple[str, ...]:
-        """The compliances that the source itself states; the others are Paros-Weisbord's."""
-        stated = (("rotation", self.rotation), ("axial", self.axial), ("shear", self.bending))
-        return tuple(freedom for freedom, function in stated if function is not None)
+        """The freedoms whose compliance the source states; the others are Paros-Weisbord's."""
+        functions = (("rotation", self.rotation), ("axial", self.axial), ("shear", self.bending))
+        return tuple(freedom for freedom, function in functions if function is not None)
 
     def in_range(self, radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None = None) -> NDArray[np.bool_]:
-        """Whether t/R (and H/h) is where the formula is meant to be used, broadcast; arguments as of `compliance`."""
-        tau, eta = _shape_of_notch(radius, neck, block_height)
+        """Return whether t/R (and H/h) is in the range of the formula, broadcast; arguments as for `compliance`."""
+        tau, eta = _notch_ratios(radius, neck, block_height)
         if self.charted:
             return hinge_chart().covers(tau, eta)
         return np.asarray((tau >= self.valid[0]) & (tau <= self.valid[1]))
@@ -60,32 +60,32 @@ class Formula:
         poissons_ratio: ArrayLike,
         block_height: ArrayLike | None = None,
     ) -> Compliance:
-        """Compliances about the neck centre; arguments in mm and MPa broadcast against each other.
+        """Return the compliances about the neck centre; arguments in mm and MPa broadcast against each other.
 
         Parameters
         ----------
-        block_height : height H of the bodies beside the notch, None for the notch's own, 2R + t. Published formulas
-            know the notch alone and leave it aside.
+        block_height : height H of the bodies beside the notch; None takes that of the notch, 2R + t. Published formulas
+            ignore it.
 
         Notes
         -----
-        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). On a charted
-        hinge Poisson's ratio acts on shear alone, and exactly as in a beam of the blocks' height:
-        `flexfem/fem/chart.py`. Outside `in_range` the value of a chart is nan, that of another formula is returned all
-        the same: the caller reports it.
+        dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). With a chart,
+        Poisson's ratio affects shear alone, and exactly as in a beam of the height of the blocks:
+        `flexfem/fem/chart.py`. Outside `in_range` a chart gives nan and another formula its value, on which the caller
+        warns.
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
         tau = t / R
-        own = f"hinge formula {self.name!r}"
-        rotation = _values(f"{own}: function", self.rotation, tau)
-        axial = _values(f"{own}: axial", self.axial or chart.axial_paros_weisbord, tau)
-        bending = _values(f"{own}: bending", self.bending or chart.bending_closed, tau)
-        stretch = axial if self.bending is not None else chart.axial_paros_weisbord(tau)
-        factors, sideways = Compliance(*np.ones(3)), stretch
+        title = f"hinge formula {self.name!r}"
+        rotation = _values(f"{title}: function", self.rotation, tau)
+        axial = _values(f"{title}: axial", self.axial or chart.axial_paros_weisbord, tau)
+        bending = _values(f"{title}: bending", self.bending or chart.bending_closed, tau)
+        beam = axial if self.bending is not None else chart.axial_paros_weisbord(tau)  # E b int dx/(E A)
+        factors, poisson_beam = Compliance(*np.ones(3)), beam
         if self.charted:
-            tau, eta = _shape_of_notch(R, t, block_height)
-            factors, sideways = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
-        shear = factors.shear * (bending + SHEAR_CORRECTION * 2.0 * stretch) + SHEAR_CORRECTION * 2.0 * nu * sideways
+            tau, eta = _notch_ratios(R, t, block_height)
+            factors, poisson_beam = hinge_chart().factors(tau, eta), 2.0 / (eta * (2.0 + tau))  # 2R/H
+        shear = factors.shear * (bending + SHEAR_CORRECTION * 2.0 * beam) + SHEAR_CORRECTION * 2.0 * nu * poisson_beam
         return Compliance(
             rotation=factors.rotation * rotation / (E * b * R**2),  # (2)
             axial=factors.axial * axial / (E * b) + 0.0 * nu,  # (3)
@@ -93,17 +93,17 @@ class Formula:
         )
 
 
-def _shape_of_notch(radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None) -> tuple[Array, Array]:
-    """t/R and H/h, broadcast."""
+def _notch_ratios(radius: ArrayLike, neck: ArrayLike, block_height: ArrayLike | None) -> tuple[Array, Array]:
+    """Return t/R and H/h, broadcast."""
     R, t = np.asarray(radius, dtype=float), np.asarray(neck, dtype=float)
-    high = 2.0 * R + t
-    tau, eta = np.broadcast_arrays(t / R, (high if block_height is None else np.asarray(block_height)) / high)
+    h = 2.0 * R + t
+    tau, eta = np.broadcast_arrays(t / R, (h if block_height is None else np.asarray(block_height)) / h)
     return tau, eta
 
 
 BEAM_RANGE = (1e-4, 2.0)
 EXPECTED = "expected finite positive numbers of the shape of t/R"
-LONGEST_SAID = 120  # characters of what a user's function raises
+LONGEST_ERROR = 120  # characters quoted of the exception of a user's function
 
 _ENTRIES = (
     Formula(
@@ -195,7 +195,7 @@ FORMULAS: dict[str, Formula] = {entry.name: entry for entry in _ENTRIES}
 
 
 def formulas() -> tuple[str, ...]:
-    """Names of the hinge formulas that are known, the user's own included."""
+    """Return the names of the known hinge formulas, those of the user included."""
     load_own()
     return tuple(FORMULAS)
 
@@ -209,21 +209,21 @@ def register_formula(
     axial: Callable[[Array], Array] | None = None,
     bending: Callable[[Array], Array] | None = None,
 ) -> Formula:
-    """Make a hinge formula of one's own known by a name, to every function that takes one.
+    """Register a hinge formula under a name that every function with a `formula` argument accepts.
 
     Parameters
     ----------
     name : letters, digits and hyphens.
-    function : of t/R (...), gives `E b R^2 theta/M` (...), a pure number.
-    source : where it comes from, one line.
-    valid : smallest and largest t/R for which it is meant; outside, answers carry a warning.
-    axial, bending : as `function`, `E b dx/F_x` and the part `E b dy/F_y` of bending; None takes Paros-Weisbord's.
+    function : of t/R (...), returns the dimensionless `E b R^2 theta/M` (...).
+    source : origin of the formula, one line.
+    valid : smallest and largest t/R for which it is meant; outside, results carry a warning.
+    axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes Paros-Weisbord's.
 
     Raises
     ------
     BadInput
-        The name is taken by another formula or is none, `valid` is no range, or a function is none, raises, or does
-        not give finite positive numbers over `valid`.
+        The name is invalid or another formula has it, `valid` is not a range, or a function is not callable, raises, or
+        does not return finite positive numbers over `valid`.
 
     Examples
     --------
@@ -239,17 +239,17 @@ def register_formula(
         raise BadInput(f"hinge formula {name!r} is known already, expected another name")
     if not isinstance(source, str) or not source.strip() or not source.isprintable():
         raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
-    low, high = _ends(name, valid)
+    low, high = _checked_range(name, valid)
     ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
-    for argument, given in (("function", function), ("axial", axial), ("bending", bending)):
-        if given is not None or argument == "function":
-            _check_own(f"hinge formula {name!r}: {argument}", given, ratio)
+    for argument, value in (("function", function), ("axial", axial), ("bending", bending)):
+        if value is not None or argument == "function":
+            _check_function(f"hinge formula {name!r}: {argument}", value, ratio)
     FORMULAS[name] = Formula(name, source, "registered by the user", (low, high), function, axial, bending)
     return FORMULAS[name]
 
 
-def _ends(name: str, valid: Any) -> tuple[float, float]:
-    """The range of a formula of the user's. Raises BadInput when it is none."""
+def _checked_range(name: str, valid: Any) -> tuple[float, float]:
+    """Return the range of a user's formula. Raises BadInput when it is not a range."""
     try:
         low, high = map(float, valid)
     except (TypeError, ValueError):
@@ -259,29 +259,29 @@ def _ends(name: str, valid: Any) -> tuple[float, float]:
     return low, high
 
 
-def _check_own(what: str, function: Any, ratio: Array) -> None:
-    """Refuse a function of the user's that is none, or has no values at t/R (...)."""
+def _check_function(title: str, function: Any, ratio: Array) -> None:
+    """Refuse a user's function that is not callable or has no finite positive values at t/R (...)."""
     if not callable(function):
-        raise BadInput(f"{what} = {shown(function)}, expected a function of t/R")
-    found = _values(what, function, ratio)
-    if not np.all(np.isfinite(found) & (found > 0)):
-        raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {EXPECTED}")
+        raise BadInput(f"{title} = {shown(function)}, expected a function of t/R")
+    values = _values(title, function, ratio)
+    if not np.all(np.isfinite(values) & (values > 0)):
+        raise BadInput(f"{title} at t/R from {ratio.min():g} to {ratio.max():g}: {EXPECTED}")
 
 
-def _values(what: str, function: Callable[[Array], Array], ratio: Array) -> Array:
-    """Values (...) of a function at t/R (...). Raises BadInput where one of the user's gives none of that shape."""
-    said = ""
+def _values(title: str, function: Callable[[Array], Array], ratio: Array) -> Array:
+    """Return the values (...) of a function at t/R (...). Raises BadInput where a user's function fails."""
+    raised = ""
     try:
-        found = np.asarray(function(ratio.copy()))
-        if found.shape == ratio.shape and found.dtype.kind in "iuf":
-            return found
+        values = np.asarray(function(ratio.copy()))
+        if values.shape == ratio.shape and values.dtype.kind in "iuf":
+            return values
     except Exception as error:  # the user's function may raise anything
-        said = one_line(f"{type(error).__name__}: {error}", LONGEST_SAID) + ", "
-    raise BadInput(f"{what} at t/R from {ratio.min():g} to {ratio.max():g}: {said}{EXPECTED}")
+        raised = one_line(f"{type(error).__name__}: {error}", LONGEST_ERROR) + ", "
+    raise BadInput(f"{title} at t/R from {ratio.min():g} to {ratio.max():g}: {raised}{EXPECTED}")
 
 
 def formula(name: str) -> Formula:
-    """The registered formula; raises BadInput with the list of names when there is none."""
+    """Return the registered formula. Raises BadInput with the known names when there is none."""
     load_own()
     if not isinstance(name, str) or name not in FORMULAS:
         raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")

@@ -1,4 +1,4 @@
-"""Actuators of a stage file: piezo stacks, alone or in antagonistic pairs, with the shipped catalogue."""
+"""Actuators of a stage file: piezo stacks, single or in antagonistic pairs, and the shipped catalogue."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, P
 from flexfem.mechanism.materials import Material
 from flexfem.sources import read_data
 
-STEEL = (206e3, 0.3)  # bearing steel, MPa and Poisson's ratio: of balls and of ends of stacks if no file states it
+STEEL = (206e3, 0.3)  # bearing steel, E in MPa and Poisson's ratio: assumed for balls and ends of stacks
 
 Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STROKE), *in_unit("um")]
 Rate: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STACK_STIFFNESS), *in_unit("n_per_um")]
@@ -28,15 +28,15 @@ StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue
 
 
 class StackRating(NamedTuple):
-    """A stack at its highest voltage: free stroke, mm, stiffness, N/mm, and blocking force, N, their product."""
+    """Rating of a stack at its highest voltage: free stroke, mm, stiffness, N/mm, and blocking force, N."""
 
     stroke: float
     stiffness: float
     blocking_force: float
 
 
-class Numbers(NamedTuple):
-    """The numbers of actuators (...), inside units, as in `Actuator`; nan where nothing is said; x, y of its point."""
+class ActuatorNumbers(NamedTuple):
+    """Numbers of actuators (...) in inside units, as in `Actuator`; nan if not stated. x and y belong to `point`."""
 
     arm: AnyArray
     tilt: AnyArray
@@ -53,28 +53,28 @@ class Numbers(NamedTuple):
     preload: AnyArray
 
 
-GEOMETRY = Numbers._fields[:5]  # where the contact is
+GEOMETRY = ActuatorNumbers._fields[:5]  # position and direction of the contact
 
 
-def series_stiffness(of: Numbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike, loose: ArrayLike = False) -> Array:
-    """Stiffness (...), N/mm, of stacks of stiffness `stack` (...) and their contacts in series, on a metal (E, nu).
+def series_stiffness(
+    numbers: ActuatorNumbers, stack: ArrayLike, E: ArrayLike, nu: ArrayLike, loose: ArrayLike = False
+) -> Array:
+    """Stiffness (...), N/mm, of stacks of stiffness `stack` (...) in series with their contacts on a body (E, nu).
 
-    loose : (...), bool, balls that dent a steel end of the stack as well.
+    loose : (...), bool, whether the ball also touches a steel end of the stack.
     """
-    given = np.where(np.isnan(of.contact_stiffness), np.inf, of.contact_stiffness)
-    ball = tuple(
-        np.where(np.isnan(own), steel, own)
-        for own, steel in zip((of.ball_youngs_modulus, of.ball_poissons_ratio), STEEL, strict=True)
-    )
-    contact = np.where(np.isnan(of.ball_radius), given, hertz(of.ball_radius, of.preload, ball, (E, nu)))
-    behind = np.where(loose, 1 / hertz(of.ball_radius, of.preload, ball, STEEL), 0.0)
-    return np.asarray(1 / (1 / np.asarray(stack) + 1 / contact + behind))
+    stated = (numbers.ball_youngs_modulus, numbers.ball_poissons_ratio)
+    ball = tuple(np.where(np.isnan(value), steel, value) for value, steel in zip(stated, STEEL, strict=True))
+    without_ball = np.where(np.isnan(numbers.contact_stiffness), np.inf, numbers.contact_stiffness)
+    on_body, on_steel = (hertz(numbers.ball_radius, numbers.preload, ball, flat) for flat in ((E, nu), STEEL))
+    contact = np.where(np.isnan(numbers.ball_radius), without_ball, on_body)
+    return np.asarray(1 / (1 / np.asarray(stack) + 1 / contact + np.where(loose, 1 / on_steel, 0.0)))
 
 
 def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tuple[Any, ...]) -> Array:
-    """Stiffness (...), N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
+    """Contact stiffness (...), N/mm, of a ball (E, nu) of `radius` mm pressed on a flat (E, nu) by `force` N.
 
-    The approach is `(9 F^2 / (16 R E*^2))^(1/3)`, its slope `(6 R E*^2 F)^(1/3)`, with
+    The approach is `(9 F^2 / (16 R E*^2))^(1/3)` and the stiffness dF/d(approach) is `(6 R E*^2 F)^(1/3)`, with
     `1/E* = (1 - nu1^2)/E1 + (1 - nu2^2)/E2`: K. L. Johnson, Contact Mechanics, 1985, (4.23).
     """
     modulus = 1 / sum((1 - nu**2) / E for E, nu in (ball, flat))
@@ -82,7 +82,7 @@ def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tupl
 
 
 class CataloguedStack(Dimensioned):
-    """A stack of the shipped catalogue: stroke and its tolerance, mm, and force, N, at the highest voltage, V."""
+    """A stack of the shipped catalogue: stroke, its tolerance, mm, and blocking force, N, at the highest voltage, V."""
 
     name: str
     maker: str
@@ -95,9 +95,9 @@ class CataloguedStack(Dimensioned):
 
 @cache
 def catalogue() -> dict[str, CataloguedStack]:
-    """The shipped stacks by name."""
-    found = map(CataloguedStack.model_validate, tomllib.loads(read_data("stacks.toml"))["stack"])
-    return {stack.name: stack for stack in found}
+    """Return the shipped stacks by name."""
+    stacks = map(CataloguedStack.model_validate, tomllib.loads(read_data("stacks.toml"))["stack"])
+    return {stack.name: stack for stack in stacks}
 
 
 Body: TypeAlias = Literal["frame", "link 1", "link 2", "platform"]
@@ -105,10 +105,10 @@ HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
 BODY_NAMES: tuple[Body, ...] = get_args(Body)
 ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "link 2": ("elbow", "platform")}
-ON_LINK, ANYWHERE = ("hinge", "arm_mm", "side"), ("point_mm", "direction_deg")  # keys of the place of a contact
-RATING = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
-OF_BALL = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
-BLOCKING_ROUND_OFF = 1e-12  # relative, of blocking forces: products of stroke and stiffness
+BY_ARM, BY_POINT = ("hinge", "arm_mm", "side"), ("point_mm", "direction_deg")  # keys that place a contact
+RATING_KEYS = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
+BALL_KEYS = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
+BLOCKING_ROUND_OFF = 1e-12  # relative; a blocking force may be the product of stroke and stiffness
 
 Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
 Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *in_unit("deg")]
@@ -117,54 +117,54 @@ Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 
 
 class Actuator(Dimensioned):
-    """One stack, or an antagonistic pair, at the same place of every chain; mm, N, rad."""
+    """One stack, or an antagonistic pair, at the same position on every chain; mm, N, rad."""
 
     name: Label = Field(examples=["base"])
-    """By which it is named: `actuator.base.preload_n`; no other has it"""
+    """Unique name of the actuator, used in key paths such as `actuator.base.preload_n`"""
     between: tuple[Body, Body] = Field(examples=[["frame", "link 1"]], json_schema_extra={"uniqueItems": True})
-    """The body that carries the stack, and the one that it pushes"""
+    """The body that carries the stack, and the body on which the stack acts"""
     hinge: HingeName | None = None
-    """Of a contact on a link: the hinge at one of its ends from which `arm_mm` counts"""
+    """For a contact on a link: the hinge at one end of the link from which `arm_mm` is measured"""
     arm: Length | None = Field(default=None, alias="arm_mm", examples=[10.0])
-    """How far along the middle of the link, from the neck of `hinge`, the contact is; it goes where the link goes"""
+    """Distance of the contact from the neck of `hinge`, measured along the centreline of the link, bends included"""
     side: Literal["left", "right"] | None = None
-    """Of the link, seen from the base, on which the contact is"""
+    """Side of the link, seen from the base, on which the contact is"""
     tilt: Tilt | None = Field(default=None, alias="tilt_deg", examples=[5.0])
-    """By which the push is turned out of the inward normal of the link, counter-clockwise; by default none"""
+    """Rotation of the force from the inward normal of the link, counter-clockwise; zero by default"""
     point: tuple[Coordinate, Coordinate] | None = Field(default=None, alias="point_mm", examples=[[-40.0, 12.0]])
-    """Instead of `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, in the frame of
-    chain 1, whose origin is the platform centre"""
+    """Alternative to `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, in the frame
+    of chain 1, whose origin is the platform centre"""
     direction: Angle | None = Field(default=None, alias="direction_deg", examples=[90.0])
-    """With `point_mm`: where the body is pushed, counter-clockwise from the x axis of chain 1"""
+    """With `point_mm`: direction of the force on the body, counter-clockwise from the x axis of chain 1"""
     pair: bool = False
-    """Whether a partner on the opposite side of the body pushes back along the same line; the two are commanded against
-    each other, about half their stroke"""
+    """Whether a second stack acts on the opposite side of the body along the same line; the two are commanded in
+    opposite senses about half their stroke"""
     stack: StackName | None = Field(default=None, examples=["AE0505D16"])
-    """A name of the catalogue"""
+    """Name of a stack of the catalogue"""
     stroke: Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
-    """Instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`: free stroke at the highest voltage"""
+    """Free stroke at the highest voltage; instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`"""
     stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
-    """Of the stack: blocking force over stroke"""
+    """Stiffness of the stack: blocking force over stroke"""
     blocking_force: Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
-    """Of the stack at the highest voltage"""
+    """Blocking force of the stack at the highest voltage"""
     contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_per_um", examples=[40.0])
-    """Of the contact, instead of a ball; without either the contact is rigid"""
+    """Stiffness of the contact, instead of a ball; without either the contact is rigid"""
     ball_radius: Length | None = Field(default=None, alias="ball_radius_mm", examples=[2.0])
-    """Of a ball between stack and body, by Hertz at the preload on the stage's metal"""
+    """Radius of a ball between stack and body; Hertzian contact on the stage's material, linearized at the preload"""
     ball_loose: bool | None = Field(default=None, examples=[True])
-    """Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in series, that of
-    the end reported as assumed. By default it is fixed to the stack, as the dome of its tip: one contact, which is
-    reported as assumed where it is not stated"""
+    """Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in series, and the
+    steel of the end is reported as assumed. By default the ball is fixed to the stack, like a domed tip: one contact,
+    which is reported as assumed unless the key is stated"""
     ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa", examples=[206.0])
-    """Of the ball; of steel, which is reported as assumed, where it is not stated"""
+    """Young's modulus of the ball; by default that of steel, which is reported as assumed"""
     ball_poissons_ratio: Poisson | None = Field(default=None, examples=[0.3])
-    """Of the ball; of steel, which is reported as assumed, where it is not stated"""
+    """Poisson's ratio of the ball; by default that of steel, which is reported as assumed"""
     preload: Preload = Field(default=0.0, alias="preload_n", examples=[50.0])
-    """Force of every stack at rest, at most its blocking force: a contact can push only, and is lost when it is used
-    up. The two stacks of a pair bear it between them; that of a single stack stresses the necks"""
+    """Force of every stack at rest, at most its blocking force. A contact transmits compression only and opens when
+    the preload is used up. The preloads of a pair balance each other; that of a single stack stresses the necks"""
     friction: Friction | None = Field(default=None, examples=[0.15])
-    """Coefficient of Coulomb's friction at the contact: `flexfem drive` says what it leaves of the pose. Not stated:
-    nothing is said"""
+    """Coefficient of Coulomb friction at the contact, for which `flexfem drive` reports the uncertainty of the pose; by
+    default none is reported"""
 
     @field_validator("stack")
     @classmethod
@@ -186,13 +186,13 @@ class Actuator(Dimensioned):
     @model_validator(mode="after")
     def _keys_go_together(self) -> Actuator:
         keys = {field.alias or name: getattr(self, name) for name, field in Actuator.model_fields.items()}
-        said = [key for key, value in keys.items() if value is not None]
-        place, others = (ANYWHERE, (*ON_LINK, "tilt_deg")) if self.point is not None else (ON_LINK, ANYWHERE)
-        rating = [key for key in RATING if key in said]
+        stated = [key for key, value in keys.items() if value is not None]
+        place, others = (BY_POINT, (*BY_ARM, "tilt_deg")) if self.point is not None else (BY_ARM, BY_POINT)
+        rating = [key for key in RATING_KEYS if key in stated]
         for key in others:
-            if key in said:
+            if key in stated:
                 raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
-        if not set(place) <= set(said):
+        if not set(place) <= set(stated):
             raise refusal("where the contact is: hinge, arm_mm and side, or point_mm and direction_deg")
         ends = ENDS.get(self.between[1], ())
         if self.hinge is not None and self.hinge not in ends:
@@ -206,54 +206,54 @@ class Actuator(Dimensioned):
             )
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
-        for key in OF_BALL:
-            if key in said and self.ball_radius is None:
+        for key in BALL_KEYS:
+            if key in stated and self.ball_radius is None:
                 raise refusal("ball_radius_mm with it", key)
         if self.ball_radius is not None and self.preload == 0:
             raise refusal("a preload_n with it: a ball without preload has no stiffness", "ball_radius_mm")
-        most = self.rating.blocking_force
-        if self.preload > most * (1 + BLOCKING_ROUND_OFF):
-            raise refusal(f"at most the blocking force of the stack, {most:g}", "preload_n")
+        blocking_force = self.rating.blocking_force
+        if self.preload > blocking_force * (1 + BLOCKING_ROUND_OFF):
+            raise refusal(f"at most the blocking force of the stack, {blocking_force:g}", "preload_n")
         return self
 
     @property
     def numbers(self) -> tuple[float, ...]:
-        """Its `Numbers`; of a stack of the catalogue those of the catalogue."""
-        said = {name: getattr(self, name, None) for name in Numbers._fields}
-        said["x"], said["y"] = self.point or (None, None)
+        """Values of `ActuatorNumbers`; a stack of the catalogue has the catalogue's rating."""
+        values = {name: getattr(self, name, None) for name in ActuatorNumbers._fields}
+        values["x"], values["y"] = self.point or (None, None)
         if self.stack is not None:
-            said["stroke"], said["blocking_force"] = self.rating.stroke, self.rating.blocking_force
-        return tuple(np.nan if value is None else float(value) for value in said.values())
+            values["stroke"], values["blocking_force"] = self.rating.stroke, self.rating.blocking_force
+        return tuple(np.nan if value is None else float(value) for value in values.values())
 
     @property
     def rating(self) -> StackRating:
-        """Stroke, stiffness and blocking force of each of its stacks."""
-        known = self if self.stack is None else catalogue()[self.stack]
-        stroke, force = known.stroke or np.nan, known.blocking_force or np.nan
+        """Stroke, stiffness and blocking force of each stack of the actuator."""
+        stack = self if self.stack is None else catalogue()[self.stack]
+        stroke, force = stack.stroke or np.nan, stack.blocking_force or np.nan
         if self.stiffness is not None:
             return StackRating(stroke, self.stiffness, stroke * self.stiffness)
         return StackRating(stroke, force / stroke, force)
 
     @property
     def assumed_of_ball(self) -> list[str]:
-        """What of its ball, if it has one, is assumed because the file does not state it."""
+        """Properties of the ball that are assumed because the file does not state them; empty without a ball."""
         if self.ball_radius is None:
             return []
         stated = self.ball_youngs_modulus is not None and self.ball_poissons_ratio is not None
-        held = {None: ["fixed to the stack"], True: ["steel end of the stack"], False: list[str]()}[self.ball_loose]
-        return held if stated else ["steel", *held]
+        support = {None: ["fixed to the stack"], True: ["steel end of the stack"], False: list[str]()}[self.ball_loose]
+        return support if stated else ["steel", *support]
 
     @property
     def contact(self) -> str:
-        """What it touches the pushed body with, in words."""
+        """Description of the contact with the driven body."""
         if self.ball_radius is None:
             return "a rigid contact" if self.contact_stiffness is None else "its contact of stated stiffness"
         if self.ball_loose:
             return "its loose ball, two contacts"
         return f"its ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
 
-    def stiffness_with(self, metal: Material) -> float:
-        """Stiffness, N/mm, of stack and contact in series, the contact on this metal."""
-        numbers = Numbers(*map(np.asarray, self.numbers))
-        flat = metal.youngs_modulus, metal.poissons_ratio
+    def stiffness_with(self, material: Material) -> float:
+        """Stiffness, N/mm, of the stack in series with its contact on a body of this material."""
+        numbers = ActuatorNumbers(*map(np.asarray, self.numbers))
+        flat = material.youngs_modulus, material.poissons_ratio
         return float(series_stiffness(numbers, self.rating.stiffness, *flat, loose=bool(self.ball_loose)))

@@ -1,10 +1,10 @@
-"""The bodies of a stage, pads, links, platform and the notches between them: outlines and masses.
+"""Outlines and masses of the bodies of a stage: pads, links, platform and the notches between them.
 
-Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` puts them in their places.
+Points are complex numbers, in mm. All three chains are drawn in the frame of chain 1; `turn` rotates them into place.
 `geometry/README.md` shows the rules: every body is as wide as the link, pads are as long as they are wide. Inner bends
-of links are rounded, because a sharp re-entrant corner would spoil the convergence of the finite elements. A side of a
-lug follows the hinge's own face where that face meets the disc, else runs on along the neck into the disc, else goes
-tangentially to it. The hub is a disc of the stage's metal, left out of the meshed sectors because it is rigid.
+of links are rounded, because a sharp re-entrant corner would spoil the convergence of the finite elements. Each side of
+a lug follows the face of the hinge if that face meets the disc; otherwise it continues parallel to the neck into the
+disc, or, if it would miss the disc, runs tangentially to it. The hub is rigid, so it is not part of the meshed sectors.
 """
 
 from __future__ import annotations
@@ -25,32 +25,31 @@ from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageConten
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
-FILLET = 1 / 8  # radius of a rounded inner bend, and straight stub beside a notch, per link width
-LUG = 1 / 2  # straight part of a lug before it turns to the disc, per link width
-NARROWEST_RIM = np.deg2rad(2.0)  # free rim between two lugs, for the cut between two sectors
+FILLET = 1 / 8  # radius of an inner bend, and length of the straight stub next to a notch, per link width
+LUG = 1 / 2  # length of the straight part of a lug that is tangential to the disc, per link width
+NARROWEST_RIM = np.deg2rad(2.0)  # least free rim between two lugs, where the cut between two sectors lies
 BODIES = ("pad", "link 1", "link 2", "platform")
 
 
 def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
-    """A path of one chain (1 to 3) in its place on the stage."""
+    """Rotate a path from the frame of chain 1 to chain 1, 2 or 3."""
     return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
 
 
 @once
 def necks(stage: StageContent, chain: int) -> tuple[Pose, ...]:
-    """Neck centres and directions of one chain (1 to 3), base to platform."""
-    placed = stage_frames(stage)
-    back = -(chain - 1) * CHAIN_TURN
-    centres = turned(placed.centres[chain - 1], back)
-    axes = placed.axes[chain - 1] + back
+    """Neck centres and directions of one chain (1 to 3), base to platform, in the frame of chain 1."""
+    frames, angle = stage_frames(stage), -(chain - 1) * CHAIN_TURN
+    centres = turned(frames.centres[chain - 1], angle)
+    axes = frames.axes[chain - 1] + angle
     return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
 
 
 @once
 def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], ...]:
-    """Paths along the middle of pad, link 1 and link 2 of one chain, from notch to notch.
+    """Centrelines of pad, link 1 and link 2 of one chain, from notch to notch.
 
-    Raises BadInput when a link finds no room between its hinges.
+    Raises BadInput when no link can be drawn between two hinges.
     """
     poses, width = necks(stage, chain), stage.chain.link_width
     radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
@@ -69,7 +68,7 @@ def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], .
 
 
 def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[Segment], list[Segment]]:
-    """The notch on one side (1 left, -1 right), walked along the neck: wall and arc, then arc and wall."""
+    """Both halves of the notch on one side (1 left, -1 right) along the neck: wall and arc, then arc and wall."""
     along = cmath.exp(1j * neck.heading)
     radius, across = hinge.radius, 1j * side * along
     bottom = neck.point + hinge.neck / 2 * across
@@ -83,7 +82,7 @@ def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[
 
 
 def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]]:
-    """One side (1 left, -1 right) of pad, link 1, link 2 and platform lug, each from neck to neck."""
+    """Edges of pad, link 1, link 2 and platform lug on one side (1 left, -1 right), each from neck to neck."""
     width = stage.chain.link_width
     lines = [offset(line, side * width / 2) for line in centrelines(stage, chain)]
     notches = [
@@ -96,7 +95,7 @@ def body_sides(stage: StageContent, chain: int, side: int) -> list[list[Segment]
 
 @once
 def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
-    """One side (1 left, -1 right) of a lug, from the hinge's face to the disc.
+    """Edge of a lug on one side (1 left, -1 right), from the face of the hinge to the disc.
 
     Raises BadInput when the lug cannot reach the disc.
     """
@@ -104,18 +103,18 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     along = cmath.exp(1j * neck.heading)
     across = 1j * side * along
     corner = neck.ahead(hinge.radius).point + width / 2 * across
-    front, aside = -(corner / along).real, side * (-(corner / along)).imag  # the disc's centre seen from the corner
+    front, aside = -(corner / along).real, side * (-(corner / along)).imag  # centre of the disc relative to the corner
     disc, fillet = stage.platform.radius, FILLET * width
     if front < width - disc:
         angles = [f"{np.rad2deg(angle):.6g}" for angle in stage.chain.joint_angles]
-        said = f"chain.joint_angles_deg = [{', '.join(angles)}]"
+        given = f"chain.joint_angles_deg = [{', '.join(angles)}]"
         if hinge.axis is not None:
-            said = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
+            given = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
         raise BadInput(
-            f"{said}: the neck of chain {chain} points past the platform, expected the platform centre at least "
+            f"{given}: the neck of chain {chain} points past the platform, expected the platform centre at least "
             f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, is {front:g}"
         )
-    if aside > 0 and front < disc:  # the hinge's own face meets the disc
+    if aside > 0 and front < disc:  # the face of the hinge meets the disc
         return tuple(_filleted(corner, across, -along, disc, fillet))
     if abs(aside) < disc - fillet:
         return tuple(_filleted(corner, along, across, disc, fillet))
@@ -125,7 +124,7 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
 
 
 def _filleted(start: complex, heading: complex, outside: complex, disc: float, fillet: float) -> list[Segment]:
-    """A line from `start` that runs into the disc, with a fillet on the side `outside` (unit vectors)."""
+    """Line from `start` along `heading` into the disc, with a fillet on the side `outside` (unit vectors)."""
     height = ((start + fillet * outside) / outside).real
     centre = height * outside - np.sqrt((disc + fillet) ** 2 - height**2) * heading
     foot = centre - fillet * outside
@@ -139,13 +138,13 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
 
 @once
 def cut_angle(stage: StageContent) -> float:
-    """Direction, rad, of the radial cut behind (clockwise of) chain 1's lug, half way to its neighbour's.
+    """Direction, rad, of the radial cut clockwise of the lug of chain 1, half way to the adjacent lug.
 
     Raises BadInput when the lugs leave no free rim between them.
     """
-    seen = cmath.phase(sum(necks(stage, chain)[2].point for chain in CHAINS))
+    middle = cmath.phase(sum(necks(stage, chain)[2].point for chain in CHAINS))
     first, last = (
-        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * seen)) for chain in CHAINS]
+        [cmath.phase(lug_side(stage, chain, side)[-1].end * cmath.exp(-1j * middle)) for chain in CHAINS]
         for side in (1, -1)
     )
     covered = max(last) - min(first)
@@ -154,32 +153,32 @@ def cut_angle(stage: StageContent) -> float:
             f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough for its three lugs, "
             f"each takes {np.rad2deg(covered):.0f} of 120 degrees"
         )
-    return float(seen + (min(first) + max(last) - CHAIN_TURN) / 2)
+    return float(middle + (min(first) + max(last) - CHAIN_TURN) / 2)
 
 
 @once
 def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
-    """Draw the bodies of the sector of the stage that holds one chain (1 to 3).
+    """Return the faces of the bodies of one sector, with chain 1, 2 or 3, in the frame of chain 1.
 
     Raises BadInput when they cannot be drawn.
     """
     left, right = (body_sides(stage, chain, side) for side in (1, -1))
     faces = {}
     sections = ["ground", *(f"neck {name}" for name in HINGE_NAMES)]
-    for k, (towards, back) in enumerate(zip(right, left, strict=True)):
-        start, end = Segment(back[0].start, towards[0].start), Segment(towards[-1].end, back[-1].end)
-        far = [(sections[k + 1], [end])] if k < 3 else _platform(stage, end)
-        pieces = [(sections[k], [start]), ("free", towards), *far, ("free", reverse(back))]
+    for k, (right_edge, left_edge) in enumerate(zip(right, left, strict=True)):
+        start = Segment(left_edge[0].start, right_edge[0].start)
+        end = Segment(right_edge[-1].end, left_edge[-1].end)
+        distal = [(sections[k + 1], [end])] if k < 3 else _platform(stage, end)
+        pieces = [(sections[k], [start]), ("free", right_edge), *distal, ("free", reverse(left_edge))]
         path = [(segment, label) for label, piece in pieces for segment in piece]
         faces[BODIES[k]] = Face([segment for segment, _ in path], [label for _, label in path])
     return MappingProxyType(faces)
 
 
 def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment]]]:
-    """The part of the platform in a sector, from the end of the lug's right side to the end of its left side."""
-    first = cut_angle(stage)
+    """Outline of the platform in a sector, from the end of the lug's right side to the end of its left side."""
     disc, hub = stage.platform.radius, stage.platform.hub_radius
-    behind, middle, ahead = (cmath.exp(1j * (first + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
+    behind, middle, ahead = (cmath.exp(1j * (cut_angle(stage) + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
     return [
         ("free", [Segment(rim.start, disc * ahead, 0j)]),
         ("cut ahead", polyline(disc * ahead, hub * ahead)),
@@ -190,7 +189,7 @@ def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment
 
 
 class Payload(NamedTuple):
-    """What the platform carries, its centre of mass at the platform's centre and in the mid-plane.
+    """Payload of the platform, with its centre of mass at the platform centre and in the mid-plane.
 
     mass : tonne.   inertia, tilting : tonne mm^2, about the normal of the stage and about every axis in its mid-plane.
     """
@@ -207,27 +206,27 @@ class Payload(NamedTuple):
 
 @once
 def body_moments(stage: StageContent) -> Array:
-    """Area moments (3 chains, 4 bodies, 4), mm^2 to mm^4, of pad, links and platform sector, in their places."""
+    """Area moments (3 chains, 4 bodies, 4), mm^2 to mm^4, of pad, links and platform sector, frame of the stage."""
     sectors = [draw_sector(stage, chain).values() for chain in CHAINS]
-    found = np.array([[area_moments(face.loop) for face in sector] for sector in sectors])
-    found[..., 1:3] = turned(found[..., 1:3], CHAIN_TURN * np.arange(3.0)[:, None])
-    return found
+    moments = np.array([[area_moments(face.loop) for face in sector] for sector in sectors])
+    moments[..., 1:3] = turned(moments[..., 1:3], CHAIN_TURN * np.arange(3.0)[:, None])
+    return moments
 
 
 def hub_moments(stage: StageContent) -> Array:
-    """Area moments (4,), mm^2 to mm^4, of the hub's disc."""
+    """Area moments (4,), mm^2 to mm^4, of the hub."""
     r = stage.platform.hub_radius
     return np.array([math.pi * r**2, 0.0, 0.0, math.pi * r**4 / 2])
 
 
 def inertia_of(moments: Array, areal: Array | float) -> Array:
-    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies whose twist x, y, theta is at the origin.
+    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies about the origin: x, y, theta.
 
     moments : (..., 4), of areas, mm^2 to mm^4.   areal : (...), mass per area, tonne/mm^2.
     """
     mass, x, y, second = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
-    none = np.zeros_like(mass)
-    rows = [[mass, none, -y], [none, mass, x], [-y, x, second]]
+    zero = np.zeros_like(mass)
+    rows = [[mass, zero, -y], [zero, mass, x], [-y, x, second]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
 
 
@@ -237,14 +236,14 @@ def mass_per_area(stage: StageContent) -> float:
 
 
 def carried(stage: StageContent, payload: Payload) -> Array:
-    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, which move as the pose."""
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, whose rigid motion is the pose."""
     return inertia_of(hub_moments(stage), mass_per_area(stage)) + payload.matrix
 
 
 def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
     """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload for z and the rotations about x and y.
 
-    Of a disc of radius r and thickness b about a diameter `m (r^2 / 4 + b^2 / 12)`.
+    The moment of inertia of a disc of radius r and thickness b about a diameter is `m (r^2 / 4 + b^2 / 12)`.
     """
     mass, _, second = np.diag(inertia_of(hub_moments(stage), mass_per_area(stage)))
     tilting = second / 2 + mass * stage.thickness**2 / 12 + payload.tilting
@@ -252,6 +251,6 @@ def carried_out_of_plane(stage: StageContent, payload: Payload) -> Array:
 
 
 def drawn_inertia(stage: StageContent) -> Array:
-    """Mass matrix (3, 3) of all that is drawn, pads and hub included, about the platform centre."""
+    """Mass matrix (3, 3) of the whole stage, pads and hub included, about the platform centre."""
     moments = body_moments(stage).sum(axis=(0, 1)) + hub_moments(stage)
     return inertia_of(moments, mass_per_area(stage))

@@ -1,4 +1,4 @@
-"""The lowered form of stages: n designs as arrays. Both models start from it; one stage is n = 1."""
+"""Stages as arrays: n designs, the input of both models; one stage is n = 1."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.mechanism.actuators import Numbers
+from flexfem.mechanism.actuators import ActuatorNumbers
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
 
 CHAIN_TURN = 2.0 * np.pi / 3.0
-SHARED = ("plane", "prismatic")  # fields that all designs have in common
+SHARED = ("plane", "prismatic")  # fields without a leading axis of designs
 
 
 class Frames(NamedTuple):
@@ -30,7 +30,7 @@ class Frames(NamedTuple):
 
 
 class Elastic(NamedTuple):
-    """Constants that make the equations of plane stress those of a plane: E (...) in MPa, Poisson's ratio (...)."""
+    """Elastic constants of the equivalent plane-stress problem: E (...) in MPa, Poisson's ratio (...)."""
 
     youngs_modulus: Array
     poissons_ratio: Array
@@ -38,16 +38,16 @@ class Elastic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Designs:
-    """n stages as arrays in inside units (mm, MPa, rad), the leading axis designs; nothing is checked.
+    """n stages as arrays in inside units (mm, MPa, rad) with a leading axis of designs; the values are not validated.
 
-    plane : how all of them are made a plane problem.   prismatic : (3 chains, 3 hinges), bool, the same for all.
+    plane : plane model of all designs.   prismatic : (3 chains, 3 hinges), bool, the same for all.
     thickness, youngs_modulus, poissons_ratio, yield_strength, link_width, platform_radius, hub_radius : (n,).
-    density : (n,), kg/m^3, asked for by natural frequencies alone.
-    expansion : (n, 2), 1/K, of stage and frame, nan where not stated; for answers on heat alone.
-    fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives alone.
+    density : (n,), kg/m^3, used for natural frequencies only.
+    expansion : (n, 2), 1/K, of stage and frame, nan where not stated; used for thermal drift only.
+    fatigue : (n, 3), Basquin's coefficient, MPa, and exponent, nan where not known, and Walker's; for lives only.
     link_lengths, joint_angles : (n, 3).
     radius, neck, axis : (n, 3 chains, 3 hinges); axis nan where the neck follows its link.
-    actuator : (n, 3 chains, actuators, numbers), of `actuators.Numbers`, asked for by answers on the drive alone.
+    actuator : (n, 3 chains, actuators, numbers), of `actuators.ActuatorNumbers`, used for the drive only.
     """
 
     plane: Plane
@@ -71,7 +71,7 @@ class Designs:
 
     @cached_property
     def frames(self) -> Frames:
-        """Hinge frames: centres (n, 3, 3, 2), axes (n, 3, 3)."""
+        """Hinge frames at rest: centres (n, 3, 3, 2), axes (n, 3, 3)."""
         return frames(self.link_lengths, self.joint_angles, self.axis)
 
     @property
@@ -79,28 +79,28 @@ class Designs:
         """Elastic constants (n,) of the plane problem.
 
         Plane strain is plane stress with `E / (1 - nu^2)` and `nu / (1 - nu)`. "corrected" is plane stress with factors
-        on the hinges alone (`hinges/chart.py`): links are about as wide as thick.
+        on the hinges only (`hinges/chart.py`), because links are about as wide as thick.
         """
         E, nu = self.youngs_modulus, self.poissons_ratio
         return Elastic(E / (1 - nu**2), nu / (1 - nu)) if self.plane == "plane_strain" else Elastic(E, nu)
 
     @property
     def out_of_plane(self) -> Array:
-        """The stress out of the plane over the sum of those in it (n,): nu in plane strain, else 0."""
+        """Ratio (n,) of the out-of-plane normal stress to the sum of the in-plane ones: nu in plane strain, else 0."""
         return self.poissons_ratio * (self.plane == "plane_strain")
 
     @property
     def alike(self) -> bool:
-        """Whether the three chains are alike in every design, so that all are three-fold symmetric."""
-        parts = (self.prismatic[None], self.radius, self.neck, np.nan_to_num(self.axis, nan=np.inf))
-        return all(bool(np.all(part == part[:, :1])) for part in parts)
+        """Whether the three chains of every design are identical, so that every design is three-fold symmetric."""
+        per_hinge = (self.prismatic[None], self.radius, self.neck, np.nan_to_num(self.axis, nan=np.inf))
+        return all(bool(np.all(values == values[:, :1])) for values in per_hinge)
 
     def repeated(self, count: int) -> Designs:
-        """`count` copies of one design, each to be changed in place."""
+        """Return `count` copies of the first design, as arrays that may be changed in place."""
         return self.chosen(np.zeros(count, dtype=np.int64))
 
     def chosen(self, which: Index) -> Designs:
-        """Copies of some designs, by their places (k,)."""
+        """Return copies of the designs at the indices `which` (k,)."""
         names = [field.name for field in fields(self) if field.name not in SHARED]
         copies: dict[str, Any] = {name: getattr(self, name)[which] for name in names}
         return replace(self, **copies)
@@ -108,7 +108,7 @@ class Designs:
 
 @once
 def lower(stage: StageContent) -> Designs:
-    """One stage as n = 1 designs, its arrays read-only."""
+    """Return one stage as n = 1 designs with read-only arrays."""
     material, hinges = stage.material, hinges_of(stage)
     owners = {
         "thickness": stage,
@@ -121,13 +121,13 @@ def lower(stage: StageContent) -> Designs:
     values["expansion"] = material.expansion, stage.frame.expansion
     values["fatigue"] = material.fatigue_strength_coefficient, material.fatigue_strength_exponent, material.walker
     numbers = [[actuator.numbers for actuator in row] for row in actuators_of(stage)]
-    values["actuator"] = np.reshape(numbers, (len(CHAINS), -1, len(Numbers._fields)))
-    found = {name: np.array([value], dtype=float) for name, value in values.items()}  # nan for None
+    values["actuator"] = np.reshape(numbers, (len(CHAINS), -1, len(ActuatorNumbers._fields)))
+    arrays = {name: np.array([value], dtype=float) for name, value in values.items()}  # nan for None
     prismatic = np.array([[hinge.prismatic for hinge in row] for row in hinges])
-    made = Designs(stage.model, prismatic, **found)
-    for each in (prismatic, *found.values(), *made.frames):
-        each.setflags(write=False)
-    return made
+    designs = Designs(stage.model, prismatic, **arrays)
+    for array in (prismatic, *arrays.values(), *designs.frames):
+        array.setflags(write=False)
+    return designs
 
 
 def stage_frames(stage: StageContent) -> Frames:
@@ -137,10 +137,10 @@ def stage_frames(stage: StageContent) -> Frames:
 
 
 def envelope(designs: Designs) -> Array:
-    """Diameter (n,), mm, of the circle about the platform centre that holds platform, hinges and pads.
+    """Diameter (n,), mm, of the circle about the platform centre that encloses platform, hinges and pads.
 
-    The farthest corner: each notch is a box 2R long and as wide as the link, the pad behind a base hinge is as long as
-    it is wide. Only the outside of a link's bend can lie farther out, when it does not lead to a farther hinge.
+    Each notch counts as a box 2R long and as wide as the link, and the pad of a base hinge is as long as it is wide.
+    Only the outer edge of a link's bend can lie outside the circle, if no hinge lies farther out.
     """
     centres, axes = designs.frames
     along = direction(axes)
@@ -158,20 +158,20 @@ def frames(link_lengths: Array, joint_angles: Array, axes: Array | None = None) 
 
     link_lengths : (..., 3), mm: base to elbow, elbow to platform hinge, platform hinge to platform centre.
     joint_angles : (..., 3), rad: relative angles at rest, as in (19).
-    axes : (..., 3, 3), rad, in the frame of chain 1 and turned with each chain; nan where the default holds: base
-        and elbow along link 1, platform along link 2. A neck has no arrow, so an axis and its opposite are the same.
+    axes : (..., 3, 3), rad, in the frame of chain 1, rotated with each chain; nan for the default: base and elbow along
+        link 1, platform along link 2. The sense of an axis is immaterial: opposite axes give the same neck.
 
     With (19) and (20) and the platform centre at the origin, `x_B = -(l1 e1 + l2 e2 + l3 e3)`.
     """
     heading = np.cumsum(np.asarray(joint_angles, dtype=float), axis=-1)
-    towards = direction(heading)
-    links = np.asarray(link_lengths, dtype=float)[..., None] * towards
+    outward = direction(heading)
+    links = np.asarray(link_lengths, dtype=float)[..., None] * outward
     centres = -np.flip(np.cumsum(np.flip(links, axis=-2), axis=-2), axis=-2)  # (19), (20)
-    towards[..., 1:, :] += direction(heading[..., :-1])  # of both links at a hinge
+    outward[..., 1:, :] += direction(heading[..., :-1])  # sum of the directions of both links at a hinge
     default = heading[..., None, [0, 0, 1]]
     given = np.full(3, np.nan) if axes is None else np.asarray(axes, dtype=float)
     axis = np.where(np.isnan(given), default, given) + np.zeros((3, 3))
-    backwards = np.sum(direction(axis) * towards[..., None, :, :], axis=-1) < -1e-9
+    backwards = np.sum(direction(axis) * outward[..., None, :, :], axis=-1) < -1e-9
     turns = CHAIN_TURN * np.arange(3.0)
     axis = axis + np.where(backwards, np.pi, 0.0) + turns[:, None]
     return Frames(turned(centres[..., None, :, :], turns[:, None]), axis)
@@ -183,12 +183,12 @@ def direction(angle: Array) -> Array:
 
 
 def chain_rotation(chain: int) -> Array:
-    """Matrix (3, 3) that turns x, y, theta from the frame of chain 1 into that of the stage, chains from 0."""
+    """Matrix (3, 3) that maps x, y, theta of a chain (from 0), in the frame of chain 1, to the frame of the stage."""
     c, s = np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def turned(points: Array, angle: Array | float) -> Array:
-    """Points (..., 2) turned about the origin by `angle` (...), rad."""
+    """Return points (..., 2) rotated about the origin by `angle` (...), rad."""
     c, s = np.cos(angle), np.sin(angle)
     return np.stack([c * points[..., 0] - s * points[..., 1], s * points[..., 0] + c * points[..., 1]], axis=-1)

@@ -1,6 +1,6 @@
-"""Tables with units, validated at every construction and every copy, and results that are kept with them.
+"""Tables with units, validated at every construction and every copy, and results that are cached with a stage.
 
-`model_validate` reads keys of files, which end in their unit; calling the class reads names, in mm, N, MPa and rad.
+`model_validate` takes file keys, which end in their unit; calling the class takes names, in mm, N, MPa and rad.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ INSIDE = "inside units"
 
 
 def in_unit(name: str) -> tuple[Any, ...]:
-    """Annotations of a number that files state in a unit of `units.UNITS`."""
+    """Return the annotations of a number that files state in a unit of `units.UNITS`."""
     factor = 1 / UNITS[name].factor
 
     def inside(value: float) -> float:
         return factor * value
 
     def stated(value: float) -> float:
-        """The number of a file that becomes `value`: of those that do the shortest; where none does, the nearest."""
+        """Return the file number that converts to `value`: the shortest exact one, otherwise the nearest."""
         near = [value / factor]
         for _ in range(3):
             near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
         return min(near, key=lambda number: (abs(inside(number) - value), len(repr(number))))
 
     def before(value: Any, info: ValidationInfo) -> Any:
-        """From Python's number to the file's, which the limits are about."""
+        """Convert a number given in Python to the unit of the file, in which the limits are stated."""
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
         return stated(float(value)) if info.context == INSIDE and is_number else value
 
@@ -63,10 +63,8 @@ Density: TypeAlias = Annotated[float, *quantities.above_zero(quantities.DENSITY)
 Modulus: TypeAlias = Annotated[float, *quantities.above_zero(quantities.MODULUS), *in_unit("gpa")]
 Poisson: TypeAlias = Annotated[float, Field(ge=0, lt=0.5), keywords(**COUNT)]
 LEAST_EXPANSION, LARGEST_EXPANSION = 0.01, 300.0  # um/(m K): glass ceramics and polymers
-LEAST_OF_FRAME, LOWEST_OF_FRAME = 1e-3, -50.0  # um/(m K): glass of no expansion but for what is measured; alloys
-
-
-_ALUMINIUM = " um/(m K), aluminium 23.6"  # not per kelvin, nor per cent
+LEAST_OF_FRAME, LOWEST_OF_FRAME = 1e-3, -50.0  # um/(m K): zero-expansion glass as measured; alloys
+_ALUMINIUM = " um/(m K), aluminium 23.6"  # states the unit, which is easily taken for 1/K
 Expansion: TypeAlias = Annotated[
     float,
     Field(ge=0, le=LARGEST_EXPANSION),
@@ -83,10 +81,10 @@ Angle: TypeAlias = Annotated[float, Field(ge=-360, le=360), *in_unit("deg")]
 
 
 class Dimensioned(Table):
-    """A table with two doors: `model_validate` for what a file says, the class itself for what Python says.
+    """A table with two constructors: `model_validate` takes the content of a file, the class itself Python values.
 
-    What files state in another unit (GPa, degrees) is rounded to what a file can state, by at most one unit in the
-    last place, so that every table can be written and read back bit for bit.
+    A value that files state in another unit (GPa, degrees) is rounded to a value that a file can state, by at most one
+    unit in the last place, so that every table can be written and read back bit for bit.
 
     Raises
     ------
@@ -103,15 +101,15 @@ class Dimensioned(Table):
         except ValidationError as error:
             raise BadInput(f"{type(self).__name__}: {_sentence(type(self), given, error)}") from None
 
-    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # tables inside are validated, not called
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # nested tables are validated, not called
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with values replaced by name, validated like any other."""
+        """Return a validated copy with some values replaced by name."""
         return type(self)(**{name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
 
 
 def plain(value: Any) -> Any:
-    """Arrays and numbers of numpy, mappings and sequences as Python's own."""
+    """Convert numpy arrays and scalars, mappings and sequences to lists, dicts and Python numbers."""
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, Mapping):
@@ -120,34 +118,34 @@ def plain(value: Any) -> Any:
 
 
 def _sentence(model: type[BaseModel], given: dict[str, Any], error: ValidationError) -> str:
-    """The first thing wrong, and how many more there are."""
+    """Describe the first problem and the number of others."""
     problems = merged([problem_of(details, given) for details in error.errors(include_url=False)])
     more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
     return one_line(sentence(problems[0], model, given, by_name=True) + more)
 
 
-Of = TypeVar("Of")  # a stage
-Arguments = ParamSpec("Arguments")
-Found = TypeVar("Found")
-KEPT = "kept"  # in a stage's own dictionary: no field of it, and no part of its hash, copies or pickles
+Owner = TypeVar("Owner")  # a stage
+Args = ParamSpec("Args")
+Value = TypeVar("Value")
+KEPT = "kept"  # entry of a stage's `__dict__`: not a field, and not part of its hash, copies or pickles
 
 
-def once(compute: Callable[Concatenate[Of, Arguments], Found]) -> Callable[Concatenate[Of, Arguments], Found]:
-    """Let a function of a stage (and other arguments) compute once for each stage, which is frozen.
+def once(compute: Callable[Concatenate[Owner, Args], Value]) -> Callable[Concatenate[Owner, Args], Value]:
+    """Cache the results of a function of a stage, which is frozen, and of other arguments, with the stage.
 
-    All callers get the same: arrays, alone or in a tuple, are made read-only, and what else there is should be frozen.
+    All callers share one result: arrays, alone or in a tuple, become read-only; any other result should be immutable.
     """
 
     @wraps(compute)
-    def keeping(stage: Of, /, *given: Arguments.args, **named: Arguments.kwargs) -> Found:
-        kept: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
-        key = (compute, given, tuple(named.items()))
-        if key not in kept:
-            made = kept[key] = compute(stage, *given, **named)
-            for part in made if isinstance(made, tuple) else (made,):
+    def cached(stage: Owner, /, *args: Args.args, **kwargs: Args.kwargs) -> Value:
+        cache: dict[Any, Any] = stage.__dict__.setdefault(KEPT, {})
+        key = (compute, args, tuple(kwargs.items()))
+        if key not in cache:
+            cache[key] = compute(stage, *args, **kwargs)
+            for part in cache[key] if isinstance(cache[key], tuple) else (cache[key],):
                 if isinstance(part, np.ndarray):
                     part.setflags(write=False)
-        found: Found = kept[key]
-        return found
+        value: Value = cache[key]
+        return value
 
-    return keeping
+    return cached

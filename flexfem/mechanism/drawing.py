@@ -1,4 +1,4 @@
-"""The stage as one part to cut: its contours with holes for mounting, the path of a wire, and its dimensions."""
+"""The stage as a single part: contours with mounting holes, the path of the cutting wire, and drawing dimensions."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import CHAINS
 from flexfem.refused import BadInput
 
-TANGENT = 1e-6  # rad; round-off of a smooth joint of two segments
-FINE = np.pi / 512  # rad of arc between two points of a path that is looked at for crossings
+TANGENT = 1e-6  # rad; bend below which two segments join smoothly
+FINE = np.pi / 512  # rad of arc per vertex of the polygon that is checked for self-intersection
 
 
 class Hole(NamedTuple):
@@ -33,8 +33,8 @@ class Part(NamedTuple):
     """Contours of a stage, mm.
 
     outer : closed counter-clockwise loop; at every neck an arc ends and the next begins.
-    hub : the hole in the platform.   mounting : one in every pad, or none.
-    pads : rectangles, closed counter-clockwise loops; the first line of each is the edge that the models clamp.
+    hub : the hole in the platform.   mounting : one hole in every pad, or none.
+    pads : rectangles, closed counter-clockwise loops; the first line of each is the clamped edge.
     """
 
     outer: list[Segment]
@@ -44,12 +44,12 @@ class Part(NamedTuple):
 
     @property
     def holes(self) -> list[Hole]:
-        """All of them, that of the hub first."""
+        """All holes, the hub first."""
         return [self.hub, *self.mounting]
 
     @property
     def area(self) -> float:
-        """Exact area of the metal, mm^2."""
+        """Exact area of the part, mm^2."""
         return float(area(self.outer) - sum(np.pi * hole.radius**2 for hole in self.holes))
 
     @property
@@ -59,7 +59,7 @@ class Part(NamedTuple):
 
 
 def part_of(stage: Stage, mounting: float | None = None) -> Part:
-    """The part that a stage is, `mounting` the diameter, mm, of a hole in the middle of every pad.
+    """Return the contours of a stage, with a hole of diameter `mounting`, mm, in the middle of every pad.
 
     Raises BadInput when the stage cannot be made or its pads have no room for the holes.
     """
@@ -69,7 +69,7 @@ def part_of(stage: Stage, mounting: float | None = None) -> Part:
         raise BadInput(
             f"mounting holes of {mounting:g} mm, expected less than the pads: chain.link_width_mm = {width:g}"
         )
-    left, right = (  # sides of the chains, from the back of a pad to the platform's rim
+    left, right = (  # edges of the chains, from the back of a pad to the rim of the platform
         [turn([segment for body in body_sides(stage, chain, side) for segment in body], chain) for chain in CHAINS]
         for side in (1, -1)
     )
@@ -86,21 +86,21 @@ def part_of(stage: Stage, mounting: float | None = None) -> Part:
 
 
 def cut_path(part: Part, kerf: float) -> Part:
-    """The path of the middle of a wire that cuts `kerf` mm wide and leaves the part, every neck exactly.
+    """Return the path of the wire centre that cuts a part with a kerf, mm; every neck keeps its exact width.
 
-    It goes round outer corners on arcs about them, and leaves sharp inner corners filled with half the kerf.
+    The path follows arcs about outer corners; sharp inner corners become fillets with half the kerf as radius.
 
-    Raises BadInput for a kerf that is too wide for a hole, for an inner radius or for a gap of the part.
+    Raises BadInput for a kerf that is too wide for a hole, an inner radius or a gap of the part.
     """
     half = kerf / 2
-    hollow = [abs(s.start - s.centre) for s in part.outer if s.centre is not None and s.turn < 0]
-    narrowest = 2 * min(*hollow, *(hole.radius for hole in part.holes))
+    concave = [abs(s.start - s.centre) for s in part.outer if s.centre is not None and s.turn < 0]
+    narrowest = 2 * min(*concave, *(hole.radius for hole in part.holes))
     if not kerf < narrowest:
         raise BadInput(f"kerf of {kerf:g} mm, expected less than the narrowest notch, fillet or hole, {narrowest:g} mm")
-    outer = _beside(part.outer, half)
-    found = shapely.is_valid_reason(shapely.Polygon(polygon_points(outer, FINE)))
-    if found != "Valid Geometry":
-        x, y = map(float, found.partition("[")[2].rstrip("]").split())
+    outer = _offset_outwards(part.outer, half)
+    validity = shapely.is_valid_reason(shapely.Polygon(polygon_points(outer, FINE)))
+    if validity != "Valid Geometry":
+        x, y = map(float, validity.partition("[")[2].rstrip("]").split())
         raise BadInput(
             f"kerf of {kerf:g} mm, expected less than every gap of the part: the wire would cut metal at {x:.1f}, "
             f"{y:.1f}"
@@ -109,30 +109,30 @@ def cut_path(part: Part, kerf: float) -> Part:
     return part._replace(outer=outer, hub=hub, mounting=mounting)
 
 
-def _beside(loop: list[Segment], distance: float) -> list[Segment]:
-    """A closed counter-clockwise loop moved outwards, its corners rounded outside and trimmed inside."""
+def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
+    """Offset a closed counter-clockwise loop outwards, with rounded convex and trimmed concave corners."""
     moved, corners = offset(loop, -distance), dict[int, Segment]()
     for k, segment in enumerate(loop):
-        after = (k + 1) % len(loop)
-        ahead, behind = complex(loop[after].tangent(0.0)), complex(segment.tangent(1.0))
-        bend = float(np.angle(ahead / behind))
+        following = (k + 1) % len(loop)
+        incoming, outgoing = complex(segment.tangent(1.0)), complex(loop[following].tangent(0.0))
+        bend = float(np.angle(outgoing / incoming))
         if bend > TANGENT:
-            corners[k] = Segment(moved[k].end, moved[after].start, segment.end)
+            corners[k] = Segment(moved[k].end, moved[following].start, segment.end)
         elif bend < -TANGENT:
-            cut = distance * np.tan(-bend / 2)  # off both lines; inner corners are between lines alone
-            moved[k] = moved[k]._replace(end=moved[k].end - cut * behind)
-            moved[after] = moved[after]._replace(start=moved[after].start + cut * ahead)
-    return [piece for k, each in enumerate(moved) for piece in (each, corners.get(k)) if piece is not None]
+            cut = distance * np.tan(-bend / 2)  # off both segments: concave corners occur between lines only
+            moved[k] = moved[k]._replace(end=moved[k].end - cut * incoming)
+            moved[following] = moved[following]._replace(start=moved[following].start + cut * outgoing)
+    return [piece for k, segment in enumerate(moved) for piece in (segment, corners.get(k)) if piece is not None]
 
 
-LETTER = 0.6  # width of a letter per height of the text, about
-TEXT = 1 / 60  # height of the text per size of the stage
-UPRIGHT = 1e-6  # sine of the slant up to which a line counts as upright
-TURNS = np.exp(1j * np.arange(24) * (2 * np.pi / 24))
+LETTER = 0.6  # approximate width of a letter relative to the height of the text
+TEXT = 1 / 60  # height of the text relative to the size of the stage
+UPRIGHT = 1e-6  # sine of the angle to the vertical up to which a line counts as vertical
+DIRECTIONS = np.exp(1j * np.arange(24) * (2 * np.pi / 24))
 
 
 class Span(NamedTuple):
-    """A length between two points (complex, mm), its line drawn `away` mm to the left of them."""
+    """A length between two points (complex, mm); its dimension line lies `away` mm to their left."""
 
     name: str
     start: complex
@@ -146,13 +146,13 @@ class Span(NamedTuple):
 
     @property
     def line(self) -> tuple[complex, complex]:
-        """Ends of its line."""
+        """Ends of the dimension line."""
         shift = 1j * self.away * (self.end - self.start) / abs(self.end - self.start)
         return self.start + shift, self.end + shift
 
 
 class Label(NamedTuple):
-    """A text centred at a place (complex, mm), so far to both sides of it, `half`, and up and down, about an anchor."""
+    """A text centred at `place`, with its half width and half height in `half`, about an anchor; complex, mm."""
 
     text: str
     anchor: complex
@@ -161,14 +161,14 @@ class Label(NamedTuple):
 
     @property
     def line(self) -> tuple[complex, complex]:
-        """From the anchor to the edge of the text."""
-        towards = self.place - self.anchor
-        beyond = max(1.0, abs(towards.real) / self.half.real, abs(towards.imag) / self.half.imag)
-        return self.anchor, self.place - towards / beyond
+        """Leader line from the anchor to the edge of the text."""
+        vector = self.place - self.anchor
+        ratio = max(1.0, abs(vector.real) / self.half.real, abs(vector.imag) / self.half.imag)
+        return self.anchor, self.place - vector / ratio
 
 
 class Dimensions(NamedTuple):
-    """Lengths and labels of a drawing, and the height of its texts, mm."""
+    """Dimensioned lengths and labels of a drawing, and the height of its texts, mm."""
 
     spans: list[Span]
     labels: list[Label]
@@ -176,35 +176,35 @@ class Dimensions(NamedTuple):
 
 
 def dimensions_of(stage: Stage, part: Part) -> Dimensions:
-    """Dimensions of a stage, clear of each other and of its metal where there is room.
+    """Return the dimensions of a stage, placed clear of each other and of the part where there is room.
 
-    Hinges are labelled on chain 1 where all chains are alike, else on every one.
+    Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
     """
-    metal = shapely.Polygon(polygon_points(part.outer))
-    west, south, east, north = metal.bounds
+    body = shapely.Polygon(polygon_points(part.outer))
+    west, south, east, north = body.bounds
     height = TEXT * max(east - west, north - south)
     poses, width = necks(stage, 1), stage.chain.link_width
     ends = [pose.point for pose in poses] + [0j]
     spans = list[Span]()
-    for k in range(3):  # on the side and at the distance where the line is clear of the metal, or nearly
-        aside = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
-        tried = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in aside]
-        spans.append(max(tried, key=lambda span: min(metal.distance(_middle(span)), width / 3)))
+    for k in range(3):  # the nearest dimension line with a third of the link width as clearance, or the clearest one
+        distances = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
+        candidates = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in distances]
+        spans.append(max(candidates, key=lambda span: min(body.distance(_middle(span)), width / 3)))
     spans.append(Span("w", part.pads[0][0].start, part.pads[0][0].end, -2.5 * height))
     spans = [_rightwards(span) for span in spans]
     rims = [shapely.Point(hole.centre.real, hole.centre.imag).buffer(hole.radius).boundary for hole in part.holes]
-    taken, labels = [metal.boundary, *rims, *(_line(*span.line) for span in spans)], list[Label]()
+    obstacles, labels = [body.boundary, *rims, *(_line(*span.line) for span in spans)], list[Label]()
     texts = [_middle(span) for span in spans]
-    for text, anchor in _noted(stage, part):
+    for text, anchor in _annotations(stage, part):
         half = 0.5 * height * complex(LETTER * len(text) + 1, 2)
-        labels.append(Label(text, anchor, _clear(anchor, half.real, height, taken, texts), half))
+        labels.append(Label(text, anchor, _clear_place(anchor, half.real, height, obstacles, texts), half))
         texts.append(_line(labels[-1].place - half.real, labels[-1].place + half.real))
-        taken += [texts[-1], _line(*labels[-1].line)]
+        obstacles += [texts[-1], _line(*labels[-1].line)]
     return Dimensions(spans, labels, height)
 
 
-def _noted(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
-    """Texts, and the places that they are about."""
+def _annotations(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
+    """Yield the texts of the labels and their anchors."""
     for chain in (1,) if stage.chains_alike else CHAINS:
         for pose, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
             hinge = stage.hinge(chain, name)
@@ -218,27 +218,27 @@ def _noted(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
 
 
 def _middle(span: Span) -> shapely.LineString:
-    """The line of a length without its ends, which may well lie over a neighbouring body."""
+    """Middle part of a dimension line; its ends may lie over an adjacent body."""
     start, end = span.line
     return _line(0.8 * start + 0.2 * end, 0.2 * start + 0.8 * end)
 
 
 def _rightwards(span: Span) -> Span:
-    """The same length, walked to the right, or upwards: its text is then upright."""
+    """Return the same length directed to the right or upwards, so that its text is upright."""
     along = span.end - span.start
     if along.real > UPRIGHT * abs(along) or (abs(along.real) <= UPRIGHT * abs(along) and along.imag > 0):
         return span
     return Span(span.name, span.end, span.start, -span.away)
 
 
-def _clear(anchor: complex, half: float, height: float, taken: list[Any], texts: list[Any]) -> complex:
-    """The place for a text that is clearest of what is there, its line clear of other texts; near ones first."""
-    places = np.concatenate([anchor + reach * height * TURNS for reach in (4.0, 6.0, 8.0, 11.0)])
-    found = shapely.linestrings(np.stack([_points(places - half), _points(places + half)], axis=1))
-    lines = shapely.linestrings(np.stack([_points(np.full_like(places, anchor)), _points(places)], axis=1))
-    clearance = shapely.distance(found, shapely.union_all(taken))
-    beside = shapely.distance(lines, shapely.union_all(texts))
-    clearance = np.minimum(np.minimum(clearance, beside), 1.5 * height)
+def _clear_place(anchor: complex, half: float, height: float, obstacles: list[Any], texts: list[Any]) -> complex:
+    """Return the nearest place of a text, with its leader line, that has the greatest clearance, up to a limit."""
+    places = np.concatenate([anchor + reach * height * DIRECTIONS for reach in (4.0, 6.0, 8.0, 11.0)])
+    baselines = shapely.linestrings(np.stack([_points(places - half), _points(places + half)], axis=1))
+    leaders = shapely.linestrings(np.stack([_points(np.full_like(places, anchor)), _points(places)], axis=1))
+    of_text = shapely.distance(baselines, shapely.union_all(obstacles))
+    of_leader = shapely.distance(leaders, shapely.union_all(texts))
+    clearance = np.minimum(np.minimum(of_text, of_leader), 1.5 * height)
     return complex(places[int(np.argmax(np.round(clearance, 6)))])
 
 

@@ -19,7 +19,7 @@ from flexfem.mechanism.actuators import (
     ENDS,
     GEOMETRY,
     Actuator,
-    Numbers,
+    ActuatorNumbers,
     series_stiffness,
 )
 from flexfem.mechanism.bodies import FILLET, centrelines, draw_sector
@@ -231,12 +231,12 @@ def drives_of(
     return _of_stacks(designs, chains, stacks)
 
 
-def _numbers(designs: Designs) -> Numbers:
+def _numbers(designs: Designs) -> ActuatorNumbers:
     """Of the actuators of n designs, (n, 3 chains, actuators) each."""
-    return Numbers(*np.moveaxis(designs.actuator, -1, 0))
+    return ActuatorNumbers(*np.moveaxis(designs.actuator, -1, 0))
 
 
-def _blocking(of: Numbers) -> Array:
+def _blocking(of: ActuatorNumbers) -> Array:
     return np.where(np.isnan(of.stiffness), of.blocking_force, of.stroke * of.stiffness)
 
 
@@ -245,7 +245,7 @@ def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> tu
 
     Returns the wrenches (n, 3) of one newton, frame of chain 1; where they are sure (n,), and where off the metal (n,).
     """
-    own = Numbers(*(each[:, chain, index] for each in _numbers(designs)))
+    own = ActuatorNumbers(*(each[:, chain, index] for each in _numbers(designs)))
     if actuator.point is not None:
         nowhere = np.zeros(len(own.arm), dtype=bool)
         return wrench_of(own.x + 1j * own.y, np.exp(1j * own.direction)), nowhere, nowhere

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import ABOUT, KeyPath, key_path, path_of, problem_of, suggestion
-from flexfem.mechanism.actuators import Actuator, Numbers
+from flexfem.mechanism.actuators import Actuator, ActuatorNumbers
 from flexfem.mechanism.materials import FATIGUE
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
@@ -99,7 +99,7 @@ class Key(NamedTuple):
         """Chain, actuator and number that it sets, where the actuator there states it or it stands for itself alone."""
         own = {o.place for o in stage.override if o.actuator and getattr(o, self.attribute) is not None}
         name, mine = self.table[-1], self.table[0] == "override"
-        number = Numbers._fields.index({None: self.attribute, 0: "x", 1: "y"}[self.element])
+        number = ActuatorNumbers._fields.index({None: self.attribute, 0: "x", 1: "y"}[self.element])
         stated = NEEDED.get(self.attribute, self.attribute)  # or need not be stated beside this
         return [
             (chain - 1, index, number)

@@ -1,6 +1,6 @@
 """Outlines in the plane: lines and arcs between complex points, mm; closed loops, their areas, and shortest paths.
 
-Nothing of a stage is here, so that the process of gmsh need not load what reads one.
+The module imports nothing that reads a stage, so that the gmsh process loads quickly.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array
 
-SHORTEST = 1e-9  # mm; a wall of a notch as deep as its link has no length and is left out
+SHORTEST = 1e-9  # mm; shorter segments are left out, such as the wall of a notch as deep as its link
 TIGHTEST_TURN = np.deg2rad(170.0)
 GAUSS = np.polynomial.legendre.leggauss(16)  # on each line or arc of less than half a turn: exact to round-off
 
 
 class Segment(NamedTuple):
-    """A line, or with a centre the circular arc (less than half a turn) from `start` to `end`."""
+    """A line from `start` to `end` or, with a centre, a circular arc of less than half a turn."""
 
     start: complex
     end: complex
@@ -56,23 +56,23 @@ class Segment(NamedTuple):
         return np.asarray(1j * np.sign(self.turn) * spoke / np.abs(spoke))
 
     def shares(self, points: AnyArray) -> Array:
-        """How far along (0 at the start, 1 at the end) points (...) beside it are."""
+        """Positions of points (...) projected on the curve: 0 at the start, 1 at the end."""
         if self.centre is None:
             return np.asarray(((points - self.start) / (self.end - self.start)).real)
         swept = np.angle((points - self.centre) / (self.start - self.centre) * np.exp(-0.5j * self.turn))
         return np.asarray(0.5 + swept / self.turn)
 
     def reversed(self) -> Segment:
-        """The same curve walked the other way."""
+        """Return the same curve in the opposite direction."""
         return Segment(self.end, self.start, self.centre)
 
     def turned(self, angle: float) -> Segment:
-        """The same curve turned about the origin by `angle`, rad."""
+        """Return the curve rotated about the origin by `angle`, rad."""
         r = cmath.exp(1j * angle)
         return Segment(self.start * r, self.end * r, None if self.centre is None else self.centre * r)
 
     def offset(self, distance: float) -> Segment:
-        """The curve moved to its left by `distance`, mm: a line, or an arc about the same centre."""
+        """Return the curve offset to its left by `distance`, mm: a line, or an arc about the same centre."""
         start, end = (point + 1j * distance * complex(self.tangent(k)) for k, point in enumerate(self[:2]))
         return Segment(start, end, self.centre)
 
@@ -86,8 +86,8 @@ class Face(NamedTuple):
     """A region to mesh, such as one body of a sector of the stage.
 
     loop : closed counter-clockwise loop of segments.
-    labels : for each of them `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind`
-        (to the next sectors) or `free`.
+    labels : one per segment: `ground`, `hub`, `neck base` and so on, `cut ahead` and `cut behind` (to the adjacent
+        sectors) or `free`.
     """
 
     loop: list[Segment]
@@ -95,17 +95,17 @@ class Face(NamedTuple):
 
 
 def reverse(path: Sequence[Segment]) -> list[Segment]:
-    """The path walked the other way."""
+    """Return the path in the opposite direction."""
     return [segment.reversed() for segment in reversed(path)]
 
 
 def offset(path: Sequence[Segment], distance: float) -> list[Segment]:
-    """The path moved to its left by `distance`, mm (to its right when negative)."""
+    """Return the path offset to its left by `distance`, mm (to its right when negative)."""
     return [segment.offset(distance) for segment in path]
 
 
 def polyline(*points: complex) -> list[Segment]:
-    """Lines through the points, without those of no length."""
+    """Lines through the points, without lines of zero length."""
     return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
 
 
@@ -117,8 +117,8 @@ def area(loop: Sequence[Segment]) -> float:
 def area_moments(loop: Sequence[Segment]) -> Array:
     """Area, first moments in x and y, polar second moment about the origin (4,), mm^2 to mm^4, of a closed loop.
 
-    By the divergence theorem with `z = x + i y` and `w = x dy - y dx` round the counter-clockwise loop: the integral
-    over the area of 1, z and |z|^2 is that of `w / 2`, `z w / 3` and `|z|^2 w / 4`.
+    By the divergence theorem, with `z = x + i y` and `w = x dy - y dx`, the area integrals of 1, z and |z|^2 equal the
+    integrals of `w / 2`, `z w / 3` and `|z|^2 w / 4` along the counter-clockwise loop.
     """
     share, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
     total = np.zeros(4)
@@ -130,7 +130,7 @@ def area_moments(loop: Sequence[Segment]) -> Array:
 
 
 def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:
-    """Vertices (n, 2) of a polygon that follows the loop with one vertex per `step` rad of arc."""
+    """Vertices (n, 2) of a polygon that approximates the loop with one vertex per `step` rad of arc."""
     z = np.concatenate([segment.points(step) for segment in loop])
     return np.column_stack([z.real, z.imag])
 
@@ -142,17 +142,17 @@ class Pose(NamedTuple):
     heading: float
 
     def ahead(self, distance: float) -> Pose:
-        """The pose moved straight along its heading."""
+        """Return the pose moved along its heading by `distance`, mm."""
         return Pose(self.point + distance * cmath.exp(1j * self.heading), self.heading)
 
 
 def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None:
-    """Shortest arc-line-arc path between two poses with arcs of one radius; None when every one makes a loop.
+    """Shortest arc-line-arc path between two poses with arcs of one radius; None if all such paths make a loop.
 
-    L. E. Dubins, Am. J. Math. 79 (1957) 497: of its candidates the four with a straight middle piece, which turn first
-    and last to the left (1) or to the right (-1).
+    L. E. Dubins, Am. J. Math. 79 (1957) 497: the four candidates with a straight middle piece, whose arcs turn to the
+    left (1) or to the right (-1).
     """
-    found = list[tuple[float, list[Segment]]]()
+    paths = list[tuple[float, list[Segment]]]()
     for first, last in product((1, -1), repeat=2):
         c0 = start.point + 1j * first * radius * cmath.exp(1j * start.heading)
         c1 = end.point + 1j * last * radius * cmath.exp(1j * end.heading)
@@ -166,11 +166,11 @@ def shortest_path(start: Pose, end: Pose, radius: float) -> list[Segment] | None
         if max(turns) <= TIGHTEST_TURN:
             leave, arrive = (c - 1j * side * radius * cmath.exp(1j * heading) for c, side in ((c0, first), (c1, last)))
             pieces = [Segment(start.point, leave, c0), Segment(leave, arrive), Segment(arrive, end.point, c1)]
-            found.append((radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST]))
-    return min(found, key=lambda item: item[0])[1] if found else None
+            paths.append((radius * sum(turns) + straight, [s for s in pieces if s.length > SHORTEST]))
+    return min(paths, key=lambda path: path[0])[1] if paths else None
 
 
 def _wrap(angle: float) -> float:
-    """The angle in [0, 2 pi), a full turn less round-off counted as none."""
+    """Return the angle in [0, 2 pi); a full turn within round-off becomes zero."""
     wrapped = angle % (2 * np.pi)
     return 0.0 if 2 * np.pi - wrapped < 1e-9 else float(wrapped)

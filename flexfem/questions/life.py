@@ -97,9 +97,8 @@ def by_wrenches(designs: Designs, wrench: Wrench, motion: Repeated) -> StressCyc
     """Return the stress at both sides of every neck of n designs from the wrenches (n, 3, 3, 3) of the necks."""
     bending, along = strength.surface_stress(wrench, designs.neck, designs.thickness, strength.stress_raised(designs))
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
-    counted = strength.counted(designs.neck / designs.radius, motion.sensitivity).reshape(len(along), 9)
-    neck, counted = np.repeat(np.arange(9), 2), np.repeat(counted, 2, axis=1)
-    return StressCycles(neck, np.abs(sides @ motion.amplitude), sides @ motion.mean, counted)
+    part = strength.fatigue_fraction(designs.neck / designs.radius, motion.sensitivity).reshape(-1, 9).repeat(2, axis=1)
+    return StressCycles(np.repeat(np.arange(9), 2), np.abs(sides @ motion.amplitude), sides @ motion.mean, part)
 
 
 def by_model(stage: Stage, result: AnalyticResult, motion: Repeated) -> StressCycles:
@@ -111,7 +110,7 @@ def by_model(stage: Stage, result: AnalyticResult, motion: Repeated) -> StressCy
 def by_elements(stage: Stage, response: Response, motion: Repeated) -> StressCycles:
     """Return the stress at the nodes of every notch by plane finite elements."""
     out_of_plane, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
-    shares = strength.counted(design.neck[0] / design.radius[0], motion.sensitivity)
+    shares = strength.fatigue_fraction(design.neck[0] / design.radius[0], motion.sensitivity)
     loads = np.array([motion.amplitude, motion.mean]) @ stiffness.T
     notches = []
     for (chain, hinge), stress in notch_fields(stage, response, loads):

@@ -369,10 +369,10 @@ def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings
 
 def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive | None = None) -> VibratingStructure:
     """Return the vibrating stage on one mesh, with an engaged drive or none. Raises BadInput unless it is plane."""
-    plate, pushes, rates = structure(mesh, plate_of(stage)), None, None
+    plate, loads, springs = structure(mesh, plate_of(stage)), None, None
     if drive is not None:
-        pushes, rates = stack_loads(plate, drive.stacks)[:, 3:], drive.stiffness
-    return vibrating_structure(plate, stage.material.density * DENSITY, bodies.carried(stage, payload), pushes, rates)
+        loads, springs = stack_loads(plate, drive.stacks)[:, 3:], drive.stiffness
+    return vibrating_structure(plate, stage.material.density * DENSITY, bodies.carried(stage, payload), loads, springs)
 
 
 def _in_plane(
@@ -496,7 +496,7 @@ def _reduce(body: VibratingStructure, modes: ModesOfStructure, ratio: float, dri
     loads = np.eye(size, 3, 3 - size)
     names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
     if drive is not None:
-        loads = np.hstack([loads, body.pushes @ (body.rates[:, None] * drive.differential)])
+        loads = np.hstack([loads, body.stack_loads @ (body.stack_stiffness[:, None] * drive.differential)])
         names += [f"stroke {name}" for name in drive.names]
         units += [str(LENGTH)] * len(drive.names)
     at_rest, shapes = body.space.solve(loads), modes.shapes[0]

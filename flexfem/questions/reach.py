@@ -168,8 +168,8 @@ def reach(
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))
-    limits = limits_of_commands(commanded, commanded.of, drive, F)
-    poses = PoseSet(commanded.of, drive, limits, F)
+    limits = limits_of_commands(commanded, commanded.system, drive, F)
+    poses = PoseSet(commanded.system, drive, limits, F)
     try:
         solid = poses.solid(lever)
     except NothingAllowed:
@@ -177,7 +177,7 @@ def reach(
     ends, stops = poses.ranges()
     ranges = {ANALYTIC: ends}
     if mesh is not None:
-        elements = driven_elements(stage, mesh.resolution).of
+        elements = driven_elements(stage, mesh.resolution).system
         ranges[ELEMENTS] = PoseSet(elements, drive, limits_of_commands(commanded, elements, drive, F), F).ranges()[0]
     values: dict[str, Any] = {
         "load": F,
@@ -395,8 +395,9 @@ def _why_unreachable(commanded: Commanding, limits: LinearLimits, drive: StageDr
     infeasible = []
     for kind in KINDS:
         chosen = np.array([name.startswith((KINDS[0], kind)) for name in limits.names])
+        subset = LinearLimits(*(part[chosen] for part in limits))
         try:
-            PoseSet(commanded.of, drive, LinearLimits(*(part[chosen] for part in limits)), load).farthest(drive.highest)
+            PoseSet(commanded.system, drive, subset, load).farthest(drive.highest)
         except NothingAllowed:
             infeasible.append(kind)
     kinds = " and those of ".join(infeasible) if infeasible else "stroke, contact, blocking force and yield together"
@@ -418,7 +419,7 @@ def _warnings(commanded: Commanding, drive: StageDrive, solid: Polytope, lever: 
             f"{_preload_stress(commanded, drive):.4g} {STRESS} at zero commands (no spring that would bear it is in "
             "the model)"
         )
-    rank = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * commanded.of.poses, rtol=SINGULAR)
+    rank = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * commanded.system.poses, rtol=SINGULAR)
     if rank < 3:
         messages.append(f"the drive moves the platform in {rank} of three directions: its poses are no solid")
     elif solid.dimension < 3:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.contacts import SPREAD, Station, bend_stresses, nearest, share_beyond, spread, station
+from flexfem.mechanism.contacts import SPREAD, Station, bend_stresses, body_forces, nearest, share_beyond, station
 from flexfem.mechanism.stage import Stage, load_stage
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -41,7 +41,7 @@ def test_a_station_bears_the_wrench_of_its_push(link, point):
     x, y = (np.arange(a, b, step) + step / 2 for a, b in zip(low, high, strict=True))
     grid = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     near = grid[np.hypot(*(grid - [point.real, point.imag]).T) < 25]
-    fx, fy = np.moveaxis(spread(of, near), -1, 0) * step**2
+    fx, fy = np.moveaxis(body_forces(of, near), -1, 0) * step**2
     total = np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ near[:, 0] - fx @ near[:, 1]])
     np.testing.assert_allclose(total * np.outer([24, 24, 1], [1 / 24, 1 / 24, 1]), np.eye(3), atol=GRID)
 
