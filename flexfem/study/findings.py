@@ -393,7 +393,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
         )
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
-        (bands,) = source.table.with_answer(band)
+        (bands,) = source.table.with_results(band)
         lines.append(
             f"Mesh band of the error: median {np.median(bands):.2g}, largest {bands.max():.2g} percentage points."
         )
@@ -624,7 +624,7 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
     from scipy.stats import binom, norm
 
     ordered, n, tail = np.sort(values), len(values), (1 - CONFIDENCE) / 2
-    found = []
+    results = []
     for p in percent:
         middle, share = float(np.percentile(ordered, p)), p / 100
         if draws is None:
@@ -634,8 +634,8 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
             width = norm.ppf(1 - tail) * np.sqrt(m / (m - 1) * np.sum(excess**2)) if m > 1 else n
             first, last = int(np.floor(n * share - width)), int(np.ceil(n * share + width)) + 1
         low = -np.inf if first < 1 else float(ordered[first - 1])
-        found.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
-    return found
+        results.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
+    return results
 
 
 # Sobol indices
@@ -681,14 +681,14 @@ def sensitivity(source: Source, value: str) -> Indices:
         bad = np.flatnonzero(~table.ok)
         first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
         raise refusal(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
-    (values,) = table.with_answer(value)
+    (values,) = table.with_results(value)
     if len(values) < LEAST and not saltelli:
         raise refusal(f"{len(values)} designs have an answer, expected at least {LEAST}")
     if np.ptp(values) <= FLAT * (table.round_off_sizes.get(value) or np.abs(values).max()):
         raise refusal("no factor changes it, expected a value that varies")
     if saltelli:
         return sobol_indices(values, len(loaded.columns))
-    return first_order((table.with_answer(column.name)[0] for column in loaded.columns), values)
+    return first_order((table.with_results(column.name)[0] for column in loaded.columns), values)
 
 
 def sobol_indices(values: Array, factors: int) -> Indices:
