@@ -98,10 +98,10 @@ def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
             return np.float64(number)
         case ast.Name(id=name):
             return known[name]
-        case ast.UnaryOp(op=sign, operand=inner):
-            return _OPERATIONS[type(sign)](_value(inner, known))
-        case ast.BinOp(left=left, op=sign, right=right):
-            return _OPERATIONS[type(sign)](_value(left, known), _value(right, known))
+        case ast.UnaryOp(op=operator, operand=operand):
+            return _OPERATIONS[type(operator)](_value(operand, known))
+        case ast.BinOp(left=left, op=operator, right=right):
+            return _OPERATIONS[type(operator)](_value(left, known), _value(right, known))
         case ast.Call(func=ast.Name(id=name), args=[_, *others] as arguments, keywords=[]) if bool(others) == (
             name in ("min", "max")
         ):
@@ -568,10 +568,10 @@ class Study(Sourced):
         for index, figure in enumerate(self.figure):
             if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
                 raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
-            for place, (column, output) in figure.columns.items():
-                known = outputs if output else factors if figure.kind == "map" else (*factors, *outputs)
+            for place, (column, is_output) in figure.columns.items():
+                known = outputs if is_output else factors if figure.kind == "map" else (*factors, *outputs)
                 if column not in known:
-                    expected = "an output of this study" if output else "a column of this study"
+                    expected = "an output of this study" if is_output else "a column of this study"
                     raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
         return self
 
@@ -615,7 +615,7 @@ class Study(Sourced):
         }
         requested |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
         moved = (True, True, True) if self.life is None else self.life.moved
-        return outputs_of(*(name for name, wanted in requested.items() if wanted), moved=moved)
+        return outputs_of(*(name for name, included in requested.items() if included), moved=moved)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -625,8 +625,8 @@ class Study(Sourced):
     @property
     def unused_keys(self) -> frozenset[str]:
         """Key paths of material and frame on which no output depends."""
-        users = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
-        return frozenset(path for path, key in keys().items() if users.get(key.attribute, self) is None)
+        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
+        return frozenset(path for path, key in keys().items() if used_by.get(key.attribute, self) is None)
 
     @property
     def stress_below(self) -> str:
