@@ -99,7 +99,7 @@ def batch_at_rest(
     """The analytic model of n designs, as `analytic.model.at_rest`, and their lives where something is repeated."""
     found, strength = at_rest(designs, hinges, freedoms, bodies), designs.yield_strength
     highest = np.max(found.stress, axis=(1, 2))
-    answers = DesignAnswers(found.stiffness, highest, found.turning, strength, envelope(designs))
+    answers = DesignAnswers(found.stiffness, highest, found.base_rotation, strength, envelope(designs))
     if repeated is None:
         return answers
     strained = by_wrenches(designs, found.wrench, repeated)
