@@ -15,7 +15,7 @@ from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import SPACE, TextTable, thousands
 from flexfem.study.factors import Column, Factor, columns_of
-from flexfem.study.findings import Record, Refused, Source, drawn_words, factor, model_words
+from flexfem.study.findings import Record, Refused, Source, factor, model_words, sampling_words
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
@@ -59,7 +59,7 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     found_by = dict.fromkeys(study.outputs, "the model") | {one.name: one.expression for one in study.output}
     quantities = {name: source.quantity(name) for name in found_by}
     outputs = [[of.name, name, of.unit, found_by[name]] for name, of in quantities.items()]
-    limits = [[one.said, one.value, one.expected] for one in study.constraint]
+    limits = [[one.title, one.value, one.expected] for one in study.constraint]
     counts = {
         "asked for": status["designs"],
         "with an answer": status["ok"],
@@ -88,7 +88,7 @@ def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     yield "base stage", f"{loaded.stage.name} ({study.stage})"
     yield "model", model_words(loaded)
     correlated = f", {pairs} rank correlations" if pairs else ""
-    yield "sample", f"{drawn_words(loaded)}, {thousands(loaded.count)} designs{correlated}"
+    yield "sample", f"{sampling_words(loaded)}, {thousands(loaded.count)} designs{correlated}"
     yield "accuracy of stresses", loaded.stress_accuracy
     for name in ("drive", "frequencies", "life", "drift"):
         asked = getattr(study, name)

@@ -168,8 +168,8 @@ def reach(
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     first = commanding(analytic.chosen(stage, warnings))
-    limits = limits_of_commands(first, first.of, drive, F)
-    poses = PoseSet(first.of, drive, limits, F)
+    limits = limits_of_commands(first, first.system, drive, F)
+    poses = PoseSet(first.system, drive, limits, F)
     try:
         solid = poses.solid(lever)
     except NothingAllowed:
@@ -177,7 +177,7 @@ def reach(
     ends, stops = poses.ranges()
     found = {ANALYTIC: ends}
     if mesh is not None:
-        elements = driven_elements(stage, mesh.resolution).of
+        elements = driven_elements(stage, mesh.resolution).system
         found[ELEMENTS] = PoseSet(elements, drive, limits_of_commands(first, elements, drive, F), F).ranges()[0]
     values: dict[str, Any] = {
         "load": F,
@@ -395,7 +395,7 @@ def _why_nothing(first: Commanding, limits: LinearLimits, drive: StageDrive, loa
     for kind in KINDS:
         chosen = np.array([name.startswith((KINDS[0], kind)) for name in limits.names])
         try:
-            PoseSet(first.of, drive, LinearLimits(*(part[chosen] for part in limits)), load).farthest(drive.highest)
+            PoseSet(first.system, drive, LinearLimits(*(part[chosen] for part in limits)), load).farthest(drive.highest)
         except NothingAllowed:
             alone.append(kind)
     which = " and those of ".join(alone) if alone else "stroke, contact, blocking force and yield together"
@@ -417,7 +417,7 @@ def _warnings(first: Commanding, drive: StageDrive, solid: Polytope, lever: floa
             f"{_preload_stress(first, drive):.4g} {STRESS} at zero commands (no spring that would bear it is in the "
             "model)"
         )
-    moves = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * first.of.poses, rtol=SINGULAR)
+    moves = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * first.system.poses, rtol=SINGULAR)
     if moves < 3:
         found.append(f"the drive moves the platform in {moves} of three directions: its poses are no solid")
     elif solid.dimension < 3:
