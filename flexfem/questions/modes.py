@@ -496,7 +496,7 @@ def _reduced(of: VibratingStructure, modes: ModesOfStructure, damping: float, dr
     loads = np.eye(size, 3, 3 - size)
     names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
     if drive is not None:
-        loads = np.hstack([loads, of.pushes @ (of.rates[:, None] * drive.differential)])
+        loads = np.hstack([loads, of.stack_loads @ (of.stack_stiffness[:, None] * drive.differential)])
         names += [f"stroke {name}" for name in drive.names]
         units += [str(LENGTH)] * len(drive.names)
     at_rest, shapes = of.space.solve(loads), modes.shapes[0]

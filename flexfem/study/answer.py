@@ -13,17 +13,17 @@ import numpy as np
 
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.model import analyse, hinge_compliances, in_range, without_answer
+from flexfem.analytic.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import (
     LinkParts,
     WarmBodies,
+    body_loads,
     drift,
+    dynamics_of_designs,
     in_plane,
     link_parts,
-    many,
     mass_matrix,
-    on_bodies,
     rates_of,
 )
 from flexfem.analytic.responses import driven as driven_compliance
@@ -120,7 +120,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         hinges = hinge_compliances(designs, study.formula)
         refused = [*_off_limits(loaded, values), *(condition.broken for condition in conditions(designs))]
         doubtful = unlikely(designs.fatigue[:, 0], designs.yield_strength)
-        refused += [*without_answer(designs, study.formula, hinges), Broken(FATIGUE, doubtful)]
+        refused += [*invalid_hinges(designs, study.formula, hinges), Broken(FATIGUE, doubtful)]
         reasons = [np.array(refusal.reason, object) for refusal in refused]
         reason = np.select([refusal.where for refusal in refused], reasons, refusals_of(loaded, values))
         freedoms = freedoms_of(study.mobility, designs.prismatic)
@@ -140,10 +140,10 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             found = found._replace(drives=drives)
         if study.frequencies is not None:
             moments = stacked(lambda stage: Moments(body_moments(stage), hub_moments(stage)))
-            elastic = stacked(lambda stage: link_parts(stage, on_bodies(stage))) if study.links else None
+            elastic = stacked(lambda stage: link_parts(stage, body_loads(stage))) if study.links else None
             areal = designs.thickness * designs.density * DENSITY
             mass = mass_matrix(moments.bodies, moments.hub, areal, payload(loaded) or Payload())
-            frequencies = many(designs.frames, *model, mass, elastic).frequencies[:, :LOWEST]
+            frequencies = dynamics_of_designs(designs.frames, *model, mass, elastic).frequencies[:, :LOWEST]
             found = found._replace(frequencies=np.asarray(frequencies))
         if study.drift is not None:
             pose = drift(designs, *model, *in_plane(designs), warm).pose
