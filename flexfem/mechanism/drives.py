@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.actuators import (
@@ -194,7 +193,6 @@ def _crossings(segment: Segment, point: complex, direction: complex) -> list[flo
 STRAIGHT = 1e-12  # rad, and mm per mm: tolerance for two collinear necks
 BESIDE = 1e-6  # margin at the ends of a link per link width; contacts within it are placed on the outline
 SHAPE = ("link_lengths", "joint_angles", "link_width", "radius", "neck", "axis", "platform_radius", "hub_radius")
-Which = NDArray[np.bool_]
 
 
 def drives_of(
@@ -241,7 +239,7 @@ def _blocking(numbers: ActuatorNumbers) -> Array:
     return np.where(np.isnan(numbers.stiffness), numbers.blocking_force, numbers.stroke * numbers.stiffness)
 
 
-def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> tuple[Array, Which, Which]:
+def _contact(designs: Designs, chain: int, index: int, actuator: Actuator) -> tuple[Array, AnyArray, AnyArray]:
     """Evaluate the first contact of an actuator of a chain (from 0) in closed form.
 
     Returns wrenches (n, 3) of one newton, frame of chain 1; where they are valid (n,); where off a straight link (n,).

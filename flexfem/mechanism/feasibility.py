@@ -17,8 +17,6 @@ from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of, located
 from flexfem.refused import BadInput
 
-Holds = NDArray[np.bool_]
-
 PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, each (chain, position)
 _FIRST, _SECOND = (np.array([hinges[k] for hinges in PAIRS]).T for k in (0, 1))
 TOUCHING = 1e-6  # mm^2; overlap by round-off of polygons that share an edge
@@ -29,7 +27,7 @@ class Broken(NamedTuple):
     """Text of a violated condition, and the designs (n,) that violate it."""
 
     reason: str
-    where: Holds
+    where: NDArray[np.bool_]
 
 
 class Condition(NamedTuple):

@@ -291,14 +291,14 @@ def read_materials(path: PathLike) -> dict[str, Registered]:
     data = read_toml(path).data
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
     tables = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
-    found = {}
+    registered = {}
     for name, entry in zip(data, (getattr(tables, field) for field in fields), strict=True):
         if "name" in data[name]:
             text = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
             raise bad_key(path, (name, "name"), text)
         content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
-        found[name] = Registered(Material(**content), entry.source, entry.sources)
-    return found
+        registered[name] = Registered(Material(**content), entry.source, entry.sources)
+    return registered
 
 
 def _named(data: dict[str, Any]) -> dict[str, Any]:
