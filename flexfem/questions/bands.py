@@ -189,9 +189,9 @@ def command_convergence(
 
     Notes
     -----
-    Along the command, `grid_convergence` is used, unless readings are given: if joints are held, the error along is a
-    small difference of large numbers, as is the error across. Across, it is used if symmetry leaves round-off on every
-    mesh. Otherwise the error of the compliance C is split, dC = m C + D, with m midway between the extreme eigenvalues
+    Along the command, `grid_convergence` is used unless readings are given: with joints held, this error is a small
+    difference of large numbers, too. Across the command, it is used if symmetry leaves round-off on every mesh.
+    Otherwise, the error of the compliance C is split, dC = m C + D, with m midway between the extreme eigenvalues
     of dC x = e C x. The first part changes a pose c = C f by m c; the second is bounded by half the spread h of the
     eigenvalues, |r' D f| <= h sqrt(r' C r . f' C f) (Cauchy-Schwarz in the energy product). m and h are computed from
     both differences between the finest three levels, extrapolated with the theoretical order; the larger is used,
@@ -260,7 +260,7 @@ def corner_bands(resolutions: Array, values: Array, order: float = CORNER_ORDER)
 
 
 def stress_bands(resolutions: Array, values: Array) -> Array:
-    """As `corner_bands` with order 3, for highest neck stresses, which change their place, and for dependent values.
+    """As `corner_bands` with order 3, for highest neck stresses, whose place may change, and for dependent values.
 
     The bands contained the 72 true highest stresses of 24 stages; the grid convergence index missed 3, one of them
     by nine times its band (`benchmarks/corner_bands.py`).

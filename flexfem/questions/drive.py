@@ -237,27 +237,27 @@ def drive(
 
 def commanding(chosen: ModelChoice) -> Commanding:
     """Return the analytic model of a driven stage. Raises BadInput as `model.analyse`, and without actuators."""
-    result, stacks = analyse(*chosen), drive_of(chosen.stage)
-    C, necks = driven_model(chosen.stage, result, _with_friction(stacks))
-    n = 3 + len(stacks.stacks)
+    result, drive = analyse(*chosen), drive_of(chosen.stage)
+    C, necks = driven_model(chosen.stage, result, _with_friction(drive))
+    n = 3 + len(drive.stacks)
     model = DrivenModel(C[:n, :n], necks[..., :n])
-    return Commanding(chosen.stage, result, model, driven(model.compliance, stacks), C[:n, n:])
+    return Commanding(chosen.stage, result, model, driven(model.compliance, drive), C[:n, n:])
 
 
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
     """Return finite elements of a driven stage. Raises BadInput without actuators, ComputationFailed."""
-    stacks, mesh = drive_of(stage), build_mesh(stage, resolution)
-    C, fields = driven_response(mesh, plate_of(stage), _with_friction(stacks))
-    n = 3 + len(stacks.stacks)
+    drive, mesh = drive_of(stage), build_mesh(stage, resolution)
+    C, fields = driven_response(mesh, plate_of(stage), _with_friction(drive))
+    n = 3 + len(drive.stacks)
     response = DrivenResponse(C[:n, :n], fields[:n])
-    return DrivenElements(stage, mesh, response, driven(response.compliance, stacks), C[:n, n:])
+    return DrivenElements(stage, mesh, response, driven(response.compliance, drive), C[:n, n:])
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     """Return the ranges of a drive, n = 1, by finite elements; neck stress from their wrenches as in the model."""
-    stacks, plate = drive_of(stage).at(None), plate_of(stage)
-    C, fields = driven_response(mesh, plate, stacks.stacks)
-    return drive_ranges(lower(stage), driven(C[None], stacks), neck_wrenches(mesh, plate, fields)[None], stacks)
+    drive, plate = drive_of(stage).at(None), plate_of(stage)
+    C, fields = driven_response(mesh, plate, drive.stacks)
+    return drive_ranges(lower(stage), driven(C[None], drive), neck_wrenches(mesh, plate, fields)[None], drive)
 
 
 def engaged_stiffness(system: Driven) -> Array:
@@ -267,10 +267,10 @@ def engaged_stiffness(system: Driven) -> Array:
 
 def push_spread(model: Commanding) -> Array:
     """Return the largest change (3,) of the engaged stiffness if stack forces act over half or twice their length."""
-    stacks, stiffness = drive_of(model.stage), []
+    drive, stiffness = drive_of(model.stage), []
     for factor in PLAUSIBLE:
-        spread = tuple(stack.spread_over(factor) for stack in stacks.stacks)  # limited to the links
-        stiffness.append(engaged_stiffness(driven(driven_model(model.stage, model.result, spread).compliance, stacks)))
+        spread = tuple(stack.spread_over(factor) for stack in drive.stacks)  # limited to the links
+        stiffness.append(engaged_stiffness(driven(driven_model(model.stage, model.result, spread).compliance, drive)))
     return np.asarray(np.max(np.abs(stiffness - engaged_stiffness(model.system)), axis=0))
 
 
@@ -355,8 +355,8 @@ def _open_loop(
     axes: dict[str, tuple[str, ...]],
 ) -> dict[str, Array]:
     """Return the errors of finite elements with least-energy strokes of several models, and of the calibrated first."""
-    stacks, lever = drive_of(stage), stage.chain.link_lengths[2]
-    matrix = calibration(elements.system, first.system, stacks, lever)
+    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
+    matrix = calibration(elements.system, first.system, drive, lever)
     commanded = {first.result.name: (first, pose)}
     rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
     for choice in ((None, CALIBRATED, True), *rigid):
@@ -366,9 +366,9 @@ def _open_loop(
     gains = 1 / np.diag(np.linalg.inv(matrix))
     commanded[f"{first.result.name}, three gains"] = first, gains * pose
     commanded[f"{first.result.name}, calibration matrix"] = first, matrix @ pose
-    strokes = [commands_for(one.system, stacks, goal, load, lever, "least energy") for one, goal in commanded.values()]
+    strokes = [commands_for(one.system, drive, goal, load, lever, "least energy") for one, goal in commanded.values()]
     axes["commanding model"] = tuple(commanded)
-    poses = np.array([moved(elements.system, stacks, x, load).pose for x in strokes])
+    poses = np.array([moved(elements.system, drive, x, load).pose for x in strokes])
     return {"error": poses - pose, "calibration": matrix}
 
 

@@ -26,7 +26,7 @@ from flexfem.refused import BadInput
 from flexfem.results import AXES, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
-Solution = TypeVar("Solution")
+Value = TypeVar("Value")
 Step = TypeVar("Step")
 Kind = TypeVar("Kind", bound=Result)
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -154,9 +154,7 @@ def solved(stage: Stage, resolution: int) -> Response:
     return unit_response(sectors_of(stage, resolution), plate_of(stage))
 
 
-def on_meshes(
-    steps: Sequence[Step], solve: Callable[[Step], Solution], progress: Progress | None = None
-) -> list[Solution]:
+def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Value], progress: Progress | None = None) -> list[Value]:
     """Return the solutions for all resolutions, coarse to fine, or for other steps."""
     solutions = []
     for step in steps:

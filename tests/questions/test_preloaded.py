@@ -52,7 +52,7 @@ def preloaded(of, stacks, force, follows):
         field[of.free] = motion[:-3].reshape(-1, 2)
         state = model.at(motion[-3:], field)
         g, H = openings(stacks, ends, reads.T @ motion, follows)
-        held = model.held(state)
+        held = model.internal(state)
         missing = reads @ (g @ force) - held.forces
         Z = Factoriser()(model.tangent(state))(np.column_stack([missing, hub, reads]))
         Q = -block_diag(*(N * each for N, each in zip(force, H, strict=True)))
