@@ -23,7 +23,7 @@ from random_stages import dimensions, scattered
 
 from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
-from flexfem.design.proof import OF_CORNERS, quantity_band
+from flexfem.design.proof import CORNER_COLUMNS, quantity_band
 from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
 from flexfem.fem.structure import plate_of
@@ -171,7 +171,7 @@ def _of_columns(found: Solved, names: tuple[str, ...]) -> Judged:
         ]
         for each in values
     ]
-    order = CORNER_ORDER if names[0] in OF_CORNERS else STRESS_ORDER
+    order = CORNER_ORDER if names[0] in CORNER_COLUMNS else STRESS_ORDER
     sizes = np.max(np.abs(values[:, -1]), axis=1, keepdims=True) if names == DRIFTS else np.abs(values[:, -1])
     return _over(values, np.array(bands), sizes, order)
 

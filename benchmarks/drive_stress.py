@@ -40,11 +40,11 @@ def ratios(stage: Stage, resolution: int) -> dict[tuple[str, str], list[float]]:
     best, found = commanding(ModelChoice(stage, *MODELS["calibrated, elastic links"])), defaultdict(list)
     for criterion in CRITERIA:
         for pose in np.diag(1e-3 / np.array([1, 1, lever])):
-            x = commands_for(best.of, drive, pose, NONE, lever, criterion)
-            elements = metal.stress(NONE, drive.preload + moved(metal.of, drive, x, NONE).force)
+            x = commands_for(best.system, drive, pose, NONE, lever, criterion)
+            elements = metal.stress(NONE, drive.preload + moved(metal.system, drive, x, NONE).force)
             for name, model in MODELS.items():
                 one = commanding(ModelChoice(stage, *model))
-                stress = one.stress(NONE, moved(one.of, drive, x, NONE).force)
+                stress = one.stress(NONE, moved(one.system, drive, x, NONE).force)
                 high = elements > HIGH * np.max(elements)
                 found[name, f"{criterion}, highest"].append(np.max(stress) / np.max(elements))
                 found[name, f"{criterion}, each neck"] += (stress / elements)[high].tolist()

@@ -65,16 +65,16 @@ def deviations(stage: Stage, resolution: int) -> Array:
     """Per cent (5,): of C, per root of its diagonals; of the pose by strokes for a pose; of C of the platform alone; of
     the engaged stiffness; and how much that moves with how pushes spread, by the model."""
     model, metal = commanding(ModelChoice(stage, None, CALIBRATED, True)), driven_elements(stage, resolution)
-    C, F = model.of.C, metal.of.C
+    C, F = model.system.C, metal.system.C
     size = np.sqrt(np.diag(F))
     off = np.abs(C - F) / np.outer(size, size)
     drive, lever = drive_of(stage), stage.chain.link_lengths[2]
     scale, missed = np.array([1, 1, lever]), []
     for pose in np.diag(1e-3 / scale):
-        x = commands_for(model.of, drive, pose, np.zeros(3), lever, "least energy")
-        missed.append(np.abs((moved(metal.of, drive, x, np.zeros(3)).pose - pose) * scale) / 1e-3)
-    engaged = engaged_stiffness(metal.of)
-    of_engaged = [engaged_stiffness(model.of) / engaged - 1, push_spread(model) / engaged]
+        x = commands_for(model.system, drive, pose, np.zeros(3), lever, "least energy")
+        missed.append(np.abs((moved(metal.system, drive, x, np.zeros(3)).pose - pose) * scale) / 1e-3)
+    engaged = engaged_stiffness(metal.system)
+    of_engaged = [engaged_stiffness(model.system) / engaged - 1, push_spread(model) / engaged]
     return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3]), *np.max(np.abs(of_engaged), axis=1)])
 
 

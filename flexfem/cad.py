@@ -1,4 +1,4 @@
-"""A stage as a file for the workshop: .dxf and .svg, drawings of lines and arcs in mm, and .step, a solid."""
+"""Export of a stage for the workshop: .dxf and .svg drawings of lines and arcs in mm, and a .step solid."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from flexfem.refused import BadInput, ComputationFailed
 
 FORMATS = (".dxf", ".svg", ".step")
 TIME_LIMIT = 120.0  # s, for gmsh
-SMALLEST = 0.01  # mm, of kerf and holes; less is a unit mistake: wires are 0.02 mm and more
-LARGEST_KERF = 10.0  # mm; a wire cuts a thirtieth of it
+SMALLEST = 0.01  # mm, of kerf and holes; a smaller value is a unit error: wires have 0.02 mm or more
+LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 LARGEST_HOLE = 1e3  # mm
-SAME = 1e-9  # relative, of volume and box of a solid that was read back
+TOLERANCE = 1e-9  # relative, of the volume of a solid that is read back
 METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
 COLOURS = {  # of each layer, dark on white
@@ -41,16 +41,16 @@ COLOURS = {  # of each layer, dark on white
     SIZES: "#007A58",
     WIRE: "#CC3399",
 }
-LONGEST = 100  # letters of a name on a drawing
-LINE = 0.1  # mm, width of the lines of an SVG
-HEAD = 3.0  # length of an arrow per half of its width
+LONGEST = 100  # characters of a name on a drawing
+LINE = 0.1  # mm, line width in an SVG
+HEAD = 3.0  # length over width of an arrow head
 
 
 class PartReport(NamedTuple):
     """A part and the file it was written to; lengths in mm.
 
-    area : of the metal, mm^2.   volume : area times thickness, mm^3.   cut : length of all contours of the metal.
-    path : length of the wire's path about them, None without a kerf.   mounting : diameter of the holes, or None.
+    area : of the part, mm^2.   volume : area times thickness, mm^3.   cut : length of all contours of the part.
+    path : length of the wire's path, None without a kerf.   mounting : diameter of the mounting holes, or None.
     layers : of a drawing.
     """
 
@@ -79,21 +79,21 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
     output : path
         File to write: .dxf, .svg or .step.
     kerf : float, optional
-        Width of the wire's cut, mm: a drawing then also has the path of its middle.
+        Width of the wire's cut, mm; with it a drawing also has the centre line of the cut.
     holes : float, optional
-        Diameter of a mounting hole in every pad, mm; in no model.
+        Diameter of a mounting hole in every pad, mm; the models have no such holes.
 
     Raises
     ------
     BadInput
         The stage cannot be made, kerf or holes do not fit it, or the file cannot be written.
     ComputationFailed
-        A solid that was read back is not the part; it is not kept.
+        A written solid, read back, differs from the part; it is not kept.
     """
     target = checked_path(output)
     if target.suffix not in FORMATS:
-        found = f"extension {target.suffix!r}" if target.suffix else "no extension"
-        raise BadInput(f"{place_of(target)}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
+        given = f"extension {target.suffix!r}" if target.suffix else "no extension"
+        raise BadInput(f"{place_of(target)}: {given}, expected a file name that ends in one of {', '.join(FORMATS)}")
     if kerf is not None and target.suffix == ".step":
         raise BadInput(f"{place_of(target)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
     kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
@@ -134,36 +134,36 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
 
 
 def write_step(stage: Stage, part: Part, path: Path) -> None:
-    """Write the part extruded, from z = 0 to the thickness, and read it back.
+    """Write the part, extruded from z = 0 to the thickness, as one solid, and read it back.
 
-    Raises ComputationFailed when it is not one solid of the part's volume and size in mm, BadInput when the file cannot
-    be written.
+    Raises ComputationFailed when what is read is not one solid of the part's volume and height in mm, BadInput when the
+    file cannot be written.
     """
     holes = [(hole.centre, hole.radius) for hole in part.holes]
     with replacing(path) as temporary:
         read = run_mesher(Extruded(str(temporary), part.outer, holes, stage.thickness), TIME_LIMIT)
         volume, height = part.area * stage.thickness, float(read["box"][1, 2] - read["box"][0, 2])
-        found = read["volumes"]
-        if len(found) != 1 or abs(found[0] / volume - 1) > SAME or abs(height - stage.thickness) > 1e-6:
+        volumes = read["volumes"]
+        if len(volumes) != 1 or abs(volumes[0] / volume - 1) > TOLERANCE or abs(height - stage.thickness) > 1e-6:
             raise ComputationFailed(
-                f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, expected "
-                f"one of {volume:.12g} mm^3, {stage.thickness:g} mm high; nothing is written"
+                f"{path}: read back as {len(volumes)} solids of {volumes.sum():.12g} mm^3, {height:.6g} mm high, "
+                f"expected one of {volume:.12g} mm^3, {stage.thickness:g} mm high; nothing is written"
             )
         name = "".join(
-            each if each.isascii() else f"\\X2\\{each.encode('utf-16-be').hex().upper()}\\X0\\"
-            for each in stage.name.replace("\\", "\\\\").replace("'", "''")
+            letter if letter.isascii() else f"\\X2\\{letter.encode('utf-16-be').hex().upper()}\\X0\\"
+            for letter in stage.name.replace("\\", "\\\\").replace("'", "''")
         )
-        product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # which CAD programs show, in place of OpenCASCADE's
-        text = product.sub(lambda found: f"{found[1]}'{name}','{name}'", temporary.read_text(), count=1)
+        product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # shown by CAD programs; OpenCASCADE writes its own
+        text = product.sub(lambda match: f"{match[1]}'{name}','{name}'", temporary.read_text(), count=1)
         text = re.sub(r"(FILE_NAME\('[^']*',\s*)'[^']*'", r"\1'1970-01-01T00:00:00'", text, count=1)  # no date
         temporary.write_text(text)
 
 
 class Sheet(NamedTuple):
-    """A drawing in mm, x to the right and y upwards, the platform centre at the origin.
+    """Drawing in mm, x to the right and y upwards, with the platform centre at the origin.
 
-    paths : closed loops of segments by layer, and lines, which are paths of one segment.   holes : circles by layer.
-    texts : each with its place and whether that is its middle, else its lower left corner.
+    paths : closed loops of segments by layer, and lines as paths of one segment.   holes : circles by layer.
+    texts : text, position, and whether the position is the middle of the text or its lower left corner.
     """
 
     paths: dict[str, list[list[Segment]]]
@@ -173,49 +173,49 @@ class Sheet(NamedTuple):
 
     @property
     def layers(self) -> list[str]:
-        """Names of the layers that hold anything, in the order of `COLOURS`."""
+        """Names of the layers that are not empty, in the order of `COLOURS`."""
         return [name for name in COLOURS if name in self.paths or name in self.holes]
 
 
 def sheet_of(stage: Stage, part: Part, wire: Part | None, notes: list[str]) -> Sheet:
-    """The drawing of a stage's part, with the path of a `wire` where there is one, and lines of text below."""
+    """Return the drawing of a part, with the path of a `wire` if there is one, and notes below."""
     sizes = dimensions_of(stage, part)
     centres = [
         pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS for pose in necks(stage, chain)
     ]
     centres += [hole.centre for hole in part.holes]
-    marks = [[Segment(z - way, z + way)] for z in centres for way in (sizes.height / 2, 0.5j * sizes.height)]
+    marks = [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)]
     paths = {
         METAL: [part.outer],
         PADS: part.pads,
         MARKS: marks,
-        SIZES: [[Segment(*each.line)] for each in sizes.labels],
+        SIZES: [[Segment(*label.line)] for label in sizes.labels],
     }
     holes = {HUB: [part.hub]} | ({MOUNTING: part.mounting} if part.mounting else {})
     if wire is not None:
         paths[WIRE], holes[WIRE] = [wire.outer], wire.holes
-    ends = [each.start for each in part.outer]
-    lowest = min(z.imag for z in [*ends, *(label.place for label in sizes.labels)])
-    foot = complex(min(z.real for z in ends), lowest - 5 * sizes.height)
+    corners = [segment.start for segment in part.outer]
+    lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])
+    foot = complex(min(z.real for z in corners), lowest - 5 * sizes.height)
     texts = [(label.text, label.place, True) for label in sizes.labels]
     texts += [(note, foot - 1.6j * line * sizes.height, False) for line, note in enumerate(notes)]
     return Sheet(paths, holes, sizes, texts)
 
 
 def _notes(stage: Stage) -> list[str]:
-    """What a reader of the drawing must know of the stage, its name first, one line each."""
-    said = [one_line(stage.name, LONGEST)]
-    said.append(f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}")
+    """Notes on the stage for the reader of a drawing, one per line; the first is its name."""
+    notes = [one_line(stage.name, LONGEST)]
+    notes.append(f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}")
     if stage.chains_alike:
-        said.append("chains 2 and 3 as chain 1, turned by 120 and 240 degrees")
-    return said + assumptions_said(stage.assumed, stage.not_stated)
+        notes.append("chains 2 and 3 as chain 1, turned by 120 and 240 degrees")
+    return notes + assumptions_said(stage.assumed, stage.not_stated)
 
 
 # SVG
 
 
 def svg_text(sheet: Sheet) -> str:
-    """The text of an SVG file; its y axis points down, so that every y is the negative of the drawing's."""
+    """Return the text of an SVG file, in which y points down and so is the negative of the drawing's y."""
     low, high = _corners(sheet)
     box = [low.real, -high.imag, (high - low).real, (high - low).imag]
     size = {"width": f"{box[2]!r}mm", "height": f"{box[3]!r}mm", "viewBox": " ".join(map(repr, box))}
@@ -227,33 +227,33 @@ def svg_text(sheet: Sheet) -> str:
         for path in sheet.paths.get(name, []):
             ElementTree.SubElement(group, "path", {"d": _svg_path(path)})
         for hole in sheet.holes.get(name, []):
-            place = dict(zip(("cx", "cy"), _pair(hole.centre).split(), strict=True))
-            ElementTree.SubElement(group, "circle", place | {"r": repr(float(hole.radius))})
+            centre = dict(zip(("cx", "cy"), _pair(hole.centre).split(), strict=True))
+            ElementTree.SubElement(group, "circle", centre | {"r": repr(float(hole.radius))})
         if name == SIZES:
             _svg_dimensions(group, sheet)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def _corners(sheet: Sheet) -> tuple[complex, complex]:
-    """Lower left and upper right corner of all that is drawn."""
+    """Lower left and upper right corner of the bounding box of a drawing, with a margin."""
     sizes = sheet.dimensions
-    points = [each.start for paths in sheet.paths.values() for path in paths for each in path]
+    points = [segment.start for paths in sheet.paths.values() for path in paths for segment in path]
     points += [end for span in sizes.spans for end in span.line]
     for text, place, centred in sheet.texts:
-        long = sizes.height * LETTER * len(text)
-        points += [place - long / 2 - 1j * sizes.height, place + long / 2] if centred else [place, place + long]
+        width = sizes.height * LETTER * len(text)
+        points += [place - width / 2 - 1j * sizes.height, place + width / 2] if centred else [place, place + width]
     margin = 3 * sizes.height * (1 + 1j)
     x, y = [float(z.real) for z in points], [float(z.imag) for z in points]
     return complex(min(x), min(y)) - margin, complex(max(x), max(y)) + margin
 
 
 def _pair(z: complex) -> str:
-    """All digits of both coordinates."""
+    """Both SVG coordinates in full precision."""
     return f"{float(z.real)!r} {float(-z.imag)!r}"
 
 
 def _svg_path(path: list[Segment]) -> str:
-    """A path, closed if it is no single line; no arc is longer than half a turn, and positive where y is down."""
+    """Return SVG path data, closed unless the path is a single line; no arc exceeds 180 degrees."""
     steps = [f"M {_pair(path[0].start)}"]
     for segment in path:
         if segment.centre is None:
@@ -265,15 +265,15 @@ def _svg_path(path: list[Segment]) -> str:
 
 
 def _svg_dimensions(group: Any, sheet: Sheet) -> None:
-    """Lengths with their arrows, and all texts."""
+    """Add the dimension lines with their arrow heads, and all texts."""
     height = sheet.dimensions.height
     for span in sheet.dimensions.spans:
         start, end = span.line
         for line in ((span.start, start), (span.end, end), (start, end)):
             ElementTree.SubElement(group, "path", {"d": _svg_path([Segment(*line)])})
         along = (end - start) / abs(end - start)
-        for tip, way in ((start, along), (end, -along)):
-            back, half = tip + height * way, 1j * way * height / HEAD / 2
+        for tip, inwards in ((start, along), (end, -along)):
+            back, half = tip + height * inwards, 1j * inwards * height / HEAD / 2
             corners = " ".join(map(_pair, (tip, back + half, back - half)))
             ElementTree.SubElement(group, "polygon", {"points": corners, "fill": COLOURS[SIZES]})
         _svg_text(group, span.text, (start + end) / 2 + 0.4j * along * height, height, along)
@@ -282,9 +282,9 @@ def _svg_dimensions(group: Any, sheet: Sheet) -> None:
 
 
 def _svg_text(group: Any, text: str, at: complex, height: float, along: complex = 1, anchor: str = "middle") -> None:
-    """A line of text along a direction, its base line through a place."""
-    turned = {"transform": f"rotate({-math.degrees(cmath.phase(along)):.6f} {_pair(at)})"} if along != 1 else {}
-    place = dict(zip(("x", "y"), _pair(at).split(), strict=True)) | {"text-anchor": anchor, **turned}
+    """Add a line of text along a direction, with its base line through a point."""
+    rotation = {"transform": f"rotate({-math.degrees(cmath.phase(along)):.6f} {_pair(at)})"} if along != 1 else {}
+    place = dict(zip(("x", "y"), _pair(at).split(), strict=True)) | {"text-anchor": anchor, **rotation}
     look = {"fill": COLOURS[SIZES], "stroke": "none", "font-size": f"{height:.6g}", "font-family": "sans-serif"}
     ElementTree.SubElement(group, "text", place | look).text = text
 
@@ -293,21 +293,21 @@ def _svg_text(group: Any, text: str, at: complex, height: float, along: complex 
 
 
 def dxf_text(sheet: Sheet) -> str:
-    """The text of a DXF file; the same drawing gives the same text."""
+    """Return the text of a DXF file; equal drawings give equal texts."""
     before = ezdxf.options.write_fixed_meta_data_for_testing
     ezdxf.options.write_fixed_meta_data_for_testing = True  # without times and random identifiers
     try:
-        document = ezdxf.new("R2010")  # UTF-8, and read by what is in use
+        document = ezdxf.new("R2010")  # UTF-8, and read by current programs
         document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1  # mm, metric
         document.header["$LUNITS"], document.header["$LUPREC"] = 2, 8  # decimal
         for name in sheet.layers:
-            layer = document.layers.add(name)  # metal in colour 7, black or white as the background is not
+            layer = document.layers.add(name)  # the part in colour 7: black or white, opposite to the background
             if name != METAL:
                 layer.rgb = ezdxf.colors.int2rgb(int(COLOURS[name][1:], 16))
         _dxf_entities(document.modelspace(), sheet)
         classes = document.classes
         classes.add_required_classes(document.dxfversion)
-        classes.classes = dict(sorted(classes.classes.items()))  # ezdxf has them in a set
+        classes.classes = dict(sorted(classes.classes.items()))  # ezdxf keeps them in a set
         stream = io.StringIO()
         document.write(stream)
         return stream.getvalue()
@@ -316,8 +316,8 @@ def dxf_text(sheet: Sheet) -> str:
 
 
 def _dxf_entities(space: Any, sheet: Sheet) -> None:
-    """Lines, arcs, which run counter-clockwise in DXF, circles, dimensions, which measure what is drawn, and texts."""
-    for name, segment in ((name, each) for name, paths in sheet.paths.items() for path in paths for each in path):
+    """Add lines, arcs (counter-clockwise in DXF), circles, dimensions (measured by the reader) and texts."""
+    for name, segment in ((name, segment) for name, paths in sheet.paths.items() for path in paths for segment in path):
         if segment.centre is None:
             space.add_line(_point(segment.start), _point(segment.end), {"layer": name})
             continue
@@ -335,7 +335,7 @@ def _dxf_entities(space: Any, sheet: Sheet) -> None:
         given = {"distance": span.away, "text": f"{span.name} <>", "override": look, "dxfattribs": on}
         space.add_aligned_dim(_point(span.start), _point(span.end), **given).render()
     for text, place, centred in sheet.texts:
-        plain = text.replace("%%", 2 * "%%%").replace("^", "^ ")  # which else begin codes
+        plain = text.replace("%%", 2 * "%%%").replace("^", "^ ")  # % and ^ begin control codes
         side = ezdxf.enums.TextEntityAlignment.MIDDLE_CENTER if centred else ezdxf.enums.TextEntityAlignment.LEFT
         space.add_text(plain, height=height, dxfattribs=on).set_placement(_point(place), align=side)
 

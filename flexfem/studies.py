@@ -1,4 +1,4 @@
-"""Studies from Python: every function gives what its command under `flexfem study` prints.
+"""Studies from Python: each function returns what its command under `flexfem study` prints.
 
 flexfem.run_study("cases/study-reach.toml")
 flexfem.collect_study("cases/study-reach.toml")
@@ -30,7 +30,7 @@ from flexfem.study.workers import Workers
 
 
 class StudyFindings(NamedTuple):
-    """A collected study: its table, what its figures are drawn from, and what each of them shows, by name.
+    """A collected study: its table, the source data of its figures, and the record of each figure by name.
 
     `flexfem.plot` draws records of `found`: `plot_map` a map, `plot_front` a front, `plot_histogram` each of the
     `scatters` of a distribution, `plot_shares` each of the `shares` of a sensitivity with its `factors`.
@@ -42,12 +42,12 @@ class StudyFindings(NamedTuple):
 
 
 def processors() -> int:
-    """Processors that this process may use: a job's share, not the whole machine."""
+    """Return the number of processors that this process may use, which may be a share of the machine."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
-    """Where the parts of a study file lie below a folder. Raises BadInput."""
+    """Return the parts of a study file in an output folder. Raises BadInput."""
     parts = run.parts_of(load_study(checked_path(study)), checked_path(output))
     check_folder(parts.folder, written=False)
     return parts
@@ -61,18 +61,18 @@ def run_study(
     retry: bool = False,
     scheduler: str | None = None,
 ) -> dict[str, Any]:
-    """Compute the designs of a study that are still open; stopped or killed, it goes on where it was.
+    """Compute the open designs of a study; a run that was stopped or killed continues where it was.
 
     Parameters
     ----------
-    study, output : the study file, and the folder for what is written, in a folder of the study.
-    workers : processes on this machine, by default one a processor.
-    shard : `I/N`, only the I-th of N shares.
-    retry : also try again what failed or ran out of time.
-    scheduler : address of a Dask scheduler, whose workers compute instead and have the folder in common.
+    study, output : the study file, and the folder of results, in which the study has its own folder.
+    workers : number of processes on this machine, by default one a processor.
+    shard : `I/N`, compute only the I-th of N shares.
+    retry : also repeat designs that failed or ran out of time.
+    scheduler : address of a Dask scheduler, whose workers compute instead and share the folder.
 
-    Returns what `study_status` says, of this share. Raises BadInput or ComputationFailed as `flexfem study run`; parts
-    that are written stay in any case.
+    Returns the same as `study_status`, for this share. Raises BadInput or ComputationFailed as `flexfem study run`;
+    written parts are kept in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
     compute(parts, workers, share, retry, scheduler)
@@ -88,7 +88,7 @@ def compute(
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
 ) -> None:
-    """Compute what is open of a share by as many workers as there are, no more than there are parts for."""
+    """Compute the open parts of a share, with at most one worker a part."""
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
@@ -99,17 +99,17 @@ def compute(
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
-    """How many designs of a study are done, refused, failed with reasons, and open, as `flexfem study status --json`.
+    """Count the designs of a study that are done, refused, failed with reasons, and open, as `study status --json`.
 
-    `study` : the study file, or the folder that its run writes, such as `reports/study-reach`.   Raises BadInput.
+    `study` : the study file, or its folder of results, such as `reports/study-reach`.   Raises BadInput.
     """
     path = checked_path(study)
     if not path.is_dir():
         return status_facts(parts_of(path, output))
     folder = Path(os.path.abspath(path))
     try:
-        named = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
-        parts = parts_of(os.path.normpath(folder / named), folder.parent)
+        file = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
+        parts = parts_of(os.path.normpath(folder / file), folder.parent)
     except (OSError, ValueError, KeyError, TypeError):
         raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
     if parts.loaded.stem != folder.name:
@@ -120,20 +120,20 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
 
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:
-    """Remove parts of other inputs or versions than a study has; with `dry_run` only count them. Raises BadInput."""
-    found, size = run.remove_stale(parts_of(study, output), dry_run)
-    return {"stale": found, "bytes": size, "removed": bool(found) and not dry_run}
+    """Remove parts of other inputs or versions than those of a study; `dry_run` only counts them. Raises BadInput."""
+    count, size = run.remove_stale(parts_of(study, output), dry_run)
+    return {"stale": count, "bytes": size, "removed": bool(count) and not dry_run}
 
 
 def collect_study(
     study: PathLike, output: PathLike = REPORTS, to: PathLike | None = None, partial: bool = False
 ) -> Collected:
-    """Join what is done to one table, design after design.
+    """Join the finished designs to one table, in their order.
 
     Parameters
     ----------
     to : the table to write, .parquet or .csv.
-    partial : leave out designs that are still open instead of refusing.
+    partial : leave out open designs instead of refusing them.
 
     Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
     """
@@ -145,27 +145,27 @@ def collect_study(
 
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
-    """Collect the table of a study and find what its figures show. Raises BadInput as `collect_study`."""
+    """Collect the table of a study and compute the records of its figures. Raises BadInput as `collect_study`."""
     return findings_of(parts_of(study, output), partial)
 
 
 def findings_of(parts: Parts, partial: bool = False) -> StudyFindings:
-    """As `study_findings`."""
-    made = collect(parts, table_path(parts), partial)
-    source = Source(parts.loaded, read_table(made.path), nominal(parts.loaded), parts.unseen)
-    return StudyFindings(made, source, findings(source))
+    """Return the findings of a study from its parts, as `study_findings`."""
+    collected = collect(parts, table_path(parts), partial)
+    source = Source(parts.loaded, read_table(collected.path), nominal(parts.loaded), parts.factor_warnings)
+    return StudyFindings(collected, source, findings(source))
 
 
 def shard_of(text: str) -> slice:
-    """The parts that --shard I/N says, I from 1. Raises BadInput."""
-    found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
-    if not found or not 1 <= int(found[1]) <= int(found[2]):
+    """Return the slice of parts of `--shard I/N`, I from 1. Raises BadInput."""
+    match = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text) if isinstance(text, str) else None
+    if not match or not 1 <= int(match[1]) <= int(match[2]):
         raise BadInput(f"--shard {text}, expected I/N with 1 <= I <= N, such as 3/8")
-    return slice(int(found[1]) - 1, None, int(found[2]))
+    return slice(int(match[1]) - 1, None, int(match[2]))
 
 
 def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
-    """What `study status` says, of all parts or of those of a share."""
+    """Return the facts of `study status` on all parts or those of a share."""
     loaded, found = parts.loaded, run.survey(parts, share)
     counts, designs = found.total, sum(map(len, parts.chunks(share)))
     by_status: Counter[str] = Counter()
@@ -181,7 +181,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "refused": by_status["refused"],
         "failed": sum(by_status[status] for status in run.RETRIED),
         "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
-        "warnings": [*parts.unseen, *counted_warnings(_reasons(counts, "ok"))],
+        "warnings": [*parts.factor_warnings, *counted_warnings(_reasons(counts, "ok"))],
         "open": designs - by_status.total(),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),
@@ -193,15 +193,15 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
     }
 
 
-def _reasons(counts: Counts, wanted: str) -> Counter[str]:
-    """Designs of a status by kind of reason, the most frequent first."""
-    found = [(reason, n) for (status, reason), n in counts.items() if status == wanted]
-    return Counter(dict(sorted(found, key=lambda item: (-item[1], item[0]))))
+def _reasons(counts: Counts, status: str) -> Counter[str]:
+    """Return the number of designs of a status by kind of reason, the most frequent first."""
+    reasons = [(reason, n) for (other, reason), n in counts.items() if other == status]
+    return Counter(dict(sorted(reasons, key=lambda item: (-item[1], item[0]))))
 
 
-def facts_of(found: Record | Refused) -> dict[str, Any]:
-    """What a figure shows as plain data: rows of its table, None for what is not finite; or why it is not drawn."""
-    if isinstance(found, Refused):
-        return {"refused": found.reason}
-    about = {"power": found.power, "gain": found.gain} if isinstance(found, ParetoFront) else {}
-    return {"rows": found.table.facts} | about
+def facts_of(record: Record | Refused) -> dict[str, Any]:
+    """Return a figure as plain data: rows of its table, None for numbers not finite; or why it is not drawn."""
+    if isinstance(record, Refused):
+        return {"refused": record.reason}
+    front = {"power": record.power, "gain": record.gain} if isinstance(record, ParetoFront) else {}
+    return {"rows": record.table.facts} | front

@@ -1,4 +1,4 @@
-"""From nothing to a part: new files to start from, drawings, meshes, and what is known of hinge formulas."""
+"""Template files, drawings and meshes of a stage, and the list of hinge formulas."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from flexfem.sources import read_data
 
 
 class NewFiles(NamedTuple):
-    """Files written, the stage first, commands to go on with, and what the user must know of the numbers."""
+    """Files written, the stage first, suggested next commands, and warnings on the numbers."""
 
     written: list[str]
     commands: list[str]
@@ -27,7 +27,7 @@ class NewFiles(NamedTuple):
 
 
 class View(NamedTuple):
-    """What was drawn of a stage file: keys that it does not give, files written, whether a window was opened."""
+    """Drawing of a stage file: keys that it does not give, files written, and whether a window was opened."""
 
     file: str
     name: str
@@ -40,21 +40,21 @@ class View(NamedTuple):
 
 
 def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFiles:
-    """Write a commented stage file to start from.
+    """Write a commented template of a stage file.
 
     Parameters
     ----------
     file : path
-        Stage file to write, .toml; must not be there yet.
+        Stage file to write, .toml; must not exist yet.
     case : bool
-        Also a case of it, FILE-case.toml, for verify.
+        Also write a case of it, FILE-case.toml, for verify.
     study : bool
-        Also a study of it, FILE-study.toml, for study run.
+        Also write a study of it, FILE-study.toml, for study run.
 
     Raises
     ------
     BadInput
-        A file is there already or cannot be written; then nothing is written.
+        A file exists already or cannot be written; then nothing is written.
     """
     path = checked_path(file)
     if path.suffix != ".toml":
@@ -62,52 +62,52 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     require_plain_stem(path)
     kinds = ["stage", *["case"] * case, *["study"] * study]
     paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds}
-    for each in paths.values():
-        check_file(each)
-        if each.exists() or each.is_symlink():
-            raise BadInput(f"{place_of(each)}: exists, expected the name of a new file; nothing is written")
-    for kind, each in paths.items():
+    for new in paths.values():
+        check_file(new)
+        if new.exists() or new.is_symlink():
+            raise BadInput(f"{place_of(new)}: exists, expected the name of a new file; nothing is written")
+    for kind, new in paths.items():
         text = read_data(f"new-{kind}.toml").replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
-        write_atomically(each, methodcaller("write", text.encode()))
+        write_atomically(new, methodcaller("write", text.encode()))
     next_commands = {"stage": ["check", "summary", "stiffness"], "case": ["verify"], "study": ["study run"]}
     return NewFiles(
-        [str(each) for each in paths.values()],
-        [f"flexfem {name} {shlex.quote(str(each))}" for kind, each in paths.items() for name in next_commands[kind]],
+        [str(new) for new in paths.values()],
+        [f"flexfem {name} {shlex.quote(str(new))}" for kind, new in paths.items() for name in next_commands[kind]],
         ["all numbers are those of flexfem's reference stage: they are assumed, replace them by yours"],
     )
 
 
 def view(file: Path, *, output: Path | None = None) -> View:
-    """Draw a stage with its dimensions, in a window where there is a display; an unfinished one as far as it goes.
+    """Draw a stage with its dimensions, in a window where there is a display; an incomplete one as far as possible.
 
     Parameters
     ----------
     file : path
         Stage file.
     output : path, optional
-        Folder of the picture; without it a window where there is a display, and otherwise the current folder.
+        Folder of the picture; default: a window where there is a display, otherwise the current folder.
 
     Raises
     ------
     BadInput
-        The file says something wrong or nothing to draw, or the folder takes no file.
+        The file is invalid or has nothing to draw, or the folder is not writable.
     """
     from flexfem.plot import stage as drawing
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    stage, missing = found = load_partly(source)
-    skeleton = found.states("chain.link_lengths_mm", "chain.joint_angles_deg")
-    if not (found.whole or skeleton or found.states("platform.radius_mm")):
+    stage, missing = partial = load_partly(source)
+    skeleton = partial.states("chain.link_lengths_mm", "chain.joint_angles_deg")
+    if not (partial.whole or skeleton or partial.states("platform.radius_mm")):
         raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg to begin")
     window, written = target is None and drawing.show_window(stage, missing), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
         written = write_beside(place, drawing.drawing_figure(stage, missing))
-    said = [f"{', '.join(missing)}: missing, and what needs it is not drawn"] if missing else []
-    return View(str(source), stage.name, missing, [str(each) for each in written], window, said, *found.assumptions)
+    warnings = [f"{', '.join(missing)}: missing, and what needs it is not drawn"] if missing else []
+    return View(str(source), stage.name, missing, list(map(str, written)), window, warnings, *partial.assumptions)
 
 
 class MeshReport(NamedTuple):
@@ -163,14 +163,14 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
 
 
 class HingeFormulas(NamedTuple):
-    """What is known of all formulas by name, and figures that were written."""
+    """Sources, freedoms and ranges of all formulas by name, and the figures written."""
 
     formulas: dict[str, Any]
     written: list[str]
 
 
 def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
-    """List the hinge formulas with source, freedoms and range; draw them against the finite-element hinge chart.
+    """List the hinge formulas with source, freedoms and range; compare them with finite elements in figures.
 
     Parameters
     ----------

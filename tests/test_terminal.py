@@ -135,9 +135,9 @@ def test_a_stop_adds_a_second_at_most(monkeypatch):
     monkeypatch.setattr("flexfem.fem.mesher.time.monotonic", lambda: next(now))
     limit = Limit(9.0)
     limit.start()
-    limit.look()
+    limit.update()
     assert limit.left == 8.75
-    limit.look()
+    limit.update()
     assert limit.left == 7.75
 
 

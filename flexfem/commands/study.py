@@ -45,11 +45,11 @@ def run(
 
     share = studies.shard_of(shard)
     parts = studies.parts_of(study, output)
-    _warn(parts.unseen)  # before a run that may take days; not again after it
+    _warn(parts.factor_warnings)  # before a run that may take days; not again after it
     with _resumable(parts) as watch:
         studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
-    later = [text for text in facts["warnings"] if text not in parts.unseen]
+    later = [text for text in facts["warnings"] if text not in parts.factor_warnings]
     where = [] if output == REPORTS else ["--output", str(output)]
     wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])
@@ -176,7 +176,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
 
     table, source, found = studies.study_findings(study, output, partial)
     written = write_study_figures(found, table.path.parent)
-    warnings = [*source.unseen, *source.table.warnings]
+    warnings = [*source.factor_warnings, *source.table.warnings]
     shown = {name: studies.facts_of(one) for name, one in found.items()}
     show_written([table.path, *written], json, warnings=warnings, findings=shown)
     _warn(warnings)

@@ -1,4 +1,4 @@
-"""The free dimensions, and what the analytic model, corrected by finite elements, says of many designs at once."""
+"""The design space, and the analytic model with finite-element corrections, evaluated for many designs at once."""
 
 from __future__ import annotations
 
@@ -26,53 +26,53 @@ from flexfem.study.factors import Column
 from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.units import UNITS
 
-MISSED = 1e30  # merit of a design that misses requirements, and more
-REFUSED_MERIT = 100 * MISSED  # of one that has no answer, or cannot be drawn
-ROUND_OFF = 1e-9  # of a size: less is not missed
-BETWEEN = 0.45  # of what lies between two ends, that a value can be kept from both
-NEAR = 0.1  # finite elements over the model, and the inverse: beyond it they differ by a term, not by a factor
-WHOLE = 6  # dimensions up to which every combination of neighbours is looked at, beyond it pairs of them
+MISSED = 1e30  # least merit of a design that violates requirements
+REFUSED_MERIT = 100 * MISSED  # merit of a design without a solution, or with overlapping bodies
+ROUND_OFF = 1e-9  # relative to the size of a requirement: smaller violations count as none
+BETWEEN = 0.45  # largest guard at each end, as a part of the distance between two ends
+NEAR = 0.1  # least ratio of finite elements and model, either way, at which the correction is a factor, not a term
+WHOLE = 6  # stepped dimensions up to which all combinations of neighbours are evaluated; of more, all pairs
 
 
 Say = Callable[[str], object]
 
 
 def silent(text: str) -> None:
-    """Say nothing."""
+    """Ignore a progress message."""
 
 
 class DesignSpace:
-    """All free dimensions; designs are rows (n, d) of values in file units.
+    """The free dimensions; designs are rows (n, d) of values in file units.
 
-    `allowed` has the values (k,) of each dimension that can be made, rising, none where all can; those `listed` are of
-    a list, not of a range with steps.
+    `allowed` holds the ascending values (k,) that each dimension can take, none for a continuous one. `listed` marks
+    the dimensions with a list of values instead of a range.
     """
 
     def __init__(self, columns: tuple[Column, ...]) -> None:
         factors = [column.factor for column in columns if isinstance(column.factor, Free)]
         self.size, self.names = len(columns), [column.name for column in columns]
         self.allowed = [factor.allowed for factor in factors]
-        ends = [made[[0, -1]] if len(made) else (f.start, f.end) for f, made in zip(factors, self.allowed, strict=True)]
+        ends = [v[[0, -1]] if len(v) else (f.start, f.end) for f, v in zip(factors, self.allowed, strict=True)]
         self.low, self.high = np.array(ends, dtype=float).T
-        self.continuous = np.array([len(made) == 0 for made in self.allowed])
+        self.continuous = np.array([len(allowed) == 0 for allowed in self.allowed])
         self.listed = np.array([factor.values is not None for factor in factors])
         self.log = np.array([factor.scale == "log" for factor in factors]) & ~self.listed
         self.ratio = np.divide(self.high, self.low, out=np.ones(self.size), where=self.log)
 
     def named(self, values: Array) -> dict[str, float]:
-        """A design (d,) by the names of its dimensions."""
+        """Return the values of a design (d,) by the names of its dimensions."""
         return dict(zip(self.names, map(float, values), strict=True))
 
     def from_unit(self, u: Array) -> Array:
-        """Designs (n, d) at places (n, d) from 0 to 1; values of a list are each as likely."""
+        """Map points (n, d) of the unit cube to designs (n, d); the values of a list have equal probability."""
         values = np.where(self.log, self.low * self.ratio**u, self.low + (self.high - self.low) * u)
         for k in map(int, np.flatnonzero(self.listed)):
-            made = self.allowed[k]
-            values[:, k] = made[np.minimum((u[:, k] * len(made)).astype(int), len(made) - 1)]
+            allowed = self.allowed[k]
+            values[:, k] = allowed[np.minimum((u[:, k] * len(allowed)).astype(int), len(allowed) - 1)]
         return np.asarray(values)
 
     def to_unit(self, values: Array) -> Array:
-        """Places (n, d), from 0 to 1, of designs (n, d)."""
+        """Map designs (n, d) to points (n, d) of the unit cube."""
         u = (values - self.low) / np.where(self.high > self.low, self.high - self.low, 1.0)
         u[:, self.log] = np.log(values[:, self.log] / self.low[self.log]) / np.log(self.ratio[self.log])
         for k in map(int, np.flatnonzero(self.listed)):
@@ -80,44 +80,44 @@ class DesignSpace:
         return np.asarray(np.clip(u, 0, 1))
 
     def snapped(self, values: Array) -> Array:
-        """The nearest designs (n, d) that can be made."""
-        found = values.copy()
+        """Return the nearest designs (n, d) whose dimensions have allowed values."""
+        designs = values.copy()
         for k in map(int, np.flatnonzero(~self.continuous)):
-            found[:, k] = self.allowed[k][self._nearest(k, values[:, k])]
-        return found
+            designs[:, k] = self.allowed[k][self._nearest(k, values[:, k])]
+        return designs
 
-    def beside(self, k: int, x: float) -> list[float]:
-        """The nearest value of dimension k that can be made and those next to it; of a continuous one `x` alone."""
+    def adjacent(self, k: int, x: float) -> list[float]:
+        """Return the allowed value of dimension k nearest to `x` and those next to it; `x` for a continuous one."""
         if self.continuous[k]:
             return [x]
-        place = int(self._nearest(k, np.array([x]))[0])
-        return [float(each) for each in self.allowed[k][max(place - 1, 0) : place + 2]]
+        nearest = int(self._nearest(k, np.array([x]))[0])
+        return [float(value) for value in self.allowed[k][max(nearest - 1, 0) : nearest + 2]]
 
     def neighbours(self, values: Array) -> Array:
-        """Designs (n, d) one step away from `values` (d,) in any dimensions, in any two where there are many."""
-        beside = [self.beside(k, float(x)) for k, x in enumerate(values)]
-        if sum(len(each) > 1 for each in beside) <= WHOLE:
-            return np.array(list(product(*beside)))
-        found = [values]
+        """Return the designs (n, d) within one step of `values` (d,) in all dimensions, or in pairs of many."""
+        adjacent = [self.adjacent(k, float(x)) for k, x in enumerate(values)]
+        if sum(len(options) > 1 for options in adjacent) <= WHOLE:
+            return np.array(list(product(*adjacent)))
+        designs = [values]
         for pair in combinations(range(self.size), 2):
-            for moved in product(*(beside[k] for k in pair)):
-                found.append(values.copy())
-                found[-1][list(pair)] = moved
-        return np.unique(np.array(found), axis=0)
+            for moved in product(*(adjacent[k] for k in pair)):
+                designs.append(values.copy())
+                designs[-1][list(pair)] = moved
+        return np.unique(np.array(designs), axis=0)
 
     def _nearest(self, k: int, x: Array) -> AnyArray:
         return np.asarray(np.argmin(np.abs(self.allowed[k] - x[:, None]), axis=1))
 
 
 class Correction(NamedTuple):
-    """What turns a column of the analytic model into one of finite elements: times `factor`, plus `term`."""
+    """Map from a column of the analytic model to that of finite elements: `factor` times the value, plus `term`."""
 
     factor: float = 1.0
     term: float = 0.0
 
 
 def correction_of(model: float, elements: float) -> Correction:
-    """That by which a number of the model becomes one of finite elements."""
+    """Return the correction that maps an analytic quantity to its finite-element value."""
     if model != 0 and NEAR < elements / model < 1 / NEAR:
         return Correction(elements / model)
     return Correction(term=elements - model)
@@ -125,11 +125,11 @@ def correction_of(model: float, elements: float) -> Correction:
 
 @dataclass
 class Model:
-    """The corrected analytic model of requirements; every evaluation is counted, and a search may `say` how far it is.
+    """The corrected analytic model of the requirements; it counts its evaluations, and searches report to `say`.
 
-    `corrections` are by column. `guard` (m,) says by how much of its size each requirement is to be met beyond its end;
-    `objective` which one is to be best while `bounds` are values, with their signs, that others must not exceed. A
-    `yielding` requirement is not asked: its miss is what is to be small instead of the objective.
+    `corrections` are by column. `guard` (m,) tightens the ends of each requirement, relative to its size. The objective
+    with index `objective` is minimised while `bounds` limit the signed values of others. The requirement with index
+    `soft` is not enforced: its violation is minimised instead of the objective.
     """
 
     loaded: LoadedRequirements
@@ -137,16 +137,15 @@ class Model:
     guard: Array | float = 0.0
     objective: int = 0
     bounds: Mapping[int, float] = field(default_factory=dict)
-    yielding: int | None = None
+    soft: int | None = None
     counts: Counter[str] = field(default_factory=Counter)
     say: Say = silent
 
     def __post_init__(self) -> None:
-        of = self.loaded.requirements
-        self.space = DesignSpace(self.loaded.columns)
-        self.objectives = len(of.objective)
-        self.signs = np.array([each.sign for each in of.objective])
-        ends = [(each.at_least, each.at_most) for each in of.require]
+        requirements = self.loaded.requirements
+        self.space, self.objectives = DesignSpace(self.loaded.columns), len(requirements.objective)
+        self.signs = np.array([objective.sign for objective in requirements.objective])
+        ends = [(requirement.at_least, requirement.at_most) for requirement in requirements.require]
         self.low = np.array([-np.inf if low is None else low for low, _ in ends])
         self.high = np.array([np.inf if high is None else high for _, high in ends])
         self.sizes = np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
@@ -154,107 +153,108 @@ class Model:
 
     @property
     def scatter(self) -> NeckScatter | None:
-        """Scatter of the nine necks, where a coupling under it is asked."""
-        of = self.loaded.requirements
-        return NeckScatter.of(of.tolerance, of.seed) if of.tolerance and of.used & {*SCATTERED} else None
+        """Scatter of the nine necks if a coupling under tolerance is requested, else None."""
+        requirements = self.loaded.requirements
+        tolerance = requirements.tolerance if requirements.used & {*SCATTERED} else None
+        return NeckScatter.of(tolerance, requirements.seed) if tolerance else None
 
-    def found(self, values: Array) -> Array:
-        """Quantities (n, q) of designs (n, d) in file units, objectives first; not finite without an answer."""
+    def evaluate(self, values: Array) -> Array:
+        """Return the quantities (n, q) of designs (n, d) in file units, objectives first; nan without a solution."""
         columns, reason = self.columns(values)
         return np.where((reason == "")[:, None], self.quantities(self.corrected(columns)), np.nan)
 
     def columns(self, values: Array) -> tuple[dict[str, Array], AnyArray]:
-        """Columns (n,) of the model itself by name, not corrected, and why a design has none (n,)."""
-        study, of = self.loaded.study, self.loaded.requirements
+        """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for designs without any."""
+        study, requirements = self.loaded.study, self.loaded.requirements
         self.counts["analytic"] += len(values)
         rows = answer_designs(study, values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
-        found = dict(zip(study.outputs, rows.values.T, strict=True))
-        found |= {column.name: values[:, k] for k, column in enumerate(study.columns)}
+        columns = dict(zip(study.outputs, rows.values.T, strict=True))
+        columns |= {column.name: values[:, k] for k, column in enumerate(study.columns)}
         with np.errstate(all="ignore"):
             designs = designs_of(study, values)
-            if of.used & {*MASS}:
-                found["mass_kg"] = self._masses(values, reason)
-            if of.used & {*ERRORS}:
-                K = np.array([found[name] for name in STIFFNESSES]).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-                found |= dict(zip(ERRORS, formula_errors(designs, K, of.paper_formula).T, strict=True))
+            if requirements.used & {*MASS}:
+                columns["mass_kg"] = self._masses(values, reason)
+            if requirements.used & {*ERRORS}:
+                K = np.array([columns[name] for name in STIFFNESSES]).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+                columns |= dict(zip(ERRORS, formula_errors(designs, K, requirements.paper_formula).T, strict=True))
             if self.scatter is not None:
                 self.counts["analytic with scattered necks"] += len(values) * len(self.scatter.searched)
-                couplings = self.scatter.quantiles(designs, of.formula, of.mobility)
+                couplings = self.scatter.quantiles(designs, requirements.formula, requirements.mobility)
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
-                found |= dict(zip(SCATTERED, couplings.T, strict=True))
-        return found, reason
+                columns |= dict(zip(SCATTERED, couplings.T, strict=True))
+        return columns, reason
 
     def _masses(self, values: Array, reason: AnyArray) -> Array:
-        """Masses (n,), kg, of what is drawn; reasons why a design cannot be go to `reason` (n,)."""
-        found = np.full(len(values), np.nan)
+        """Return the masses (n,), kg, of the drawn stages; write why a design cannot be drawn to `reason` (n,)."""
+        masses = np.full(len(values), np.nan)
         for k in np.flatnonzero(reason == ""):
             self.counts["drawn"] += 1
             try:
-                found[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k]))[0, 0]) * UNITS["kg"].factor
+                masses[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k]))[0, 0]) * UNITS["kg"].factor
             except BadInput as refusal:
                 reason[k] = str(refusal)
-        return found
+        return masses
 
     def corrected(self, columns: Mapping[str, Array]) -> dict[str, Array]:
-        """Columns times their factors, plus their terms."""
+        """Apply the corrections to columns by name."""
         by = self.corrections
         return {name: by[name].factor * x + by[name].term if name in by else x for name, x in columns.items()}
 
     def quantities(self, columns: Mapping[str, Array]) -> Array:
-        """Quantities (n, q) of columns (n,) by name, derived outputs included."""
-        of, study, known = self.loaded.requirements, self.loaded.study, dict(columns)
+        """Return the quantities (n, q) of columns (n,) by name; derived outputs are computed first."""
+        requirements, study, known = self.loaded.requirements, self.loaded.study, dict(columns)
         n = len(next(iter(known.values())))
-        for output in of.output:
+        for output in requirements.output:
             known[output.name] = evaluated(study, output.expression, known, n)
-        return np.column_stack([evaluated(study, text, known, n) for text in of.quantities])
+        return np.column_stack([evaluated(study, text, known, n) for text in requirements.quantities])
 
     @property
     def ends(self) -> tuple[Array, Array]:
-        """Least and greatest values (m,) that count, guards included; infinite where there is none."""
+        """Least and greatest allowed values (m,), guards included; infinite without a limit."""
         guard = np.minimum(self.guard * self.sizes, self.room)
         return self.low + guard, self.high - guard
 
     def signed(self, quantities: Array) -> Array:
-        """All objectives (n, k) of quantities (n, q), with their signs: to be small."""
+        """Return all objectives (n, k) of quantities (n, q), with the signs for minimisation."""
         return self.signs * quantities[:, : self.objectives]
 
     def margins(self, quantities: Array) -> Array:
-        """Margins (n, m + bounds) over sizes, the lesser of both ends of a requirement, then those of the bounds."""
+        """Return the relative margins (n, m + bounds): the smaller one of each requirement, then those of bounds."""
         low, high = self.ends
         q, signed = quantities[:, self.objectives :], self.signed(quantities)
         with np.errstate(invalid="ignore"):  # quantities without a finite value
             of_ends = np.minimum(q - low, high - q) / self.sizes
-        others = [(most - signed[:, k]) / max(abs(most), 1e-30) for k, most in self.bounds.items()]
-        return np.column_stack([of_ends, *others])
+        of_bounds = [(most - signed[:, k]) / max(abs(most), 1e-30) for k, most in self.bounds.items()]
+        return np.column_stack([of_ends, *of_bounds])
 
     def violations(self, quantities: Array) -> Array:
-        """By how much of its size each requirement, and each bound, is missed (n, m + bounds)."""
+        """Return the relative violations (n, m + bounds) of requirements and bounds, zero where these hold."""
         missed = -self.margins(quantities)
-        if self.yielding is not None:
-            missed[:, self.yielding] = 0.0
+        if self.soft is not None:
+            missed[:, self.soft] = 0.0
         return np.where(missed > ROUND_OFF, missed, 0.0)
 
-    def wanted(self, quantities: Array) -> Array:
-        """What is to be small (n,): the objective with its sign, or the miss of the yielding requirement."""
-        if self.yielding is not None:
-            return np.maximum(0.0, -self.margins(quantities)[:, self.yielding])
+    def cost(self, quantities: Array) -> Array:
+        """Return the minimised value (n,): the signed objective, or the violation of the soft requirement."""
+        if self.soft is not None:
+            return np.maximum(0.0, -self.margins(quantities)[:, self.soft])
         return np.asarray(self.signed(quantities)[:, self.objective])
 
     def merit(self, quantities: Array) -> Array:
-        """One number (n,) to be small: designs that meet all are better than others, those by how much they miss.
+        """Return the merit (n,), to be minimised: the cost of feasible designs, more than that for larger violations.
 
         Notes
         -----
-        The rules of Deb (Comput. Methods Appl. Mech. Eng. 186 (2000) 311-338) as a number; misses are added in parts of
-        the sizes of the requirements.
+        The merit follows the feasibility rules of Deb (Comput. Methods Appl. Mech. Eng. 186 (2000) 311-338), with the
+        sum of the relative violations.
         """
         missed = np.sum(self.violations(quantities), axis=1)
-        merit = np.where(missed > 0, MISSED * (1 + np.minimum(missed, 90.0)), self.wanted(quantities))
+        merit = np.where(missed > 0, MISSED * (1 + np.minimum(missed, 90.0)), self.cost(quantities))
         return np.where(np.isfinite(quantities).all(axis=1), merit, REFUSED_MERIT)
 
     def drawable(self, values: Array) -> bool:
-        """Whether a design (d,) can be drawn: no bodies of it overlap."""
+        """Return whether a design (d,) can be drawn, without overlap of its bodies."""
         self.counts["drawn"] += 1
         try:
             check_feasible(stage_of(self.loaded.study, values))
@@ -263,15 +263,15 @@ class Model:
         return True
 
     def constraints(self, values: Array, quantities: Array) -> Array:
-        """What must not be negative (n, c): margins end by end, of bounds, and gaps of bodies over the stage's size."""
+        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, and gaps over the link width."""
         low, high = self.ends
         q = quantities[:, self.objectives :]
         ends = [((q - low) / self.sizes)[:, np.isfinite(low)], ((high - q) / self.sizes)[:, np.isfinite(high)]]
         with np.errstate(all="ignore"):
             designs = designs_of(self.loaded.study, values)
-            every = conditions(designs)
+            checks = conditions(designs)
             notch, clear, apart, hub = (
-                np.column_stack([each.room.min(axis=1) for each in every if word in each.wrong])
+                np.column_stack([check.room.min(axis=1) for check in checks if word in check.wrong])
                 for word in ("notch", "swallows", "closer", "hub larger")
             )
             gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]
@@ -279,12 +279,12 @@ class Model:
 
 
 def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:
-    """Errors (n, 3), %, along x, y, theta, of the force by a hinge formula with the stage's own mobility.
+    """Return the errors (n, 3), %, along x, y, theta of a model with a hinge formula and the stage's own mobility.
 
-    stiffness : (n, 3, 3), of the model that answers; nan where it has none.
+    stiffness : (n, 3, 3), the reference for the errors; nan without a solution.
     """
     paper = at_rest(designs, hinge_compliances(designs, formula), freedoms_of(None, designs.prismatic)).stiffness
-    found, sound = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))
-    percent = error_matrix(paper[sound], np.asarray(np.linalg.inv(stiffness[sound])), np.ones(int(sound.sum())))
-    found[sound] = np.diagonal(percent, axis1=1, axis2=2)
-    return found
+    errors, solved = np.full((len(stiffness), 3), np.nan), np.isfinite(stiffness).all(axis=(1, 2))
+    percent = error_matrix(paper[solved], np.asarray(np.linalg.inv(stiffness[solved])), np.ones(int(solved.sum())))
+    errors[solved] = np.diagonal(percent, axis1=1, axis2=2)
+    return errors

@@ -1,4 +1,4 @@
-"""What a design is, as it is stored; quantities in the units that their names end in."""
+"""The stored record of a design; quantities are in the units that their names end in."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ Checked: TypeAlias = Literal["finite elements", "finite elements in three dimens
 
 
 class Record(BaseModel):
-    """Stored data: frozen, no unknown keys."""
+    """Stored data: frozen, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
 class Stated(Record):
-    """One quantity of the design; zero where it is round-off of what symmetry makes zero.
+    """One quantity of the design; zero if symmetry makes it zero up to round-off.
 
-    Where finite elements answer it, `value` is theirs and `band` the half-width by meshes and sampling; `sampling` is
-    the part that is not by meshes. `push_spread` says by how much engaged stiffness moves with the spread of pushes.
+    `value` is by finite elements where available; `band` is then its half-width by meshes and sampling, with `sampling`
+    the part of sampling alone. `push_spread` is the change of engaged stiffness with the spread of actuator forces.
     """
 
     name: str
@@ -48,12 +48,12 @@ class Stated(Record):
         return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
 
     def headed(self, plain: bool = False) -> str:
-        """The label, with the unit in brackets where there is one; `plain` for terminals."""
+        """Return the label with its unit, if any, in brackets; `plain` for terminals."""
         unit = self.unit.label(plain)
         return f"{self.label} ({unit})" if unit else self.label
 
     def said(self, plain: bool = False) -> str:
-        """Value, band and unit, and what part of the band is not by meshes."""
+        """Return value, band and unit as text, with the part of sampling in the band."""
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
         spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the pushes"
@@ -61,7 +61,7 @@ class Stated(Record):
 
 
 class Goal(Stated):
-    """An objective, to be as large or as small as can be."""
+    """An objective, to be maximised or minimised."""
 
     better: Literal["larger", "smaller"]
 
@@ -69,8 +69,8 @@ class Goal(Stated):
 class Requirement(Stated):
     """A requirement; percentages are of its `size`, the larger end, or one unit where that is zero.
 
-    `active` says whether it limits the objective at the optimum without steps; `tightened_percent` by how much the
-    search kept it inside its ends.
+    An `active` requirement limits the objective at the optimum without steps; `tightened_percent` is the distance that
+    the search kept from its ends.
     """
 
     at_least: float | None
@@ -85,13 +85,13 @@ class Requirement(Stated):
 
     @property
     def wanted(self) -> str:
-        """Its ends in words, without unit."""
+        """Its ends as text, without unit."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
         return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
 
 
 class SoleRelaxation(Record):
-    """The smallest relaxation of one requirement alone, the others kept, by the model; None where none is enough."""
+    """The smallest sufficient relaxation of one requirement alone, by the model; None if there is none."""
 
     requirement: str
     relax_to: float | None
@@ -99,7 +99,7 @@ class SoleRelaxation(Record):
 
 
 class Round(Record):
-    """One round of search, finite elements and correction: largest difference of both models, in per cent."""
+    """One round of search, finite elements and correction, with the largest difference between both models."""
 
     design: dict[str, float]
     gap_percent: float
@@ -107,7 +107,7 @@ class Round(Record):
 
 
 class FrontDesign(Record):
-    """A design that no other beats in both objectives, their values by finite elements and by the corrected model."""
+    """A design of the Pareto front, with its objectives by finite elements and by the corrected model."""
 
     design: dict[str, float]
     values: list[float]
@@ -118,7 +118,7 @@ class FrontDesign(Record):
 
 
 class Scattered(Record):
-    """Share of stages with scattered necks that keep every requirement, and what couplings under tolerance rest on."""
+    """Share of stages with scattered necks that keep every requirement, and notes on couplings under tolerance."""
 
     share: float
     stages: int
@@ -126,7 +126,7 @@ class Scattered(Record):
 
 
 class Step(Record):
-    """How far a search was: evaluations by the analytic model, best objective, and what was missed in all."""
+    """Progress of a search: evaluations of the analytic model, best objective, and sum of the violations."""
 
     evaluations: int
     objective: float | None
@@ -134,20 +134,20 @@ class Step(Record):
 
 
 class Designed(Record):
-    """What `flexfem design` found.
+    """The result of `flexfem design`.
 
     Attributes
     ----------
     design, relaxed : dict
-        The free dimensions in file units, and as they would be without steps, in the model.
+        The free dimensions in file units, and those of the optimum without steps, by the model.
     stage : str
         Text of the stage file.
     feasible : bool
         Whether every requirement is met or within its band.
     agreed : bool
-        Whether model and finite elements came to agree within `accuracy_percent`.
+        Whether model and finite elements agree within `accuracy_percent` at the end.
     sensitivities : dict
-        By dimension and quantity (`Stated.name`), per cent for 1 %; None of what is not known or zero.
+        By dimension and quantity (`Stated.name`), per cent for 1 %; None where unknown, or for a quantity of zero.
     """
 
     name: Label
@@ -178,56 +178,54 @@ class Designed(Record):
 
     @property
     def about(self) -> About:
-        """What it is of."""
+        """Name, file, hash and assumptions."""
         return About(self.name, self.file, self.hash, self.assumed, self.not_stated)
 
     @property
     def state(self) -> str:
-        """Whether all requirements are met, in words."""
+        """Verdict on all requirements as text."""
         nearest = "does not meet all requirements: the nearest that was found"
         return "meets all requirements" if self.feasible else nearest
 
     def heading(self) -> str:
-        """What was found in one line."""
+        """Return the result in one line."""
         return f"{self.name}: it {self.state}; seed {self.seed}"
 
     def sentences(self) -> list[str]:
-        """How the tables are to be read: bands, what the search tightened, what scatter does, and how models agree."""
-        found = [
+        """Return notes on the tables: bands, tightened requirements, scatter, and agreement of the models."""
+        notes = [
             "±: band of the meshes, and of the stages drawn for a coupling under tolerance; without one a value is "
             "exact, or of the analytic model alone"
         ]
-        tight = [
-            f"{each.label} by {each.tightened_percent:.2g} %" for each in self.requirements if each.tightened_percent
-        ]
+        tight = [f"{r.label} by {r.tightened_percent:.2g} %" for r in self.requirements if r.tightened_percent]
         if tight:
-            found.append(
+            notes.append(
                 "the search tightened requirements by their bands, and with continuous dimensions by "
                 f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ: "
                 f"{', '.join(tight)}"
             )
         if self.scattered is not None:
             share = f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages whose necks scatter"
-            found += [f"{share} keep every requirement, by the corrected model", *self.scattered.notes]
+            notes += [f"{share} keep every requirement, by the corrected model", *self.scattered.notes]
         agreed = "came to agree" if self.agreed else "did not come to agree"
         agreement = f"corrected model and finite elements {agreed} within {self.accuracy_percent:g} % at the design"
-        return [*found, agreement]
+        return [*notes, agreement]
 
     def tables(self, plain: bool = True) -> list[TextTable]:
-        """All tables, one after the other; `plain` for terminals."""
+        """Return the tables of all sections; `plain` for terminals."""
         return [table for tables in self.sections(plain).values() for table in tables]
 
     def sections(self, plain: bool = True) -> dict[str, list[TextTable]]:
-        """Tables by what they are about; none of what there is nothing to say about."""
-        found: dict[str, list[TextTable]] = {}
+        """Return the tables by section, without empty ones."""
+        sections: dict[str, list[TextTable]] = {}
 
         def add(section: str, caption: str, head: list[str], rows: Iterable[list[str]], names: int = 1) -> None:
-            if made := list(rows):
-                found.setdefault(section, []).append(TextTable(head, made, names, caption))
+            if filled := list(rows):
+                sections.setdefault(section, []).append(TextTable(head, filled, names, caption))
 
-        limit, rests = "limits the objective", ["checked by", "model by itself"]
-        every = {each.name: each.label for each in (*self.requirements, *self.objectives)}
-        headed = [goal.headed(plain) for goal in self.objectives]
+        limit, check = "limits the objective", ["checked by", "model by itself"]
+        labels = {each.name: each.label for each in (*self.requirements, *self.objectives)}
+        objectives = [goal.headed(plain) for goal in self.objectives]
         add(
             "design", "Dimensions of the design",
             ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"],
@@ -235,66 +233,66 @@ class Designed(Record):
              for name, value in self.design.items()),
         )  # fmt: skip
         add(
-            "design", "Objectives", ["objective", "value", "better", *rests],
-            ([each.label, each.said(plain), each.better, each.checked_by, f"{each.uncorrected:.6g}"]
-             for each in self.objectives),
+            "design", "Objectives", ["objective", "value", "better", *check],
+            ([goal.label, goal.said(plain), goal.better, goal.checked_by, f"{goal.uncorrected:.6g}"]
+             for goal in self.objectives),
         )  # fmt: skip
         add(
             "requirements", "Requirements with their margins",
-            ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *rests],
-            ([each.label, each.wanted, each.said(plain), each.verdict,
-              f"{each.margin_percent:.3g}" + (f" ± {each.band_percent:.2g}" if each.band_percent else ""),
-              limit * each.active, each.checked_by, f"{each.uncorrected:.6g}"] for each in self.requirements),
+            ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *check],
+            ([r.label, r.wanted, r.said(plain), r.verdict,
+              f"{r.margin_percent:.3g}" + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
+              limit * r.active, r.checked_by, f"{r.uncorrected:.6g}"] for r in self.requirements),
         )  # fmt: skip
-        relaxed = [(each.label, "with the others", each.value, -each.margin_percent)
-                   for each in self.requirements if each.verdict == "missed"]  # fmt: skip
-        sole = [(one.requirement, "alone", one.relax_to, one.percent) for one in self.alternatives]
+        joint = [(r.label, "with the others", r.value, -r.margin_percent)
+                 for r in self.requirements if r.verdict == "missed"]  # fmt: skip
+        sole = [(relaxed.requirement, "alone", relaxed.relax_to, relaxed.percent) for relaxed in self.alternatives]
         add(
             "requirements", "Smallest relaxations, by the model", ["requirement", "relaxed", "to", "by (%)"],
             ([name, how, *(["none is enough", ""] if to is None or by is None else [f"{to:.6g}", f"{by:.3g}"])]
-             for name, how, to, by in (*relaxed, *sole)), 2,
+             for name, how, to, by in (*joint, *sole)), 2,
         )  # fmt: skip
         add(
-            "sensitivity", "Change (%) for 1 % more of a dimension", ["dimension", *every.values()],
-            ([name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in every)]
+            "sensitivity", "Change (%) for 1 % more of a dimension", ["dimension", *labels.values()],
+            ([name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in labels)]
              for name, row in self.sensitivities.items()),
         )  # fmt: skip
         add(
             "front", "Designs that no other beats in both objectives, solved by finite elements",
-            ["design", *self.design, *headed, *(f"{each}, corrected model" for each in headed),
-             *(f"margin of {each.label} (%)" for each in self.requirements), "requirements"],
-            ([str(k), *(f"{x:.6g}" for x in (*one.design.values(), *one.values, *one.predicted)),
-              *(f"{x:.3g}" for x in one.margins_percent), "met" if one.met else "not met"]
-             for k, one in enumerate(self.front, 1)),
+            ["design", *self.design, *objectives, *(f"{title}, corrected model" for title in objectives),
+             *(f"margin of {r.label} (%)" for r in self.requirements), "requirements"],
+            ([str(k), *(f"{x:.6g}" for x in (*point.design.values(), *point.values, *point.predicted)),
+              *(f"{x:.3g}" for x in point.margins_percent), "met" if point.met else "not met"]
+             for k, point in enumerate(self.front, 1)),
         )  # fmt: skip
         counts = ([name, f"{count:,}"] for name, count in self.evaluations.items())
         add("search", "Evaluations", ["model", "designs"], counts)
         rounds = ([str(k), f"{r.evaluations:,}", f"{r.gap_percent:.3g}"] for k, r in enumerate(self.rounds, 1))
         add("search", "Rounds", ["round", "designs by the model", "largest difference (%)"], rounds)
-        return found
+        return sections
 
     @property
     def decisive(self) -> list[Stated]:
         """Objectives and active requirements, each quantity once."""
-        found = dict[str, Stated]()
-        for each in (*self.objectives, *(one for one in self.requirements if one.active)):
-            found.setdefault(each.name, each)
-        return list(found.values())
+        by_name = dict[str, Stated]()
+        for quantity in (*self.objectives, *(r for r in self.requirements if r.active)):
+            by_name.setdefault(quantity.name, quantity)
+        return list(by_name.values())
 
 
 def is_design(path: str | os.PathLike[str]) -> bool:
-    """Whether a file is plainly the record of a design; what else it may be is not looked at."""
+    """Return whether a file is a design record; its validity is not checked."""
     try:
         return {"objectives", "sensitivities"} <= unsealed(path).keys()
     except BadInput:
-        return False  # whoever reads it says what is wrong
+        return False  # the function that reads it reports the reason
 
 
 def read_design(path: str | os.PathLike[str]) -> Designed:
-    """Read a stored design. Raises BadInput when it is none of this version, or not as it was stored."""
+    """Read a stored design. Raises BadInput when it is of another version, or was changed since it was stored."""
     try:
         return Designed.model_validate_json(json.dumps(unsealed(path)))
     except ValidationError as error:
         where = ".".join(map(str, error.errors()[0]["loc"]))
-        said = f"{where}: not what this version of flexfem design stores, which makes it again"
-        raise BadInput(f"{place_of(path)}: {said}") from None
+        problem = f"{where}: not what this version of flexfem design stores, which makes it again"
+        raise BadInput(f"{place_of(path)}: {problem}") from None

@@ -1,4 +1,4 @@
-"""Design from Python: requirements in, a stage with the proof of it out."""
+"""Design from Python: from a requirements file to a verified stage."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from flexfem.arguments import integer
 from flexfem.design.model import silent
 from flexfem.design.outcome import designed
-from flexfem.design.proof import ProposedElements, Store
+from flexfem.design.proof import ElementSolver, Store
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
 from flexfem.files.refusals import checked_path
@@ -37,24 +37,24 @@ def run_design(
     Parameters
     ----------
     requirements : path
-        Their file.
+        Requirements file.
     output : path, optional
         Folder for the stage file, `<stem>-stage.toml`, those of the front, `<stem>-front-1.toml` and so on, and the
-        record, `<stem>-design.json`; a search that was stopped goes on there where it was. None writes nothing.
+        record, `<stem>-design.json`; an interrupted search resumes from it. None writes nothing.
     workers : int
         Processes for finite elements, 1 for this one.
     say : callable
-        Called with a line of text now and then, how far it is.
+        Called with a line of text on the progress.
 
     Returns
     -------
     Designed
-        The record; `stage` of it is the text of a stage file, with what was designed in its provenance.
+        The record; its `stage` is the text of a stage file, whose provenance names the designed dimensions.
 
     Raises
     ------
     BadInput
-        The file, or an argument, cannot be used; one line with file, line, key and what was expected.
+        The file or an argument is invalid; one line with file, line, key and the expected value.
     ComputationFailed
         Finite elements of a proposed design fail, or workers are lost.
     """
@@ -73,21 +73,21 @@ def run_design(
             check_name(folder / name, base, loaded.path)
     store = Store(None if folder is None else folder / f".{stem}-design.found")
     with nullcontext() if workers == 1 else Workers(workers) as pool:
-        found = designed(loaded, ProposedElements(loaded, Counter(), pool, store, say))
+        found = designed(loaded, ElementSolver(loaded, Counter(), pool, store, say))
     if folder is not None:
         _write(found, folder, base)
-        store.forget()
+        store.remove()
     return found
 
 
 def _write(found: Designed, folder: Path, base: Path) -> None:
     """Write the stage file of a design, those of its front, and the record. Raises BadInput.
 
-    Stage files of an earlier, longer front are removed: they would pass for designs of this one.
+    Stage files of an earlier, longer front are removed, since they look like designs of this one.
     """
     stem = Path(found.file).stem
     texts = {STAGE.format(stem): found.stage}
-    texts |= {FRONT.format(stem, number): one.stage for number, one in enumerate(found.front, 1)}
+    texts |= {FRONT.format(stem, number): design.stage for number, design in enumerate(found.front, 1)}
     for name, text in texts.items():
         write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]
     write_sealed(folder / f"{stem}-design.json", found.model_dump(mode="json"))

@@ -1,7 +1,7 @@
-"""Couplings of stages whose nine necks scatter: what 95 % of them keep.
+"""Couplings of stages whose nine necks scatter: their 95 % quantiles.
 
-A chain's compliance is the sum of those of its hinges, each a smooth function of its own neck: the analytic model
-answers each hinge at a few necks, and the stages are interpolated between them.
+The compliance of a chain is the sum of those of its hinges, each a smooth function of its own neck. The analytic model
+is evaluated for each hinge at a few necks; the compliances of the stages are interpolated between these.
 """
 
 from __future__ import annotations
@@ -22,29 +22,27 @@ from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import Designs, Frames
 from flexfem.study.loaded import INSIDE, monte_carlo
 
-LEVEL = 0.95  # of stages whose coupling is at most the one that is asked
-CONFIDENCE = 0.95  # of an interval of that coupling
-OTHERS = 100_000  # stages that what is found is stated for
+LEVEL = 0.95  # of the quantiles
+CONFIDENCE = 0.95  # of the intervals of the quantiles
+OTHERS = 100_000  # stages, not seen by the search, for the final quantiles
 BLOCK = 10_000  # stages at a time: bounds the memory
-NODES = 12  # necks that each hinge is answered at
+NODES = 12  # interpolation nodes of each hinge
 CHEBYSHEV = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
 LAGRANGE = np.linalg.inv(chebvander(CHEBYSHEV, NODES - 1))  # Lagrange polynomials as sums of Chebyshev polynomials
-WIDEST = 0.5  # deviation over neck up to which 12 nodes interpolate to 1e-6
+WIDEST = 0.5  # deviation over neck up to which the interpolation error is 1e-6
 UPPER = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # entries of a symmetric matrix: xx, xy, xt, yy, yt, tt
 REFUSED = f"tolerance.neck_um: a neck that scatters is off the chart of its hinge, or by more than {WIDEST:.0%}"
 
 
 def deviations(tolerance: Tolerance, stages: int, seed: int) -> Array:
-    """Deviations (stages, 3 chains, 3 hinges) of the nine necks, mm."""
+    """Draw the deviations (stages, 3 chains, 3 hinges) of the nine necks, mm."""
     quantiles = np.clip(monte_carlo(seed, 9, 0, stages), INSIDE, 1.0 - INSIDE)
     return np.asarray(1e-3 * tolerance.neck_um * ndtri(quantiles).reshape(-1, 3, 3))
 
 
 @dataclass(frozen=True, eq=False)
 class NeckScatter:
-    """Deviations (stages, 3, 3) of the nine necks, mm: those `searched`, the same for every design, and `others`, which
-    no search sees and what is found is stated for.
-    """
+    """Deviations (stages, 3, 3) of the nine necks, mm: `searched` in the search of all designs, `others` after it."""
 
     searched: Array
     others: Array
@@ -52,17 +50,17 @@ class NeckScatter:
     @classmethod
     @lru_cache(maxsize=1)
     def of(cls, tolerance: Tolerance, seed: int) -> NeckScatter:
-        """Draw both, for all searches of one design once."""
+        """Draw both, once for all searches of a design."""
         return cls(deviations(tolerance, tolerance.stages, seed), deviations(tolerance, OTHERS, (seed + 1) % 2**63))
 
     @cached_property
     def _ends(self) -> tuple[Array, Array]:
-        both = self.searched, self.others
-        return np.min([each.min(axis=0) for each in both], axis=0), np.max([each.max(axis=0) for each in both], axis=0)
+        a, b = self.searched, self.others
+        return np.minimum(a.min(axis=0), b.min(axis=0)), np.maximum(a.max(axis=0), b.max(axis=0))
 
     @cached_property
     def nodes(self) -> Array:
-        """Deviations (NODES, 3, 3) that each hinge is answered at, from the least to the greatest of all."""
+        """Deviations (NODES, 3, 3) of the interpolation nodes, from the least to the greatest deviation."""
         low, high = self._ends
         return np.asarray(low + (high - low) * (CHEBYSHEV[:, None, None] + 1) / 2)
 
@@ -71,42 +69,42 @@ class NeckScatter:
         return self._basis(self.searched)
 
     def _basis(self, off: Array) -> Array:
-        """Lagrange polynomials (3 chains, 3 hinges x NODES, stages) of the nodes at deviations (stages, 3, 3)."""
+        """Return the Lagrange polynomials (3 chains, 3 hinges x NODES, stages) at deviations (stages, 3, 3)."""
         low, high = self._ends
-        found = chebvander(2 * (off - low) / (high - low) - 1, NODES - 1) @ LAGRANGE
-        return np.ascontiguousarray(np.moveaxis(found, 0, -1).reshape(3, 3 * NODES, len(off)))
+        polynomials = chebvander(2 * (off - low) / (high - low) - 1, NODES - 1) @ LAGRANGE
+        return np.ascontiguousarray(np.moveaxis(polynomials, 0, -1).reshape(3, 3 * NODES, len(off)))
 
     def quantiles(self, designs: Designs, formula: str, mobility: int | None) -> Array:
-        """The 95 % values (n, 4) of n designs in the stages that are searched with; nan where a hinge has no answer."""
+        """Return the 95 % quantiles (n, 4) of n designs over the stages of the search; nan without a solution."""
         at_nodes = self._at_nodes(designs, formula, mobility)
-        return np.array([_quantiles(_couplings(each @ self._searched_basis)) for each in at_nodes]).reshape(-1, 4)
+        return np.array([_quantiles(_couplings(chains @ self._searched_basis)) for chains in at_nodes]).reshape(-1, 4)
 
     def couplings(self, designs: Designs, formula: str, mobility: int | None, off: Array) -> Array:
-        """Couplings (3, stages) of one design whose necks deviate by `off` (stages, 3, 3)."""
+        """Return the couplings (3, stages) of one design with neck deviations `off` (stages, 3, 3)."""
         (at_nodes,) = self._at_nodes(designs, formula, mobility)
         blocks = [off[k : k + BLOCK] for k in range(0, len(off), BLOCK)]
         return np.concatenate([_couplings(at_nodes @ self._basis(block)) for block in blocks], axis=-1)
 
     def _at_nodes(self, designs: Designs, formula: str, mobility: int | None) -> Array:
-        """What each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges x NODES), or nan."""
+        """Return what each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges x NODES), or nan."""
         n = len(designs.thickness)
-        many = designs.chosen(np.repeat(np.arange(n), NODES))
-        many.neck[:] += np.tile(self.nodes, (n, 1, 1))
+        varied = designs.chosen(np.repeat(np.arange(n), NODES))
+        varied.neck[:] += np.tile(self.nodes, (n, 1, 1))
         one_of_three = np.eye(3)[:, None, None, :]
-        hinges = hinge_compliances(many, formula)
-        each = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
+        hinges = hinge_compliances(varied, formula)
+        single = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
         frames = Frames(*(part[:, None, None] for part in designs.frames))
-        found = chain_compliance(frames, each, freedoms_of(mobility, designs.prismatic))[..., *UPPER]
-        found[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
-        return np.ascontiguousarray(found.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
+        parts = chain_compliance(frames, single, freedoms_of(mobility, designs.prismatic))[..., *UPPER]
+        parts[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
+        return np.ascontiguousarray(parts.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 
 
 class ScatteredStages(NamedTuple):
-    """The couplings of `requirements.SCATTERED` (4,) of a design, of stages that no search has seen.
+    """Quantiles (4,) of the couplings of a design, in the order of `requirements.SCATTERED`.
 
-    By the model: of the stages that the design was `searched` with, and of the `others` with their 95 % interval.
-    `factors` (meshes, 4), coarse to fine, are those by which finite elements differ from the model in the stages that
-    both solve, 1 without them; `misfit` (4,) is the largest difference that the last leaves in one of these stages.
+    `searched` is over the stages of the search, `others` over the other stages, from `low` to `high` the 95 % interval;
+    all by the model. `factors` (meshes, 4), coarse to fine, are the ratios of finite elements to the model in stages
+    solved by both, 1 without any; `misfit` (4,) is the largest residual of the last ratio in one of these stages.
     """
 
     searched: Array
@@ -118,26 +116,27 @@ class ScatteredStages(NamedTuple):
 
     @property
     def elements(self) -> Array:
-        """The couplings (meshes, 4) of the others by finite elements, by the model without them."""
+        """Quantiles (meshes, 4) over the other stages by finite elements, or by the model without them."""
         return self.factors * self.others
 
     @property
     def half_widths(self) -> Array:
-        """By how much sampling may be off (4,): half the interval of the stages, and the misfit of those checked."""
+        """Half-widths (4,) of the sampling uncertainty: of the interval, plus the misfit of the checked stages."""
         half = np.maximum(self.high - self.others, self.others - self.low)
         return np.asarray(half * self.factors[-1] + self.misfit)
 
 
 def stated(searched: Array, couplings: Array, checked: list[Array]) -> ScatteredStages:
-    """What is stated of couplings (3, stages) of the others by the model, the first of them `checked` on each mesh.
+    """Return the quantiles of the couplings (3, stages) of the other stages by the model.
 
-    `searched` (4,) are the 95 % values of the stages that were searched with.
+    `checked` holds the couplings of the first stages by finite elements on each mesh; `searched` (4,) the quantiles
+    over the stages of the search.
 
     Notes
     -----
-    Order statistics: of n stages the number below the true value is binomial, whatever the distribution (H. A. David,
-    H. N. Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1). The factor is by least squares; a quantile of
-    finite elements is off that of the model times it by no more than the misfit.
+    The number of stages below the true quantile is binomial for any distribution (order statistics: H. A. David, H. N.
+    Nagaraja, Order Statistics, 3rd ed., Wiley 2003, section 7.1). The factor is a least-squares fit; the misfit bounds
+    the difference between a finite-element quantile and the factor times that of the model.
     """
     from scipy.stats import binom
 
@@ -153,18 +152,18 @@ def stated(searched: Array, couplings: Array, checked: list[Array]) -> Scattered
 
 
 def _sizes(couplings: Array) -> Array:
-    """Sizes (4, stages) of couplings (3, stages): of each, and of the largest of the three."""
+    """Return the magnitudes (4, stages) of couplings (3, stages), the last row being the largest of the three."""
     size = np.abs(couplings)
     return np.concatenate([size, size.max(axis=0, keepdims=True)])
 
 
 def _quantiles(couplings: Array) -> Array:
-    """The 95 % values (4,) of couplings (3, stages)."""
+    """Return the 95 % quantiles (4,) of couplings (3, stages)."""
     return np.asarray(np.quantile(_sizes(couplings), LEVEL, axis=-1))
 
 
 def _couplings(chains: Array) -> Array:
-    """`K_ij / sqrt(K_ii K_jj)` (3, stages) of xy, xt, yt, from the compliances (3 chains, 6 entries, stages)."""
+    """Return `K_ij / sqrt(K_ii K_jj)` (3, stages) of xy, xt, yt from compliances (3 chains, 6 entries, stages)."""
     a, b, c, d, e, f = np.moveaxis(chains, 1, 0)
     A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
     D, E, F = a * f - c * c, b * c - a * e, a * d - b * b

@@ -1,4 +1,4 @@
-"""The search: differential evolution, one polish by sequential quadratic programming, then steps that can be made."""
+"""The search: differential evolution, refinement by sequential quadratic programming, then rounding to steps."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from scipy.stats import qmc
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.model import MISSED, REFUSED_MERIT, Model
 
-SAMPLE = 1024  # designs of a Sobol sample that the search begins with
-LEAST, MOST, EACH = 24, 96, 12  # designs of a generation: so many a dimension, between these ends
-GENERATIONS, AGREED = 150, 1e-4  # at most; the spread of a generation's merits over their mean that ends it
-LOCAL, NARROW = 40, 0.06  # generations, and part of every range either way, of the search beside a design
-MOVES = 200  # at most, from one design that can be made to a neighbour
-BEAM = 4  # designs that are kept while dimensions take their steps
-RESOLVED = 6  # neighbours whose continuous dimensions are found anew
-STEP = 1e-5  # of differences, of the range of a dimension
+SAMPLE = 1024  # designs of the initial Sobol sample
+LEAST, MOST, EACH = 24, 96, 12  # population: least, most, designs for each dimension
+GENERATIONS, AGREED = 150, 1e-4  # at most; relative spread of the merits of a generation at convergence
+LOCAL, NARROW = 40, 0.06  # generations and half-width, as a part of every range, of the local search
+MOVES = 200  # at most, from a design to a neighbour
+BEAM = 4  # designs kept while the dimensions are rounded to steps
+RESOLVED = 6  # neighbours whose continuous dimensions are optimised again
+STEP = 1e-5  # of finite differences, as a part of the range of a dimension
 ITERATIONS = 60
-INWARD = 2e-9  # of a size, by which a program keeps inside an end: its own round-off
+INWARD = 2e-9  # tightening of the constraints, relative to a size, against the round-off of SLSQP
 
 
 class BestDesign(NamedTuple):
-    """What a search found: the best design (d,) that can be made, in file units, and the best as if steps were none.
+    """Result of a search: the best design (d,) on the steps, in file units, and the best one without steps, `relaxed`.
 
-    `merit` is of the first, see `Model.merit`; `history` has evaluations so far, the best objective (None before there
-    is one), and what is missed in all.
+    `merit` is that of `values`, see `Model.merit`; `history` holds the evaluations so far, the best objective (None
+    before a feasible design), and the sum of the violations.
     """
 
     values: Array
@@ -38,82 +38,83 @@ class BestDesign(NamedTuple):
 
 
 def optimum(model: Model, near: Array | None = None, everywhere: bool = True) -> BestDesign:
-    """The best design of all, `near` (d,) being one to begin with; with `everywhere` false that beside `near` alone."""
+    """Return the best design, with `near` (d,) as an initial guess; without `everywhere` the search is local to it."""
     search = _Search(model)
-    start = search.everywhere(near) if near is None or everywhere else near
-    relaxed = search.beside(start)
-    values, merit = search.made(relaxed, near)
+    start = search.global_optimum(near) if near is None or everywhere else near
+    relaxed = search.local_optimum(start)
+    values, merit = search.on_steps(relaxed, near)
     return BestDesign(values, relaxed, merit, search.history)
 
 
 class _Search:
-    """A search under way: `best` merit of a design that was drawn, and the history."""
+    """State of a search: `best` merit of a design that can be drawn, and the history."""
 
     def __init__(self, model: Model) -> None:
         self.model, self.space, self.seed = model, model.space, model.loaded.requirements.seed
         self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
-        self.drawn, self.began = dict[bytes, bool](), model.counts["analytic"]
+        self.drawable, self.evaluations_before = dict[bytes, bool](), model.counts["analytic"]
 
     def merit(self, values: Array) -> Array:
-        """Merits (n,) of designs (n, d); one that would be the best is drawn first."""
-        merits = self.model.merit(self.model.found(values))
+        """Return the merits (n,) of designs (n, d); a new best design must be drawable."""
+        merits = self.model.merit(self.model.evaluate(values))
         for k in np.argsort(merits, kind="stable"):
             if merits[k] >= min(self.best, REFUSED_MERIT):
                 break
             key = np.ascontiguousarray(values[k]).tobytes()
-            if key not in self.drawn:
-                self.drawn[key] = self.model.drawable(values[k])
-            if self.drawn[key]:
+            if key not in self.drawable:
+                self.drawable[key] = self.model.drawable(values[k])
+            if self.drawable[key]:
                 self.best = merits[k]
                 break
             merits[k] = REFUSED_MERIT
         return merits
 
     def note(self, merit: float) -> None:
-        """Add the best so far, or `merit`, to the history."""
+        """Add the lesser of the best merit so far and `merit` to the history."""
         self.noted = merit = min(merit, self.noted)
         missed = max(merit / MISSED - 1, 0.0)
         objective = None if merit >= MISSED else merit * float(self.model.signs[self.model.objective])
-        self.history.append((self.model.counts["analytic"] - self.began, objective, float(missed)))
+        evaluations = self.model.counts["analytic"] - self.evaluations_before
+        self.history.append((evaluations, objective, float(missed)))
 
-    def everywhere(self, near: Array | None) -> Array:
-        """The best design (d,), as if steps were none, of differential evolution over all from a Sobol sample."""
+    def global_optimum(self, near: Array | None) -> Array:
+        """Return the best design (d,) without steps by differential evolution over the design space."""
         d = self.space.size
-        own = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
-        u = np.vstack([self.space.to_unit(np.array(own)), self._sample()])
+        guesses = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
+        u = np.vstack([self.space.to_unit(np.array(guesses)), self._sample()])
 
         def merit(u: Array) -> Array:
-            found = self.merit(self.space.from_unit(u))
-            self.note(float(found.min()))
+            merits = self.merit(self.space.from_unit(u))
+            self.note(float(merits.min()))
             *_, (evaluations, objective, _) = self.history
             shown = "none that meets all" if objective is None else f"{objective:.6g}"
             self.model.say(f"{evaluations:,} designs by the analytic model, best {shown}")
-            return found
+            return merits
 
         order = np.argsort(merit(u), kind="stable")
         population = u[order[: int(np.clip(EACH * d, LEAST, MOST))]]
-        found = self._evolved(merit, population, np.zeros(d), np.ones(d), GENERATIONS)
-        return np.asarray(self.space.from_unit(found[None])[0])
+        best = self._evolved(merit, population, np.zeros(d), np.ones(d), GENERATIONS)
+        return np.asarray(self.space.from_unit(best[None])[0])
 
     def _sample(self) -> Array:
-        """Places (SAMPLE, d) of a Sobol sample."""
+        """Return the Sobol sample (SAMPLE, d) in the unit cube."""
         return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed)).random(SAMPLE))
 
-    def beside(self, start: Array) -> Array:
-        """The best design (d,) beside one, as if steps were none: by evolution, which passes kinks, and the polish."""
+    def local_optimum(self, start: Array) -> Array:
+        """Return the best design (d,) without steps near `start` (d,), by SLSQP and evolution, which passes kinks."""
         start = self.polished(start)
-        place = self.space.to_unit(start[None])[0]
-        low = np.clip(place - NARROW, 0, 1)
+        centre = self.space.to_unit(start[None])[0]
+        low = np.clip(centre - NARROW, 0, 1)
         high = np.clip(low + 2 * NARROW, 0, 1)
         sample = qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(32)
         population = low + (high - low) * sample
-        population[0] = np.clip(place, low, high)
+        population[0] = np.clip(centre, low, high)
         best = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, LOCAL)
-        found = np.vstack([start, self.polished(self.space.from_unit(best[None])[0])])
-        return np.asarray(found[int(np.argmin(self.merit(found)))])
+        candidates = np.vstack([start, self.polished(self.space.from_unit(best[None])[0])])
+        return np.asarray(candidates[int(np.argmin(self.merit(candidates)))])
 
     def _evolved(self, merit: Callable[[Array], Array], population: Array, low: Array, high: Array, most: int) -> Array:
-        """The best place (d,) of differential evolution of a population (n, d) of places between two ends."""
+        """Return the best point (d,) of differential evolution of a population (n, d) between two corners."""
         found = differential_evolution(
             lambda u: merit(u.T),
             list(zip(low, np.where(high > low, high, low + 1e-9), strict=True)),
@@ -129,9 +130,9 @@ class _Search:
         return np.asarray(found.x)
 
     def polished(self, start: Array, free: AnyArray | None = None) -> Array:
-        """The design (d,) that a quadratic program leads to from `start` (d,), or `start` where that is as good.
+        """Return the design (d,) that SLSQP reaches from `start` (d,), or `start` if it is as good.
 
-        `free` (d,) says which dimensions may change, by default all but lists.
+        `free` (d,) marks the variable dimensions, by default all without a list of values.
         """
         free = ~self.space.listed if free is None else free
         if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
@@ -140,11 +141,11 @@ class _Search:
         merits = self.merit(np.vstack([start, found]))
         return found if merits[1] < merits[0] else start
 
-    def made(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
-        """The best design that can be made beside the one without steps, or beside `near`, and its merit.
+    def on_steps(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
+        """Return the best design on the steps near the one without steps, or near `near`, and its merit.
 
-        Dimensions take their steps one after the other, the coarsest first, while the others are found anew; the best
-        few designs are kept at each. Then step by step downhill.
+        A beam search rounds one dimension after the other, the coarsest first, and optimises the others again. A
+        descent over neighbours follows.
         """
         self.best, space = np.inf, self.space
         if space.continuous.all():
@@ -152,86 +153,85 @@ class _Search:
             self.note(merit)
             return relaxed, merit
         self.noted, free, beam = np.inf, ~space.listed, relaxed[None]
-        coarseness = [len(each) or np.inf for each in space.allowed]
-        for k in np.argsort(coarseness, kind="stable")[: np.sum(~space.continuous)]:
+        value_counts = [len(allowed) or np.inf for allowed in space.allowed]
+        for k in np.argsort(value_counts, kind="stable")[: np.sum(~space.continuous)]:
             free[k] = False
-            started = {(*each[:k], value, *each[k + 1 :]) for each in beam for value in space.beside(k, each[k])}
-            ends = np.array([self.polished(np.array(start), free) for start in sorted(started)])
-            beam = ends[np.argsort(self.merit(ends), kind="stable")[:BEAM]]
+            rounded = {(*x[:k], value, *x[k + 1 :]) for x in beam for value in space.adjacent(k, x[k])}
+            candidates = np.array([self.polished(np.array(start), free) for start in sorted(rounded)])
+            beam = candidates[np.argsort(self.merit(candidates), kind="stable")[:BEAM]]
         starts = space.snapped(np.vstack([beam] if near is None else [beam, near]))
-        values, merit = min(map(self._downhill, np.unique(starts, axis=0)), key=lambda end: end[1])
+        values, merit = min(map(self._descended, np.unique(starts, axis=0)), key=lambda end: end[1])
         if merit < REFUSED_MERIT:
             return values, merit
-        sample = space.snapped(space.from_unit(self._sample()))  # nothing beside them can be drawn
+        sample = space.snapped(space.from_unit(self._sample()))  # no neighbour can be drawn
         self.best = np.inf
-        return self._downhill(sample[int(np.argmin(self.merit(sample)))])
+        return self._descended(sample[int(np.argmin(self.merit(sample)))])
 
-    def _downhill(self, values: Array) -> tuple[Array, float]:
-        self.best, continuous = np.inf, self.space.continuous  # those that can be made are drawn anew
+    def _descended(self, values: Array) -> tuple[Array, float]:
+        """Return the local minimum among neighbours that a descent from `values` (d,) reaches, and its merit."""
+        self.best, continuous = np.inf, self.space.continuous  # the best merit so far may be of a design without steps
         values = self.polished(values, continuous)
         merit = float(self.merit(values[None])[0])
         for _ in range(MOVES if not continuous.all() else 0):
-            around = self.space.neighbours(values)
-            merits = self.merit(around)
-            ends = around[np.argsort(merits, kind="stable")[:RESOLVED]]
+            neighbours = self.space.neighbours(values)
+            candidates = neighbours[np.argsort(self.merit(neighbours), kind="stable")[:RESOLVED]]
             if continuous.any():
-                ends = np.array([self.polished(each, continuous) for each in ends])
-            merits = self.merit(ends)
+                candidates = np.array([self.polished(start, continuous) for start in candidates])
+            merits = self.merit(candidates)
             least = int(np.argmin(merits))
             if not merits[least] < merit - 1e-12 * abs(merit):
                 break
-            values, merit = ends[least], float(merits[least])
+            values, merit = candidates[least], float(merits[least])
         self.note(merit)
         return values, merit
 
 
 def polished(model: Model, start: Array, free: AnyArray) -> Array:
-    """The end (d,) of sequential quadratic programming from `start` (d,); the dimensions `free` (d,) may change.
+    """Return the design (d,) that SLSQP reaches from `start` (d,) in the dimensions `free` (d,).
 
-    Differences are of all dimensions in one batch for each iterate. SLSQP overwrites arrays that it is given: copies.
+    All finite differences of an iterate are one batch. SLSQP overwrites the arrays that it receives, hence the copies.
     """
-    space, places, known = model.space, np.flatnonzero(free), dict[bytes, tuple[Array, Array]]()
-    d, u0 = len(places), space.to_unit(start[None])[0]
+    space, variable, known = model.space, np.flatnonzero(free), dict[bytes, tuple[Array, Array]]()
+    d, u0 = len(variable), space.to_unit(start[None])[0]
 
-    def rows(x: Array) -> tuple[Array, Array]:
-        """Of `x` (d,): objective and constraints, (1 + c,), and their slopes (1 + c, d)."""
+    def linearised(x: Array) -> tuple[Array, Array]:
+        """Return objective and constraints (1 + c,) at `x` (d,), and their slopes (1 + c, d)."""
         if x.tobytes() not in known:
-            inside = np.clip(x, 0, 1)
             u = np.tile(u0, (2 * d + 1, 1))
-            u[:, places] = inside
             steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
-            u[:, places] = np.clip(u[:, places] + steps, 0, 1)
+            u[:, variable] = np.clip(np.clip(x, 0, 1) + steps, 0, 1)
             values = space.from_unit(u)
-            quantities = model.found(values)
-            f = np.column_stack([model.wanted(quantities) / size, model.constraints(values, quantities) - INWARD])
-            known[x.tobytes()] = _differences(f, u[:, places])
+            quantities = model.evaluate(values)
+            f = np.column_stack([model.cost(quantities) / size, model.constraints(values, quantities) - INWARD])
+            known[x.tobytes()] = _differences(f, u[:, variable])
         return known[x.tobytes()]
 
-    size = max(abs(float(model.wanted(model.found(start[None]))[0])), 1e-30)
+    size = max(abs(float(model.cost(model.evaluate(start[None]))[0])), 1e-30)
     found = minimize(
-        lambda x: float(rows(x)[0][0]),
-        u0[places],
-        jac=lambda x: rows(x)[1][0].copy(),
+        lambda x: float(linearised(x)[0][0]),
+        u0[variable],
+        jac=lambda x: linearised(x)[1][0].copy(),
         bounds=Bounds(np.zeros(d), np.ones(d)),
-        constraints=[{"type": "ineq", "fun": lambda x: rows(x)[0][1:].copy(), "jac": lambda x: rows(x)[1][1:].copy()}],
+        constraints=[{"type": "ineq", "fun": lambda x: linearised(x)[0][1:].copy(),
+                      "jac": lambda x: linearised(x)[1][1:].copy()}],
         method="SLSQP",
         options={"maxiter": ITERATIONS, "ftol": 1e-10},
-    )
+    )  # fmt: skip
     u = u0.copy()
-    u[places] = np.clip(found.x, 0, 1)
+    u[variable] = np.clip(found.x, 0, 1)
     return np.where(free, space.from_unit(u[None])[0], start)
 
 
 def _differences(f: Array, u: Array) -> tuple[Array, Array]:
-    """Values (k,) and slopes (k, d) of rows (2 d + 1, k) at places (2 d + 1, d): the point, below it, above it.
+    """Return values (k,) and slopes (k, d) from rows (2 d + 1, k) at `u` (2 d + 1, d): a point, below it, above it.
 
-    One side without an answer is left out; without any, a value that no step leads to.
+    A difference is one-sided where the other side has no solution. A point without one is very infeasible.
     """
     d = u.shape[1]
-    lost = np.asarray(~np.isfinite(f).all(axis=1))
-    if lost[0]:
+    unsolved = np.asarray(~np.isfinite(f).all(axis=1))
+    if unsolved[0]:
         return np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d))
     below, above = np.arange(1, d + 1), np.arange(d + 1, 2 * d + 1)
-    a, b = np.where(lost[below], 0, below), np.where(lost[above], 0, above)
+    a, b = np.where(unsolved[below], 0, below), np.where(unsolved[above], 0, above)
     width = u[b, np.arange(d)] - u[a, np.arange(d)]
     return np.asarray(f[0]), ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T

@@ -1,7 +1,7 @@
 """Curved quadratic triangles in the plane, and wedges: these triangles times quadratic segments through the thickness.
 
-Shape functions are products of the triangle's, phi, and the line's, psi; in the plane one node has psi = 1. So the
-stiffness of two nodes of the plane is a sum of matrices of the line, each times a matrix of the plane.
+A shape function is the product of one of the triangle, phi, and one of the line through the thickness, psi; a plane
+element has psi = 1. The stiffness of two nodes of the plane is a sum of products of a plane and a line matrix.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.mesh import NODES, StageMesh, gradients, quadrature, shape_functions
 
-QUADRATURE = 2  # three points: exact on straight triangles; on the default mesh 2e-6 from many points, mesh error 6e-5
+QUADRATURE = 2  # three points: exact on straight triangles; error 2e-6 on the default mesh, whose own error is 6e-5
 SOLID_QUADRATURE = 4  # of products of two quadratic shape functions
 MASS_QUADRATURE = 6  # of products of shape functions times the Jacobian determinant of a curved triangle: exact
 LINE_POINTS = 3  # of Gauss in every layer: exact for products of two quadratic shape functions
 CHUNK = 20_000  # triangles integrated at once
-CACHED = 400  # triangles whose matrices are made at once: they fit a processor's cache, and memory is used again
+CACHED = 400  # triangles whose matrices are computed at once: they fit the cache of a processor, and memory is reused
 
 
 class Plate(NamedTuple):
@@ -32,23 +32,23 @@ class Plate(NamedTuple):
     thickness: float
 
     def lame(self, axes: int) -> tuple[float, float]:
-        """Lame constants, MPa, in 3 axes, or in 2 of plane stress: `lambda* = E nu / (1 - nu^2)`, the same mu."""
+        """Lame constants, MPa, for 3 axes, or for plane stress with 2: `lambda* = E nu / (1 - nu^2)`, same mu."""
         e, nu = self.youngs_modulus, self.poissons_ratio
         return e * nu / ((1 - nu**2) if axes == 2 else (1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
 
 def segment_functions(s: Array) -> tuple[Array, Array]:
-    """Values and slopes (3 nodes, z) of the quadratic shape functions at places (z,) of a segment from -1 to 1."""
+    """Values and slopes (3 nodes, z) of the quadratic shape functions at points (z,) of a segment from -1 to 1."""
     return np.array([s * (s - 1) / 2, 1 - s**2, s * (s + 1) / 2]), np.array([s - 0.5, -2 * s, s + 0.5])
 
 
 class Layers(NamedTuple):
-    """Nodes on a line through the thickness, and what they cannot do: quadratic segments, or one node in the plane.
+    """Nodes of a line through the thickness and their constraints: quadratic segments, or one node in the plane.
 
     heights : (m,), mm, of the nodes above the mid-plane, ascending: ends and middles of the layers.
-    values, slopes : (m, z), of the shape functions at the points of Gauss; slopes in 1/mm.
-    weights : (z,), mm, of these; twice where the segments are half of the thickness.
-    held : nodes with w = 0.   fixed : nodes with u = v = 0, of motion out of the plane.
+    values, slopes : (m, z), of the shape functions at the Gauss points; slopes in 1/mm.
+    weights : (z,), mm, of the Gauss points; doubled when the segments cover half of the thickness.
+    held : nodes with w = 0.   fixed : nodes with u = v = 0, for motion out of the plane.
     """
 
     heights: Array
@@ -60,56 +60,56 @@ class Layers(NamedTuple):
 
     @property
     def axes(self) -> int:
-        """Components of a displacement."""
+        """Number of components of a displacement."""
         return 2 if len(self.heights) == 1 else 3
 
     @property
     def antisymmetric(self) -> Layers:
-        """The same layers for motion out of the plane."""
+        """The same layers with the constraints of motion out of the plane."""
         return self._replace(held=(), fixed=(0,))
 
     @property
-    def kept(self) -> Index:
-        """Places among the components (m, d) of the line of its unknowns: u, v of all nodes, then w."""
-        place = np.arange(len(self.heights) * self.axes).reshape(-1, self.axes)
-        flat, lifted = np.delete(place[:, :2], self.fixed, axis=0), np.delete(place[:, 2:], self.held, axis=0)
-        return np.concatenate([flat.ravel(), lifted.ravel()])
+    def free_components(self) -> Index:
+        """Flat indices of the free components among (m, d) of the line: u, v of all nodes, then w."""
+        index = np.arange(len(self.heights) * self.axes).reshape(-1, self.axes)
+        uv, w = np.delete(index[:, :2], self.fixed, axis=0), np.delete(index[:, 2:], self.held, axis=0)
+        return np.concatenate([uv.ravel(), w.ravel()])
 
     @property
     def at_nodes(self) -> Layers:
-        """With the nodes as points, slopes there being the mean of two layers'."""
+        """The layers evaluated at their nodes; a slope between two layers is the mean of both."""
         count = len(self.heights)
-        slopes, around = np.zeros((count, count)), np.zeros(count)
+        slopes, adjacent = np.zeros((count, count)), np.zeros(count)
         for first in range(0, count - 1, 2):
             at = slice(first, first + 3)
             slopes[at, at] += 2 * segment_functions(np.array([-1.0, 0.0, 1.0]))[1] / np.ptp(self.heights[at])
-            around[at] += 1.0
-        return self._replace(values=np.eye(count), slopes=slopes / np.maximum(around, 1.0))
+            adjacent[at] += 1.0
+        return self._replace(values=np.eye(count), slopes=slopes / np.maximum(adjacent, 1.0))
 
     def rigid(self, nodes: Array) -> Array:
-        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per pose x, y, theta of a rigid body.
+        """Displacements (n, m, d, 3) of nodes of the plane (n, 2), mm, per unit pose x, y, theta of a rigid body.
 
-        Out of the plane it is z and the rotations a, b about x and y: `u = b z, v = -a z, w = Z + a y - b x`.
+        Out of the plane the pose is Z and the rotations a, b about x and y: `u = b z, v = -a z, w = Z + a y - b x`.
         """
-        found, (x, y) = np.zeros((len(nodes), len(self.heights), self.axes, 3)), nodes.T[:, :, None]
+        rigid, (x, y) = np.zeros((len(nodes), len(self.heights), self.axes, 3)), nodes.T[:, :, None]
         if self.fixed:
-            found[:, :, 0, 2], found[:, :, 1, 1] = self.heights, -self.heights
-            found[:, :, 2, 0], found[:, :, 2, 1], found[:, :, 2, 2] = 1.0, y, -x
+            rigid[:, :, 0, 2], rigid[:, :, 1, 1] = self.heights, -self.heights
+            rigid[:, :, 2, 0], rigid[:, :, 2, 1], rigid[:, :, 2, 2] = 1.0, y, -x
         else:
-            found[:, :, 0, 0] = found[:, :, 1, 1] = 1.0
-            found[:, :, 0, 2], found[:, :, 1, 2] = -y, x
-        return found
+            rigid[:, :, 0, 0] = rigid[:, :, 1, 1] = 1.0
+            rigid[:, :, 0, 2], rigid[:, :, 1, 2] = -y, x
+        return rigid
 
 
 def sheet(thickness: float) -> Layers:
-    """The one node on the line of a plane structure."""
+    """Return the single node through the thickness of a plane structure."""
     return Layers(np.zeros(1), np.ones((1, 1)), np.zeros((1, 1)), np.array([thickness]), (0,))
 
 
 def mirrored(thickness: float, number: int, surface: float) -> Layers:
-    """Layers of half the thickness, thinner towards the free face; the other half is alike.
+    """Return layers of the upper half of the thickness, thinner towards the free face; integrals cover both halves.
 
-    surface : mm, distance from the face over which the layers grow; below it the stress of a neck that wide changes.
+    surface : mm, depth below the face within which layers are thin, about the width of a neck: there its stress varies.
     """
     bounds = thickness / 2 - widening(np.linspace(1.0, 0.0, number + 1), surface, thickness / 2)
     bounds[0] = 0.0
@@ -117,30 +117,30 @@ def mirrored(thickness: float, number: int, surface: float) -> Layers:
 
 
 def widening(s: Array, scale: float, total: float) -> Array:
-    """Points 0..total for s in 0..1, evenly spaced up to about `scale` and then in a geometric progression."""
+    """Map s in 0..1 to 0..total: evenly spaced up to about `scale`, then in geometric progression."""
     return np.asarray(scale * np.sinh(np.arcsinh(total / scale) * s))
 
 
 def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layers:
-    """Layers with given bounds (l + 1,), mm, ascending; integrals count `copies` times."""
+    """Return layers with bounds (l + 1,), mm, ascending; integrals are multiplied by `copies`."""
     s, w = np.polynomial.legendre.leggauss(LINE_POINTS)
     psi, slope = segment_functions(s)
-    high, count = np.diff(bounds), len(bounds) - 1
-    heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + high / 2]).ravel(), bounds[-1:]])
+    height, count = np.diff(bounds), len(bounds) - 1
+    heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + height / 2]).ravel(), bounds[-1:]])
     values, slopes = np.zeros((2, 2 * count + 1, LINE_POINTS * count))
     for layer in range(count):
         at = slice(2 * layer, 2 * layer + 3), slice(LINE_POINTS * layer, LINE_POINTS * (layer + 1))
-        values[at], slopes[at] = psi, slope * 2 / high[layer]
-    return Layers(heights, values, slopes, np.outer(copies * high / 2, w).ravel(), held)
+        values[at], slopes[at] = psi, slope * 2 / height[layer]
+    return Layers(heights, values, slopes, np.outer(copies * height / 2, w).ravel(), held)
 
 
 class ElementBatch(NamedTuple):
-    """Some of the triangles with what integration over them needs.
+    """A batch of triangles with shape functions, gradients and weights at the quadrature points.
 
     triangles : (e, 6) nodes.
     gradients : (e, 6 nodes, 2, q points), 1/mm, of the shape functions.
     weights : (e, q), mm^2, quadrature weights times Jacobian determinant.
-    phi : (6, q), shape functions at the points.
+    phi : (6, q), shape functions.
     """
 
     triangles: Index
@@ -149,49 +149,49 @@ class ElementBatch(NamedTuple):
     phi: Array
 
     def pieces(self, size: int = CACHED) -> Iterator[ElementBatch]:
-        """The batch in pieces of at most `size` triangles."""
+        """Yield the batch in pieces of at most `size` triangles."""
         for start in range(0, len(self.triangles), size):
             part = slice(start, start + size)
             yield ElementBatch(self.triangles[part], self.gradients[part], self.weights[part], self.phi)
 
-    def gathering(self, nodes: int) -> tuple[Index, sp.csc_array]:
-        """The triangles' own nodes (c,) of so many, and the matrix (c, 6 e) that adds up values at their nodes."""
+    def assembly(self, nodes: int) -> tuple[Index, sp.csc_array]:
+        """Nodes (c,) of these triangles in a mesh of `nodes`, and the matrix (c, 6 e) that sums element values."""
         used = np.zeros(nodes, dtype=bool)
         used[self.triangles] = True
-        own, every = np.flatnonzero(used), np.arange(self.triangles.size + 1)
+        own, columns = np.flatnonzero(used), np.arange(self.triangles.size + 1)
         rows = (np.cumsum(used) - 1)[self.triangles].ravel()
-        return own, sp.csc_array((np.ones(every[-1]), rows, every), shape=(len(own), every[-1]))
+        return own, sp.csc_array((np.ones(columns[-1]), rows, columns), shape=(len(own), columns[-1]))
 
     def slopes(self, line: Layers, fields: Array) -> Array:
         """Displacement gradients `d_b u_a` (k, e, d, d, q z) of fields (k, n, 2) or (k, n, m, 3), mm.
 
-        By differences in an element: large rigid motions cancel before they are multiplied by Young's modulus.
+        Displacements relative to the first node are used, so that large rigid motions cancel without round-off.
         """
-        at = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
-        found = np.einsum("keimc,eibq,mz->kecbqz", at - at[:, :, :1], self.gradients, line.values, optimize=True)
+        u = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
+        slopes = np.einsum("keimc,eibq,mz->kecbqz", u - u[:, :, :1], self.gradients, line.values, optimize=True)
         if line.axes == 3:
-            lifted = np.einsum("keimc,iq,mz->kecqz", at - at[:, :, :, :1], self.phi, line.slopes, optimize=True)
-            found = np.concatenate([found, lifted[:, :, :, None]], axis=3)
-        return np.asarray(found.reshape(*found.shape[:4], -1))
+            along_z = np.einsum("keimc,iq,mz->kecqz", u - u[:, :, :, :1], self.phi, line.slopes, optimize=True)
+            slopes = np.concatenate([slopes, along_z[:, :, :, None]], axis=3)
+        return np.asarray(slopes.reshape(*slopes.shape[:4], -1))
 
     def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:
-        """Add to forces (k, n, ...), N, what balances stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
+        """Add to `forces` (k, n, ...), N, the balance of stresses (k, e, d, d, q z): `f_ia = int s_ab d_b phi_i dV`."""
         weighted = stress.reshape(*stress.shape[:4], -1, len(line.weights))
         weighted = weighted * (self.weights[:, :, None] * line.weights)[:, None, None]
         nodal = np.einsum("kecbqz,eibq,mz->eikmc", weighted[:, :, :, :2], self.gradients, line.values, optimize=True)
         if line.axes == 3:
             nodal = nodal + np.einsum("kecqz,iq,mz->eikmc", weighted[:, :, :, 2], self.phi, line.slopes, optimize=True)
-        own, gathering = self.gathering(forces.shape[1])
-        gathered = gathering @ nodal.reshape(self.triangles.size, -1)
-        forces[:, own] += np.moveaxis(gathered.reshape(len(own), len(forces), *forces.shape[2:]), 1, 0)
+        own, assembly = self.assembly(forces.shape[1])
+        total = assembly @ nodal.reshape(self.triangles.size, -1)
+        forces[:, own] += np.moveaxis(total.reshape(len(own), len(forces), *forces.shape[2:]), 1, 0)
 
     def stiffness(self, plate: Plate, axes: int) -> Array:
-        """Coefficients (e, 6, 6, l, d, d) of the stiffness of two nodes of the plane, for the line's l matrices.
+        """Coefficients (e, 6, 6, l, d, d) of the l matrices of the line in the stiffness between nodes of the plane.
 
         Notes
         -----
-        Of the weak form `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`, with `g = int d_a phi_i d_b phi_j dA` in
-        the plane: `lambda g_ab + mu g_ba + mu delta_ab g_cc`.
+        The weak form is `int lambda e_kk(u) e_ll(v) + 2 mu e(u) : e(v) dV`; with `g = int d_a phi_i d_b phi_j dA` its
+        plane part is `lambda g_ab + mu g_ba + mu delta_ab g_cc`.
         """
         (lame, mu), e, phi = plate.lame(axes), len(self.triangles), self.phi
         root = (self.gradients * np.sqrt(self.weights)[:, None, None]).reshape(e, 12, -1)
@@ -203,24 +203,24 @@ class ElementBatch(NamedTuple):
         plane = plane.transpose(0, 1, 3, 2, 4)
         if axes == 2:
             return plane[:, :, :, None]
-        found = np.zeros((e, 6, 6, 4, 3, 3))
-        found[..., 0, :2, :2], found[..., 0, 2, 2] = plane, laplace
+        blocks = np.zeros((e, 6, 6, 4, 3, 3))
+        blocks[..., 0, :2, :2], blocks[..., 0, 2, 2] = plane, laplace
         a = np.einsum("eiaq,jq,eq->eija", self.gradients, phi, self.weights, optimize=True)
-        mass, back = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
-        found[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
-        found[..., 2, :2, 2], found[..., 2, 2, :2] = lame * a, mu * a
-        found[..., 3, :2, 2], found[..., 3, 2, :2] = mu * back, lame * back
-        return found
+        mass, transposed = np.einsum("iq,jq,eq->eij", phi, phi, self.weights, optimize=True), a.swapaxes(1, 2)
+        blocks[..., 1, range(3), range(3)] = mass[..., None] * [mu, mu, lame + 2 * mu]
+        blocks[..., 2, :2, 2], blocks[..., 2, 2, :2] = lame * a, mu * a
+        blocks[..., 3, :2, 2], blocks[..., 3, 2, :2] = mu * transposed, lame * transposed
+        return blocks
 
 
 def integration(mesh: StageMesh, degree: int = QUADRATURE) -> list[ElementBatch]:
-    """All triangles in batches of `CHUNK`, for a quadrature of a degree."""
+    """Return all triangles in batches of `CHUNK`, with a quadrature rule of the given degree."""
     points, rule = quadrature(degree)
     phi, batches = shape_functions(points)[0], []
     for start in range(0, len(mesh.triangles), CHUNK):
         part = mesh.triangles[start : start + CHUNK]
-        found, determinant = gradients(mesh.nodes[part], points)
-        batches.append(ElementBatch(part, found, np.abs(determinant) * rule, phi))
+        slopes, determinant = gradients(mesh.nodes[part], points)
+        batches.append(ElementBatch(part, slopes, np.abs(determinant) * rule, phi))
     return batches
 
 
@@ -235,14 +235,14 @@ def stress_tensor(plate: Plate, slopes: Array) -> Array:
     return np.asarray(stress)
 
 
-def von_mises(stress: Array, pull: float = 0.0, across: Array | float = 0.0) -> Array:
+def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) -> Array:
     """Von Mises stress (...), MPa, of stresses (..., 3, 3), or (..., 2, 2) in the plane.
 
-    To these belongs a stress across the plane of `pull` (xx + yy) + `across`; in plane strain `pull` is nu.
+    In the plane the stress zz is `ratio` (xx + yy) + `across`; in plane strain `ratio` is nu.
     """
     xx, yy, shear = stress[..., 0, 0], stress[..., 1, 1], stress[..., 0, 1] ** 2
     if stress.shape[-1] == 2:
-        zz = pull * (xx + yy) + across
+        zz = ratio * (xx + yy) + across
     else:
         zz, shear = stress[..., 2, 2], shear + stress[..., 0, 2] ** 2 + stress[..., 1, 2] ** 2
     return np.asarray(np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * shear))
@@ -251,41 +251,41 @@ def von_mises(stress: Array, pull: float = 0.0, across: Array | float = 0.0) -> 
 class Pairs(NamedTuple):
     """Pairs of nodes of the plane that share a triangle.
 
-    rows, columns : (p,), their numbers, the first not below the second.
-    chosen : (e, 6, 6), which blocks of the triangles, in the order of the batches, are theirs.
-    gathering : (p, chosen), adds these up.
+    rows, columns : (p,), node numbers, row >= column.
+    chosen : (e, 6, 6), marks the blocks of the triangles, in the order of the batches, that belong to a pair.
+    assembly : (p, chosen), matrix that sums these blocks.
     """
 
     rows: AnyArray
     columns: AnyArray
     chosen: NDArray[np.bool_]
-    gathering: sp.csr_array
+    assembly: sp.csr_array
 
 
 def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
-    """Lower triangle of a symmetric matrix of the unknowns of the numbered nodes, node by node as of `Layers.kept`.
+    """Assemble the lower triangle of a symmetric matrix, whose unknowns are `Layers.free_components` of every node.
 
-    blocks : (e, 6, 6, l, d, d), of the triangles in their order, for the matrices (l, m, m) of the line:
-        `int psi_k psi_l dz`, and of more nodes than one of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k psi_l`.
+    blocks : (e, 6, 6, l, d, d), of the triangles in their order, coefficients of the matrices (l, m, m) of the line:
+        `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k psi_l`.
     """
     first, parts = 0, list[Array]()
-    for each in blocks:
-        chosen, shape = pairs.chosen[first : first + len(each)], each.shape[3:]
-        parts.append(each.reshape(chosen.size, -1)[np.flatnonzero(chosen)])  # four times faster than by the mask
-        first += len(each)
-    plane = (pairs.gathering @ np.concatenate(parts)).reshape(-1, *shape)
-    parts.clear()  # their memory is free
+    for block in blocks:
+        chosen, shape = pairs.chosen[first : first + len(block)], block.shape[3:]
+        parts.append(block.reshape(chosen.size, -1)[np.flatnonzero(chosen)])  # four times faster than a mask
+        first += len(block)
+    plane = (pairs.assembly @ np.concatenate(parts)).reshape(-1, *shape)
+    parts.clear()  # frees their memory
     psi, slope, weights = line.values, line.slopes, line.weights
     products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if line.axes == 2 else 4]
-    matrices = np.array([(one * weights) @ other.T for one, other in products])
-    size, kept = len(line.kept), line.kept
-    place = np.full((len(line.heights), line.axes), -1, dtype=np.int32)
-    place.ravel()[kept] = np.arange(size)
+    matrices = np.array([(left * weights) @ right.T for left, right in products])
+    size, free = len(line.free_components), line.free_components
+    unknown = np.full((len(line.heights), line.axes), -1, dtype=np.int32)
+    unknown.ravel()[free] = np.arange(size)
     k, j = np.nonzero((psi != 0).astype(float) @ (psi != 0).T)  # nodes of the line that share a layer
-    one, other = (each.ravel() for each in np.broadcast_arrays(place[k][:, :, None], place[j][:, None, :]))
-    moving = (one >= 0) & (other >= 0)
+    row, column = (n.ravel() for n in np.broadcast_arrays(unknown[k][:, :, None], unknown[j][:, None, :]))
+    moving = (row >= 0) & (column >= 0)
     values = np.einsum("plab,ly->pyab", plane, matrices[:, k, j], optimize=True).reshape(len(plane), -1)
-    values, rows, columns = values[:, moving], size * pairs.rows[:, None] + one[moving], other[moving]
+    values, rows, columns = values[:, moving], size * pairs.rows[:, None] + row[moving], column[moving]
     columns = size * pairs.columns[:, None] + columns
     below = rows >= columns
     values, rows, columns = values[below], rows[below], columns[below]
@@ -297,21 +297,21 @@ def nodal_stress(
 ) -> Array:
     """Stress (..., c, 2, 2), MPa, at all or chosen nodes (c,) of fields (..., n, 2), mm, averaged over the elements.
 
-    With layers (..., c, m, 3, 3) of fields (..., n, m, 3).
+    With layers the stress is (..., c, m, 3, 3) and fields are (..., n, m, 3).
     """
     line, n = (layers or sheet(plate.thickness)).at_nodes, len(mesh.nodes)
     m, d = len(line.heights), line.axes
     chosen, near = np.arange(n) if chosen is None else chosen, np.zeros(n, dtype=bool)
     near[chosen] = True
     triangles = mesh.triangles[near[mesh.triangles].any(axis=1)]
-    every = fields.reshape(-1, n, m * d)
-    k, total = len(every), np.zeros((n, len(every) * m * d * d))
+    flat = fields.reshape(-1, n, m * d)
+    k, total = len(flat), np.zeros((n, len(flat) * m * d * d))
     for start in range(0, len(triangles), CACHED):
         part = triangles[start : start + CACHED]
         batch = ElementBatch(part, gradients(mesh.nodes[part], NODES)[0], np.empty((len(part), 0)), np.eye(6))
-        stress = stress_tensor(plate, batch.slopes(line, every)).reshape(k, -1, d, d, 6, m)
-        own, gathering = batch.gathering(n)
-        total[own] += gathering @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
-    around = np.bincount(triangles.ravel(), minlength=n)[chosen]
-    mean = np.moveaxis((total[chosen] / around[:, None]).reshape(len(chosen), k, -1), 1, 0)
+        stress = stress_tensor(plate, batch.slopes(line, flat)).reshape(k, -1, d, d, 6, m)
+        own, assembly = batch.assembly(n)
+        total[own] += assembly @ stress.transpose(1, 4, 0, 5, 2, 3).reshape(part.size, -1)
+    adjacent = np.bincount(triangles.ravel(), minlength=n)[chosen]
+    mean = np.moveaxis((total[chosen] / adjacent[:, None]).reshape(len(chosen), k, -1), 1, 0)
     return np.asarray(mean.reshape(*fields.shape[: -2 if layers is None else -3], len(chosen), *[m] * (d == 3), d, d))

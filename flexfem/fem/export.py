@@ -1,4 +1,4 @@
-"""Meshes and fields for other programs: .msh and .vtu through meshio, .inp for Abaqus and CalculiX."""
+"""Export of meshes and fields: .msh and .vtu through meshio, .inp for Abaqus and CalculiX."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.refused import BadInput
 
-PER_LINE = 8  # members of a set; CalculiX takes at most 16 entries a line
+PER_LINE = 8  # members of a set; CalculiX reads at most 16 entries per line
 FORMATS = (".msh", ".vtu", ".inp")
 
 
@@ -24,11 +24,11 @@ def write_deck(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
     Notes
     -----
-    Sets `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the mesh is number k + 1; two
-    more at the platform's centre carry the pose: the first has x and y in its degrees of freedom 1 and 2, the second
-    has theta, in rad, in its degree of freedom 1, where a moment in N mm acts as a force. The hub follows them by
-    linear equations, `u = X - theta y`, `v = Y + theta x`; a `*RIGID BODY` states a large rotation, which each program
-    linearises by its own rules.
+    The sets are `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the mesh has the number
+    k + 1; two more nodes at the platform centre carry the pose: x and y are the degrees of freedom 1 and 2 of the
+    first, theta, in rad, is the degree of freedom 1 of the second, where a moment in N mm acts as a force. Linear
+    equations tie the hub to them, `u = X - theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large
+    rotation, which each program linearises differently.
     """
     text = "\n".join(_deck(mesh, plate))
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
@@ -40,7 +40,7 @@ def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
     yield from ("*HEADING", "flexure-hinge stage by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
     yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
     yield from ("*NODE, NSET=platform", f"{centre}, 0, 0, 0", f"{rotation}, 0, 0, 0")
-    yield "*ELEMENT, TYPE=CPS6, ELSET=stage"  # corners, then middles of the sides 12, 23, 31: the mesh's own order
+    yield "*ELEMENT, TYPE=CPS6, ELSET=stage"  # corners, then middles of the sides 12, 23, 31, as in the mesh
     yield from (", ".join(map(str, (k, *row))) for k, row in enumerate((mesh.triangles + 1).tolist(), start=1))
     for name, nodes in (("ground", ground), ("hub", hub)):
         yield f"*NSET, NSET={name}"
@@ -61,12 +61,12 @@ def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
 
 
 def _field(value: float) -> str:
-    """A number for CalculiX, which reads no more than 20 characters of a field."""
+    """Format a number for CalculiX, which reads at most 20 characters of a field."""
     return f"{value:.12g}"
 
 
 def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
-    """Write a mesh by its file's extension, with the groups `stage`, `ground` and `hub`.
+    """Write a mesh in the format of the file's extension, with the groups `stage`, `ground` and `hub`.
 
     An Abaqus or CalculiX deck (.inp) also holds the plate, the clamps, the rigid hub and a step for each unit load.
 
@@ -91,16 +91,16 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
 
 def check_format(path: Path) -> None:
-    """Raise BadInput when no format is known by the file's extension."""
+    """Raise BadInput when the extension of a file names no format."""
     if path.suffix not in FORMATS:
-        found = f"extension {path.suffix!r}" if path.suffix else "no extension"
-        raise BadInput(f"{path}: {found}, expected a file name that ends in one of {', '.join(FORMATS)}")
+        extension = f"extension {path.suffix!r}" if path.suffix else "no extension"
+        raise BadInput(f"{path}: {extension}, expected a file name that ends in one of {', '.join(FORMATS)}")
 
 
 def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None) -> None:
-    """Write the mesh with nodal fields (n, ...) as VTK's unstructured grid; 1 marks the nodes of `ground` and `hub`.
+    """Write the mesh with nodal fields (n, ...) as a VTK unstructured grid; 1 marks the nodes of `ground` and `hub`.
 
-    heights : (m,), mm, of the nodes of wedges of 18 nodes, ends and middles of the layers; fields are (n, m, ...).
+    heights : (m,), mm, node heights of layers of 18-node wedges, ends and middles; fields are then (n, m, ...).
     """
     import meshio
 

@@ -1,8 +1,8 @@
-"""Sparse Cholesky and static condensation: by CHOLMOD from the cvxopt wheel when it is there, else by SuperLU.
+"""Sparse Cholesky factorisation and static condensation: CHOLMOD of the cvxopt wheel when installed, else SuperLU.
 
-Matrices are symmetric and given by their lower triangles. One is condensed onto its last unknowns, the boundary, by one
-factorisation `P K P' = L L'` with the boundary last in the elimination order: its trailing block gives the Schur
-complement `S = L_bb L_bb'`, so that no right-hand side is solved for each unknown of the boundary.
+Matrices are symmetric and given by their lower triangles. A matrix is condensed onto its last unknowns, the boundary,
+by one factorisation `P K P' = L L'` with the boundary last in the elimination order: the trailing block gives the Schur
+complement `S = L_bb L_bb'` without a solve for each boundary unknown.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from flexfem.refused import ComputationFailed
 
 SINGULAR = "finite-element equations singular to working precision: a part is not held, or a neck too thin"
 UNSTABLE = "tangent stiffness singular to working precision: a limit or bifurcation load"
-TAKEN_APART = 12_000  # unknowns from which on a factor is made twice sooner than solved for every boundary unknown
+FACTORISED_TWICE = 12_000  # unknowns from which a second factorisation is faster than a solve per boundary unknown
 WHOLE, FORWARD, BACKWARD, PERMUTE, RESTORE = 0, 4, 5, 7, 8  # CHOLMOD: K x = b, L x = b, L' x = b, x = P b, x = P' b
 
 Solve: TypeAlias = Callable[[Array], Array]
-"""Right-hand sides b (m, k) to solutions x (m, k)."""
+"""Function from right-hand sides b (m, k) to solutions x (m, k)."""
 
 
 def factorise(lower: sp.csr_array) -> Solve:
@@ -34,8 +34,8 @@ def factorise(lower: sp.csr_array) -> Solve:
     if find_spec("cvxopt") is None:
         return superlu(lower)
     K = _to_cvxopt(lower)
-    del lower  # its memory is free for the factor, unless the caller keeps it
-    return partial(_system, _cholmod(K), kind=WHOLE)
+    del lower  # frees its memory for the factor unless the caller holds it
+    return partial(_solve, _cholmod_factor(K), kind=WHOLE)
 
 
 def _to_cvxopt(lower: sp.csr_array) -> Any:
@@ -46,14 +46,14 @@ def _to_cvxopt(lower: sp.csr_array) -> Any:
     return spmatrix(matrix(lower.data), rows, columns, lower.shape)
 
 
-def _cholmod(K: Any, order: Index | None = None, symbolic: Any = None) -> Any:
-    """CHOLMOD's factor, in its own order or one given, or with a symbolic factor. Raises ComputationFailed."""
+def _cholmod_factor(K: Any, order: Index | None = None, symbolic: Any = None) -> Any:
+    """Factorise with CHOLMOD, in its own order, a given one, or that of a symbolic factor. Raises ComputationFailed."""
     from cvxopt import cholmod, matrix
 
     if order is not None:
-        cholmod.options["nmethods"] = 1  # else an order of CHOLMOD's own is tried as well, and kept
+        cholmod.options["nmethods"] = 1  # else CHOLMOD also tries an order of its own and may prefer it
         symbolic = cholmod.symbolic(K, p=matrix(order.astype(np.int64)))
-        del cholmod.options["nmethods"]  # with it, no order of CHOLMOD's own is found
+        del cholmod.options["nmethods"]  # it would disable the search for an order in later calls
     factor = symbolic or cholmod.symbolic(K)
     try:
         cholmod.numeric(K, factor)
@@ -62,8 +62,8 @@ def _cholmod(K: Any, order: Index | None = None, symbolic: Any = None) -> Any:
     return factor
 
 
-def _system(factor: Any, b: Array, kind: int) -> Array:
-    """One of CHOLMOD's systems, of right-hand sides (m, k)."""
+def _solve(factor: Any, b: Array, kind: int) -> Array:
+    """Solve the CHOLMOD system `kind` for right-hand sides (m, k)."""
     from cvxopt import cholmod, matrix
 
     x = matrix(np.asfortranarray(b))
@@ -71,24 +71,24 @@ def _system(factor: Any, b: Array, kind: int) -> Array:
     return np.array(x)
 
 
-def _whole(lower: sp.csr_array) -> sp.csc_array:
+def _symmetric(lower: sp.csr_array) -> sp.csc_array:
     return (lower + sp.tril(lower, -1).T).tocsc()
 
 
 def superlu(lower: sp.csr_array) -> Solve:
-    """As `factorise`, by SuperLU without pivoting, which the symmetric ordering needs."""
+    """Factorise as `factorise` with SuperLU, without pivoting, to keep the symmetric ordering."""
     from scipy.sparse.linalg import splu
 
     options = {"SymmetricMode": True}
     try:
-        factor = splu(_whole(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+        factor = splu(_symmetric(lower), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError:
         raise ComputationFailed(SINGULAR) from None
     return lambda b: np.asarray(factor.solve(b))
 
 
 def dense(A: Array) -> Solve:
-    """As `factorise`, of a dense matrix (m, m)."""
+    """Factorise a dense matrix (m, m) as `factorise`."""
     try:
         factor = cho_factor(A)
     except np.linalg.LinAlgError:
@@ -97,11 +97,11 @@ def dense(A: Array) -> Solve:
 
 
 class Condensed(NamedTuple):
-    """A matrix (m, m) whose last b unknowns are the boundary.
+    """A matrix (m, m) condensed onto its last b unknowns, the boundary.
 
     schur : (b, b), Schur complement `S = K_bb - K_bi K_ii^-1 K_ib`.
-    reduced : loads (m, k) -> what `expanded` needs of them (m, k), and the loads (b, k) they leave on the boundary.
-    expanded : what `reduced` gave (m, k), boundary unknowns (b, k) -> all unknowns (m, k).
+    reduced : loads (m, k) -> intermediate solution (m, k) for `expanded`, and condensed loads (b, k) on the boundary.
+    expanded : intermediate solution (m, k), boundary unknowns (b, k) -> all unknowns (m, k).
     """
 
     schur: Array
@@ -116,64 +116,64 @@ def condense(lower: sp.csr_array, boundary: int) -> Condensed:
     from cvxopt import amd, cholmod, matrix
 
     K, size = _to_cvxopt(lower), lower.shape[0]
-    del lower  # as in `factorise`
+    del lower  # frees its memory for the factor unless the caller holds it
     inner, order = size - boundary, np.array(amd.order(K, "L")).ravel()
     order = np.concatenate([order[order < inner], np.arange(inner, size)])
-    factor = _cholmod(K, order)
-    last = _system(factor, np.arange(size, dtype=float)[:, None], PERMUTE)[inner:, 0]
+    factor = _cholmod_factor(K, order)
+    last = _solve(factor, np.arange(size, dtype=float)[:, None], PERMUTE)[inner:, 0]
     if not np.array_equal(last, np.arange(inner, size)):
-        raise ComputationFailed(SINGULAR)  # inner unknowns that the boundary does not reach are not held
-    if size < TAKEN_APART:
-        L = np.linalg.inv(_system(factor, np.eye(size, boundary, -inner), FORWARD)[inner:])
+        raise ComputationFailed(SINGULAR)  # inner unknowns without connection to the boundary are not held
+    if size < FACTORISED_TWICE:
+        L = np.linalg.inv(_solve(factor, np.eye(size, boundary, -inner), FORWARD)[inner:])
     else:
         L = np.tril(np.array(matrix(cholmod.getfactor(factor)[inner:, inner:])))
-        factor = _cholmod(K, order)  # again: taking it apart has spent it
+        factor = _cholmod_factor(K, order)  # again, as getfactor invalidates it
 
     def reduced(loads: Array) -> tuple[Array, Array]:
-        y = _system(factor, _system(factor, loads, PERMUTE), FORWARD)
+        y = _solve(factor, _solve(factor, loads, PERMUTE), FORWARD)
         return y, L @ y[inner:]
 
     def expanded(y: Array, edge: Array) -> Array:
-        found = _system(factor, _system(factor, np.concatenate([y[:inner], L.T @ edge]), BACKWARD), RESTORE)
-        found[inner:] = edge  # without the round-off of the triangle's solution
-        return found
+        x = _solve(factor, _solve(factor, np.concatenate([y[:inner], L.T @ edge]), BACKWARD), RESTORE)
+        x[inner:] = edge  # without the round-off of the substitution
+        return x
 
     return Condensed(L @ L.T, reduced, expanded)
 
 
 def _by_superlu(lower: sp.csr_array, boundary: int) -> Condensed:
-    """The inner unknowns alone are factorised."""
+    """Condense with SuperLU, which factorises the inner unknowns alone."""
     inner = lower.shape[0] - boundary
-    across, below = lower[inner:, :inner], lower[inner:, inner:].toarray()
+    coupling, K_bb = lower[inner:, :inner], lower[inner:, inner:].toarray()
     solve = superlu(lower[:inner, :inner])
-    schur = below + np.tril(below, -1).T - across @ solve(across.T.toarray())
+    schur = K_bb + np.tril(K_bb, -1).T - coupling @ solve(coupling.T.toarray())
 
     def reduced(loads: Array) -> tuple[Array, Array]:
         x = solve(loads[:inner])
-        return np.concatenate([x, np.zeros((boundary, loads.shape[1]))]), loads[inner:] - across @ x
+        return np.concatenate([x, np.zeros((boundary, loads.shape[1]))]), loads[inner:] - coupling @ x
 
     def expanded(x: Array, edge: Array) -> Array:
-        return np.concatenate([x[:inner] - solve(across.T @ edge), edge])
+        return np.concatenate([x[:inner] - solve(coupling.T @ edge), edge])
 
     return Condensed((schur + schur.T) / 2, reduced, expanded)
 
 
 class Factoriser:
-    """Factorises matrices, definite or not; those with the pattern of the one before share its order (CHOLMOD)."""
+    """Factorise matrices, definite or not; successive matrices of one pattern share an elimination order (CHOLMOD)."""
 
     _pattern: tuple[Index, Index] | None = None
     _matrix: Any
     _symbolic: Any
 
     def __call__(self, lower: sp.csr_array) -> Solve:
-        """How a factor solves, until the next one is made. Raises ComputationFailed for a singular matrix."""
+        """Return the solver of a matrix, valid until the next call. Raises ComputationFailed for a singular matrix."""
         from scipy.sparse.linalg import splu
 
         if find_spec("cvxopt") is not None:
-            with suppress(ComputationFailed):  # not definite
+            with suppress(ComputationFailed):  # indefinite
                 return self._by_cholmod(lower)
         try:
-            factor = splu(_whole(lower))
+            factor = splu(_symmetric(lower))
         except RuntimeError:
             raise ComputationFailed(UNSTABLE) from None
         return lambda b: np.asarray(factor.solve(b))
@@ -181,11 +181,11 @@ class Factoriser:
     def _by_cholmod(self, lower: sp.csr_array) -> Solve:
         from cvxopt import cholmod, matrix
 
-        ordered = lower.tocsc()  # as cvxopt has its entries
+        ordered = lower.tocsc()  # the order of entries in cvxopt
         pattern = ordered.indptr, ordered.indices
         if self._pattern and all(map(np.array_equal, self._pattern, pattern)):
             self._matrix.V = matrix(ordered.data)
         else:
             self._pattern, self._matrix = pattern, _to_cvxopt(lower)
             self._symbolic = cholmod.symbolic(self._matrix)
-        return partial(_system, _cholmod(self._matrix, symbolic=self._symbolic), kind=WHOLE)
+        return partial(_solve, _cholmod_factor(self._matrix, symbolic=self._symbolic), kind=WHOLE)

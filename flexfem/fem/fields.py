@@ -1,4 +1,4 @@
-"""What fields of a stage say: stress at its necks and clamped edges, rotations of its base hinges, its envelope."""
+"""Quantities of stage fields: stress at necks and clamped edges, rotations of base hinges, envelope."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, StaticSolution, clamped_nodes
 from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of
-from flexfem.fem.symmetry import under_loads
+from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.bodies import BODIES
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, stage_frames, turned
 from flexfem.mechanism.stage import Stage
 
-BESIDE = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies are taken for rigid
-CORNER = 0.2  # of a clamped edge, left out at both ends: stress at its corners has no bound, and grows with the mesh
+RIGID = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies count as rigid
+CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its corners is singular
 
 
 class LoadCase(NamedTuple):
-    """One load on the platform: pose (3,) mm, mm, rad; field (n, 2) mm; reaction (3,) N, N, N mm; energy N mm;
-    stress (n,) von Mises, MPa; neck_stress (3 chains, 3 hinges), the largest in each notch, MPa."""
+    """Response to a load on the platform: pose (3,) mm, mm, rad; field (n, 2) mm; reaction (3,) N, N, N mm; energy
+    N mm; stress (n,) von Mises, MPa; neck_stress (3 chains, 3 hinges), largest in each notch, MPa."""
 
     pose: Array
     field: Array
@@ -35,12 +35,12 @@ class LoadCase(NamedTuple):
 
 
 def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
-    """Von Mises stress (n,), MPa, at all nodes of a plane displacement (n, 2), mm."""
+    """Von Mises stress (n,), MPa, at all nodes for a plane displacement field (n, 2), mm."""
     return von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
 
 
 def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution, force: Array) -> LoadCase:
-    """Combine the unit responses in the plane to one load (3,), N, N and N mm, at the platform centre."""
+    """Superpose the plane unit responses for a load (3,), N, N and N mm, at the platform centre."""
     field = np.tensordot(force, response.fields, axes=1)
     stress = plane_stress(stage, mesh, field)
     return LoadCase(
@@ -59,13 +59,13 @@ def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
 
 
 def _near_necks(stage: Stage, mesh: StageMesh, chain: int, frame: int = 0) -> list[NDArray[np.bool_]]:
-    """Which nodes (n,) are within a notch radius of each neck's centre of a chain; chains from 0.
+    """Mask (n,) of the nodes within a notch radius of the centre of each neck of a chain; chains from 0.
 
-    frame : the chain in whose frame the nodes are.
+    frame : chain in whose frame the nodes are given.
     """
     centres = turned(stage_frames(stage).centres[chain], -frame * CHAIN_TURN)
-    places = zip(centres, stage.array("radius")[chain], strict=True)
-    return [np.hypot(*(mesh.nodes - centre).T) <= radius for centre, radius in places]
+    notches = zip(centres, stage.array("radius")[chain], strict=True)
+    return [np.hypot(*(mesh.nodes - centre).T) <= radius for centre, radius in notches]
 
 
 class NeckStress(NamedTuple):
@@ -76,26 +76,26 @@ class NeckStress(NamedTuple):
 
 
 def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
-    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; of an extruded stage over the thickness.
+    """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; also over the thickness when extruded.
 
-    As `load_case`: averaged over the elements around a node, the largest within a notch radius of the neck.
+    As in `load_case`, stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
     """
     highest, height = np.zeros((2, len(loads), 3, 3))
-    pull, layers = out_of_plane_ratio_of(stage), response.extrusion
+    ratio, layers = out_of_plane_ratio_of(stage), response.extrusion
     for (chain, hinge), stress in notch_fields(stage, response, loads):
-        found = von_mises(stress, pull).max(axis=1)
+        largest = von_mises(stress, ratio).max(axis=1)
         if layers is not None:
-            height[:, chain, hinge] = layers.heights[found.argmax(axis=1)]
-            found = found.max(axis=1)
-        highest[:, chain, hinge] = found
+            height[:, chain, hinge] = layers.heights[largest.argmax(axis=1)]
+            largest = largest.max(axis=1)
+        highest[:, chain, hinge] = largest
     return NeckStress(highest, height)
 
 
 def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[tuple[int, int], Array]]:
-    """Chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads (k, 3).
+    """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads (k, 3).
 
-    The stress is (k, c, 2, 2); with layers (k, c, m, 3, 3). The axes are those of the first chain that the notch's
-    sector stands for.
+    The stress is (k, c, 2, 2); with layers (k, c, m, 3, 3). Its axes are those of the first chain that the sector of
+    the notch represents.
     """
     plate = plate_of(stage) if response.extrusion is None else sheet_of(stage)
     for first, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
@@ -103,49 +103,49 @@ def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tup
         chosen = np.flatnonzero(np.any(near, axis=0))
         units = nodal_stress(sector.mesh, plate, fields, chosen, response.extrusion)
         for chain in range(first, 3, len(response.sectors)):
-            turned_back = loads @ chain_rotation(chain - first)
+            rotated = loads @ chain_rotation(chain - first)  # into the frame of the first chain
             for hinge, close in enumerate(near[:, chosen]):
-                yield (chain, hinge), np.tensordot(turned_back, units[:, close], axes=1)
+                yield (chain, hinge), np.tensordot(rotated, units[:, close], axes=1)
 
 
 def base_rotations(stage: Stage, response: Response) -> Array:
-    """Rotation (3 loads, 3 chains), rad, of link 1 against the pad of every base hinge in the mid-plane, by unit loads.
+    """Rotation (3 loads, 3 chains), rad, of link 1 relative to the pad at each base hinge, mid-plane, per unit load.
 
-    Bodies rotate as the rigid motion that fits their nodes between one and two notch radii from the neck's centre best.
+    A body rotates as the rigid motion that best fits its nodes from one to two notch radii from the neck centre.
     """
     rows = []
     for chain, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
-        mesh, flat = sector.mesh, fields if response.extrusion is None else fields[:, :, 0, :2]
+        mesh, plane = sector.mesh, fields if response.extrusion is None else fields[:, :, 0, :2]
         centre = turned(stage_frames(stage).centres[chain, 0], -chain * CHAIN_TURN)
         distance = np.hypot(*(mesh.nodes - centre).T) / stage.hinge(chain + 1, "base").radius
-        turns = []
+        rotations = []
         for body in ("pad", "link 1"):
             chosen = np.unique(mesh.triangles[mesh.bodies == BODIES.index(body)])
-            chosen = chosen[(distance[chosen] >= BESIDE[0]) & (distance[chosen] <= BESIDE[1])]
+            chosen = chosen[(distance[chosen] >= RIGID[0]) & (distance[chosen] <= RIGID[1])]
             arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
-            turns.append((flat[:, chosen, 1] @ arm[:, 0] - flat[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
-        rows.append((turns[1] - turns[0])[:, None])
-    return np.concatenate(under_loads(rows), axis=1)
+            rotations.append((plane[:, chosen, 1] @ arm[:, 0] - plane[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
+        rows.append((rotations[1] - rotations[0])[:, None])
+    return np.concatenate(chain_values(rows), axis=1)
 
 
 def envelope(response: Response) -> float:
-    """Diameter, mm, of the circle about the platform's centre that holds the stage."""
+    """Diameter, mm, of the circle about the platform centre that encloses the stage."""
     return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:
-    """Largest of values (n, ...) at the nodes of each clamped edge, (3 chains, ...), but for `CORNER` at both ends."""
-    found = []
+    """Largest values (3 chains, ...) on each clamped edge of nodal values (n, ...), without `CORNER` at both ends."""
+    maxima = []
     for nodes in clamped_nodes(mesh):
         x, y = mesh.nodes[nodes].T
         end = int(np.argmax(np.hypot(x - np.mean(x), y - np.mean(y))))
         along = np.hypot(x - x[end], y - y[end])
-        found.append(largest_within(along / np.max(along), values[nodes], CORNER, 1 - CORNER))
-    return np.array(found)
+        maxima.append(largest_within(along / np.max(along), values[nodes], CORNER, 1 - CORNER))
+    return np.array(maxima)
 
 
 def largest_within(places: Array, values: Array, low: float, high: float) -> Array:
-    """Largest of values (n, ...) at places (n,) from `low` to `high`, linear in between."""
+    """Largest of values (n, ...), given at `places` (n,) and linear in between, from `low` to `high`."""
     from scipy.interpolate import make_interp_spline
 
     order = np.argsort(places)

@@ -1,8 +1,8 @@
-"""Meshes of curved quadratic triangles: a sector for each chain, one for three alike, welded into the whole on demand.
+"""Meshes of curved quadratic triangles: a sector per chain, one for three identical chains, welded on demand.
 
-Sizes are cones about the necks that stay at their least over the length on which a notch bends, about `sqrt(t R)`: four
-triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1 (see
-`benchmarks/study.py`; BENT and GROWTH were chosen for that on other stages).
+Element size grows linearly with the distance from a neck, outside the length over which a notch bends, about
+`sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1
+(see `benchmarks/study.py`; PLATEAU and GROWTH were chosen for that on other stages).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.mesher import Cone, Job, Limit, Made, mesh_faces, run_jobs
+from flexfem.fem.mesher import Cone, Job, Limit, NamedArrays, mesh_faces, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
@@ -32,24 +32,24 @@ RESOLUTION = 8  # triangles across every neck
 SOLID_RESOLUTION, LAYERS = 6, 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
 TIME_LIMIT = 60.0  # s, for meshing one sector
 MOST_TRIANGLES = 1_000_000
-SLOPE = 1.4  # growth of the local thickness that the triangles follow, per distance from the neck
-COARSEST = 2.0  # local thickness that the triangles follow far from the necks, per link width
+SLOPE = 1.4  # growth with the distance from the neck of the local thickness that sets the triangle size
+COARSEST = 2.0  # local thickness that sets the triangle size far from the necks, per link width
 TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
-LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean one
-AREA_ERROR = 1e-3  # parabolas instead of arcs take up to 1.4e-4, in sectors with two triangles across a neck
-BENT = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), over which a notch bends
-GROWTH = 1.6  # of the triangles with the distance from a neck, per triangle across it
-SLENDER = 0.3  # of a notch's radius: up to here its own thickness `t + d^2/R` grows slower than a cone
-STUBBY = 0.5  # t/R from which on the notch and not the neck sets the size
-PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch has its neck's cone
-SAME_PLACE = 1e-6  # mm; nodes of two sectors on their common cut, centres of arcs
+LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean
+AREA_ERROR = 1e-3  # parabolas for arcs cause up to 1.4e-4, in sectors with two triangles across a neck
+PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), where a notch bends
+GROWTH = 1.6  # of the triangle size with the distance from a neck, times the triangles across it
+SLENDER = 0.3  # distance, per notch radius, up to which the thickness `t + d^2/R` grows slower than a cone
+STUBBY = 0.5  # t/R above which the notch radius, not the neck, sets the triangle size
+PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch follows the cone of its neck
+SAME_PLACE = 1e-6  # mm; tolerance of nodes of two sectors on their common cut, and of centres of arcs
 SIDES = ("left", "right", "bottom", "top")
 NODES = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.5, 0.0], [0.5, 0.5], [0.0, 0.5]])  # on the reference triangle
 
 
 @cache
 def quadrature(degree: int) -> tuple[Array, Array]:
-    """Points (q, 2) on the reference triangle and positive weights (q,), exact for polynomials of a degree."""
+    """Points (q, 2) on the reference triangle and positive weights (q,) of a rule exact for polynomials of a degree."""
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri
 
@@ -62,39 +62,39 @@ def shape_functions(points: Array) -> tuple[Array, Array]:
     """Values (6 nodes, q) and slopes (6 nodes, 2, q) of the shape functions at points (q, 2)."""
     from skfem import ElementTriP2
 
-    found = [ElementTriP2().lbasis(points.T, node) for node in range(6)]
-    return np.array([value for value, _ in found]), np.array([slope for _, slope in found])
+    basis = [ElementTriP2().lbasis(points.T, node) for node in range(6)]
+    return np.array([value for value, _ in basis]), np.array([slope for _, slope in basis])
 
 
-def gradients(at: Array, points: Array) -> tuple[Array, Array]:
+def gradients(nodes: Array, points: Array) -> tuple[Array, Array]:
     """Gradients (e, 6 nodes, 2, q), 1/mm, of the shape functions, and Jacobian determinants (e, q), mm^2.
 
-    at : (e, 6, 2), mm, nodes of the triangles.   points : (q, 2), on the reference triangle.
+    nodes : (e, 6, 2), mm, of the triangles.   points : (q, 2), on the reference triangle.
     """
     slope = shape_functions(points)[1]
-    (xa, xb), (ya, yb) = _jacobian(at, slope)
+    (xa, xb), (ya, yb) = _jacobian(nodes, slope)
     determinant = xa * yb - xb * ya
-    found = np.empty((len(at), 6, 2, len(points)))
+    gradient = np.empty((len(nodes), 6, 2, len(points)))
     for axis, (a, b) in enumerate([(yb, -ya), (-xb, xa)]):  # d xi_a / dx and d xi_b / dx, then dy, times determinant
-        found[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[:, None] * slope[:, 1]
-    return found, determinant
+        gradient[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[:, None] * slope[:, 1]
+    return gradient, determinant
 
 
-def _jacobian(at: Array, slope: Array) -> Array:
-    """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map."""
-    relative = at - at[:, :1]  # exact, so that a small triangle far from the origin is as good
+def _jacobian(nodes: Array, slope: Array) -> Array:
+    """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map from the reference triangle."""
+    relative = nodes - nodes[:, :1]  # exact, so that small triangles far from the origin lose no digits
     J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, slope.shape[-1])
     return J.transpose(1, 2, 0, 3)
 
 
 class StageMesh(NamedTuple):
-    """Curved quadratic triangles of the whole stage.
+    """Mesh of curved quadratic triangles.
 
     nodes : (n, 2), mm.
     triangles : (m, 6), corners counter-clockwise, then the middles of the sides 01, 12, 20.
     bodies : (m,), 4 * chain + body, chains from 0, bodies in the order pad, link 1, link 2, platform.
-    edges : {label: (k, 3)} ends then middle of the edges on `ground` (clamped), `hub` (rigid) and, for chain 1 to 3
-        and hinge, `neck 1 base` and so on: the narrowest sections.
+    edges : {label: (k, 3)} ends then middle of the edges on `ground` (clamped), `hub` (rigid) and the narrowest
+        section of every hinge, labelled `neck 1 base` and so on.
     """
 
     nodes: Array
@@ -104,66 +104,65 @@ class StageMesh(NamedTuple):
 
 
 def nodes_on(mesh: StageMesh, label: str) -> Index:
-    """Nodes of the edges with this label."""
+    """Return the nodes of the edges with a label, ascending."""
     return np.unique(mesh.edges[label])
 
 
 def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
-    """About how many triangles the mesh of the whole stage, of known area, mm^2, will have (within a factor of two).
+    """Estimate within a factor of two the number of triangles of the whole stage; `drawn` is its area, mm^2.
 
-    They follow a thickness that is a hyperbola of the distance from a neck's centre: `t + d^2 / R` near the neck.
+    Their size follows a thickness that is hyperbolic in the distance from the centre of a neck: `t + d^2 / R` near it.
     """
-    width = stage.chain.link_width
-    coarse = COARSEST * width
-    rim, middle = rim_of(stage)
-    count = 2 * np.pi * middle * rim / min(coarse, COARSEST * rim) ** 2 + drawn / coarse**2
+    coarse = COARSEST * stage.chain.link_width
+    rim, radius = rim_of(stage)
+    count = 2 * np.pi * radius * rim / min(coarse, COARSEST * rim) ** 2 + drawn / coarse**2
     for chain in (1, 2, 3):
         for name in HINGE_NAMES:
             hinge = stage.hinge(chain, name)
             x = np.geomspace(1e-3 * hinge.neck, coarse, 400)
-            drop = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
-            high = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * drop, width)
+            arc = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
+            height = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * arc, stage.chain.link_width)
             bend = SLOPE * hinge.radius / 2
             size = np.minimum(hinge.neck + SLOPE * (np.sqrt(x**2 + bend**2) - bend), coarse)
-            count += 2.0 * float(np.trapezoid(high / size**2, x))
+            count += 2.0 * float(np.trapezoid(height / size**2, x))
     return float(count * resolution**2 / TRIANGLE)
 
 
 def rim_of(stage: Stage) -> tuple[float, float]:
-    """Width of the platform's rim around the hub, and the radius of its middle, mm."""
+    """Width of the platform rim around the hub, and its mean radius, mm."""
     disc, hub = stage.platform.radius, stage.platform.hub_radius
     return disc - hub, (disc + hub) / 2
 
 
 def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
-    """The mesh in scikit-fem's order of nodes, corners, then middles as its facets; and where each node went."""
+    """Return the mesh with nodes in scikit-fem order, corners, then middles by facet, and the new node indices."""
     from skfem import MeshTri1
 
-    corners, where = np.unique(mesh.triangles[:, :3], return_inverse=True)
-    at, t = np.ascontiguousarray(mesh.nodes[corners].T), np.ascontiguousarray(where.reshape(-1, 3).T)
-    skeleton = MeshTri1(at, t, sort_t=False)
+    corners, numbers = np.unique(mesh.triangles[:, :3], return_inverse=True)
+    p, t = np.ascontiguousarray(mesh.nodes[corners].T), np.ascontiguousarray(numbers.reshape(-1, 3).T)
+    skeleton = MeshTri1(p, t, sort_t=False)
     middles = np.empty(skeleton.facets.shape[1], dtype=np.int64)
     middles[skeleton.t2f] = mesh.triangles[:, 3:].T
     order = np.concatenate([corners, middles])
-    back = np.empty(len(order), dtype=np.int64)
-    back[order] = np.arange(len(order))
-    edges = {name: back[edge] for name, edge in mesh.edges.items()}
-    return StageMesh(mesh.nodes[order], back[mesh.triangles], mesh.bodies, edges), back
+    new = np.empty(len(order), dtype=np.int64)
+    new[order] = np.arange(len(order))
+    edges = {name: new[edge] for name, edge in mesh.edges.items()}
+    return StageMesh(mesh.nodes[order], new[mesh.triangles], mesh.bodies, edges), new
 
 
-def outwards(nodes: Array, edges: Index) -> Index:
-    """The nodes of some edges by their distance from the origin."""
-    found = np.unique(edges)
-    return np.asarray(found[np.argsort(np.hypot(*nodes[found].T))])
+def by_radius(nodes: Array, edges: Index) -> Index:
+    """Return the nodes of edges in ascending distance from the origin."""
+    on_edges = np.unique(edges)
+    return np.asarray(on_edges[np.argsort(np.hypot(*nodes[on_edges].T))])
 
 
 def drawn_area(stage: Stage) -> float:
-    """Area of the stage as drawn, mm^2."""
+    """Area of the drawn stage, mm^2."""
     return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
 
 
 def check_triangles(mesh: StageMesh, drawn: float) -> None:
-    """Refuse triangles that are not in one piece, of the drawn area, mm^2, and well shaped; ComputationFailed."""
+    """Raise ComputationFailed unless the mesh is one piece of the drawn area, mm^2, with well-shaped triangles."""
     n = len(mesh.nodes)
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
@@ -172,32 +171,32 @@ def check_triangles(mesh: StageMesh, drawn: float) -> None:
     pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
     if pieces != 1:
         raise ComputationFailed(f"mesh falls into {pieces} pieces, expected 1: a neck is severed")
-    found = jacobians(mesh)
-    meshed = float(np.sum(found[:, -1]) / 2)
+    determinants = jacobians(mesh)
+    meshed = float(np.sum(determinants[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
         raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} to {AREA_ERROR:g}")
-    quality = least_scaled_jacobian(found)
+    quality = least_scaled_jacobian(determinants)
     if quality < LEAST_JACOBIAN:
         raise ComputationFailed(f"mesh has a scaled Jacobian of {quality:.3g}, expected > {LEAST_JACOBIAN:g}")
 
 
 def jacobians(mesh: StageMesh) -> Array:
-    """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, and their mean over it."""
+    """Jacobian determinants (m, 7), mm^2, at the six nodes of each triangle, then their mean over it."""
     (xa, xb), (ya, yb) = _jacobian(mesh.nodes[mesh.triangles], shape_functions(NODES)[1])
-    found = xa * yb - xb * ya
-    mean = found[:, 3:].mean(axis=1)  # exact: the determinant is quadratic, and so is this rule
-    return np.column_stack([found, mean])
+    determinants = xa * yb - xb * ya
+    mean = determinants[:, 3:].mean(axis=1)  # exact for the quadratic determinant
+    return np.column_stack([determinants, mean])
 
 
-def least_scaled_jacobian(found: Array) -> float:
-    """Smallest Jacobian determinant over the mean one of its triangle, of `jacobians`: 1 if straight, 0 if folded."""
-    return float(np.min(found[:, :6] / found[:, 6:]))
+def least_scaled_jacobian(determinants: Array) -> float:
+    """Smallest ratio of a determinant of `jacobians` to the mean of its triangle: 1 if straight, 0 if degenerate."""
+    return float(np.min(determinants[:, :6] / determinants[:, 6:]))
 
 
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:
-    """A grid of the unit square, every cell cut into two quadratic triangles, put in its place by a map.
+    """Map a grid of the unit square, with two quadratic triangles per cell, including the middle nodes.
 
-    place : u, v (...) in 0..1 to points (..., 2), mm, without turning the square over. Middle nodes are mapped too.
+    place : u, v (...) in 0..1 to points (..., 2), mm, with positive Jacobian determinant.
         The edges are labelled `left` (u = 0), `right` (u = 1), `bottom` (v = 0) and `top` (v = 1).
     """
     number = np.arange((2 * columns + 1) * (2 * rows + 1)).reshape(2 * rows + 1, 2 * columns + 1)
@@ -205,7 +204,7 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
     nodes = np.asarray(place(u, v)).reshape(-1, 2)
 
     def at(row: int, column: int) -> Index:
-        """Nodes of all cells at a place in 0..2 by 0..2 of the cell."""
+        """Nodes of all cells at a local row and column in 0..2."""
         return number[row : row + 2 * rows - 1 : 2, column : column + 2 * columns - 1 : 2].ravel()
 
     lower = [at(0, 0), at(0, 2), at(2, 2), at(0, 1), at(1, 2), at(1, 1)]
@@ -217,10 +216,10 @@ def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> S
 
 
 class Sector(NamedTuple):
-    """Curved quadratic triangles of one chain with its sector of the platform, in the frame of chain 1.
+    """Mesh of one chain and its sector of the platform, in the frame of chain 1.
 
     mesh : bodies 0 to 3; edges on `ground`, `hub`, `cut ahead`, `cut behind` and, for each hinge, `neck base` etc.
-    behind, ahead : (k,), nodes on the cuts without those on the hub, outwards; ahead is behind turned by 120 degrees.
+    behind, ahead : (k,), nodes on the cuts by radius, except the hub's; ahead is behind rotated by 120 degrees.
     """
 
     mesh: StageMesh
@@ -234,13 +233,13 @@ def mesh_sectors(
     time_limit: float | Limit = TIME_LIMIT,
     inside: bool = False,
 ) -> tuple[Sector, ...]:
-    """Mesh a feasible stage: three sectors, or the one that three alike chains share.
+    """Mesh a feasible stage: three sectors, or one that represents three identical chains.
 
     Parameters
     ----------
-    resolution : quadratic triangles across every neck, or more; of every chain, common cuts then being the finest.
-    time_limit : s, for gmsh on all sectors; not watched over inside.
-    inside : run gmsh in this very process, which must be one that may be killed, and in its main thread.
+    resolution : least number of triangles across every neck, or one per chain; the finest applies to the cuts.
+    time_limit : s, for gmsh on all sectors; not enforced when `inside`.
+    inside : run gmsh in the main thread of this process, which must be one that may be killed.
 
     Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh would be too large or fails its
     checks, MeshTimeout when it takes too long.
@@ -256,58 +255,59 @@ def mesh_sectors(
             f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
             "a coarser resolution or thicker necks are needed"
         )
-    kinds = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
-    unlike = [kinds.index(kind) for kind in dict.fromkeys(kinds)]
-    wanted = [jobs[place] for place in unlike]
-    made = [_meshed_inside(job) for job in wanted] if inside else run_jobs(wanted, time_limit)
-    by_kind = {kinds[place]: _sector(each, areas[place]) for place, each in zip(unlike, made, strict=True)}
-    sectors = tuple(by_kind[kind] for kind in kinds)
-    for one, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
-        ahead, behind = one.mesh.nodes[one.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+    keys = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
+    distinct = [keys.index(key) for key in dict.fromkeys(keys)]
+    needed = [jobs[k] for k in distinct]
+    meshed = [_mesh_in_process(job) for job in needed] if inside else run_jobs(needed, time_limit)
+    by_key = {keys[k]: _sector(arrays, areas[k]) for k, arrays in zip(distinct, meshed, strict=True)}
+    sectors = tuple(by_key[key] for key in keys)
+    for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
+        ahead, behind = sector.mesh.nodes[sector.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
         if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
             raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
     return sectors
 
 
 def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
-    """The whole stage as `mesh_sectors` meshes it. Alike chains share one mesh, turned: it is exactly symmetric."""
+    """Mesh the whole stage with `mesh_sectors`; with identical chains the mesh is exactly symmetric."""
     return welded(mesh_sectors(stage, resolution))[0]
 
 
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """The whole stage from one or three sectors, and for each chain where the nodes of its sector are in it."""
-    mesh, places = joined(sectors)
-    mesh, back = ordered(mesh)
-    return mesh, [back[place] for place in places]
+    """Return the whole mesh of one or three sectors and, for each chain, the indices of its sector nodes in it."""
+    mesh, sector_nodes = joined(sectors)
+    mesh, new = ordered(mesh)
+    return mesh, [new[numbers] for numbers in sector_nodes]
 
 
 def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
-    """As `welded`, with the nodes in no order; `cut ahead` of each chain is `cut behind` of the next."""
+    """Join sectors as `welded`, but keep the order of nodes; `cut ahead` of a chain is `cut behind` of the next."""
     parts = [sector.mesh for sector in (sectors if len(sectors) == 3 else sectors * 3)]
     first = np.concatenate([[0], np.cumsum([len(part.nodes) for part in parts])])
     number = np.arange(first[-1])
     for chain, part in enumerate(parts):
-        ahead, behind = outwards(part.nodes, part.edges["cut ahead"]), parts[(chain + 1) % 3]
-        number[first[chain] + ahead] = first[(chain + 1) % 3] + outwards(behind.nodes, behind.edges["cut behind"])
+        ahead, following = by_radius(part.nodes, part.edges["cut ahead"]), parts[(chain + 1) % 3]
+        behind = by_radius(following.nodes, following.edges["cut behind"])
+        number[first[chain] + ahead] = first[(chain + 1) % 3] + behind
     kept, number = np.unique(number, return_inverse=True)
-    places = [number[first[chain] : first[chain + 1]] for chain in range(3)]
+    sector_nodes = [number[first[chain] : first[chain + 1]] for chain in range(3)]
     nodes = np.concatenate([turned(part.nodes, chain * CHAIN_TURN) for chain, part in enumerate(parts)])[kept]
     edges: dict[str, list[Index]] = {}
-    for chain, (part, place) in enumerate(zip(parts, places, strict=True)):
-        for label, found in part.edges.items():
+    for chain, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
+        for label, edge in part.edges.items():
             if not label.startswith(("cut", "free")):
-                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(place[found])
-    triangles = np.concatenate([place[part.triangles] for part, place in zip(parts, places, strict=True)])
+                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(numbers[edge])
+    triangles = np.concatenate([numbers[part.triangles] for part, numbers in zip(parts, sector_nodes, strict=True)])
     bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
-    return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), places
+    return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), sector_nodes
 
 
 def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Job:
-    """Drawing and sizes of the sector that holds one chain; `finest` resolution of all chains: cuts are common."""
-    fine = max(resolution, 2)  # a single triangle from side to side of an arc would fold
+    """Return drawing and sizes of the sector of a chain; `finest`, the highest resolution of all, sets the cuts."""
+    fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
-    places = _fine_places(stage, chain, faces, fine)
-    cones = tuple(cone(*place, coarse, fine) for place in places if place[-1] < coarse)
+    points = _refinement_points(stage, chain, faces, fine)
+    cones = tuple(cone(*point, coarse, fine) for point in points if point[-1] < coarse)
     cuts = max(2, math.ceil(rim_of(stage)[0] / (COARSEST * stage.chain.link_width / max(finest, 2))))
     divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
     divisions |= {"cut behind": cuts, "cut ahead": cuts}
@@ -315,13 +315,13 @@ def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Jo
 
 
 def cone(centre: complex, radius: float, least: float, coarse: float, across: float) -> Cone:
-    """Sizes, mm, that grow from `least` beyond a radius as they do from a neck with so many triangles across."""
+    """Return sizes, mm, that grow from `least` outside a radius at the rate of a neck with `across` triangles."""
     return Cone(centre, radius, least, coarse, (coarse - least) * across / GROWTH)
 
 
 def notch_sizes(neck: float, radius: float, across: float, resolution: float) -> Iterator[tuple[float, float]]:
-    """Distances from a neck and the sizes up to there, mm: the notch's own thickness grows slower than a cone."""
-    distance = BENT * math.sqrt(neck * radius)
+    """Yield distances from a neck and sizes within them, mm, as the thickness of a notch grows slower than a cone."""
+    distance = PLATEAU * math.sqrt(neck * radius)
     yield distance, neck / across
     while distance < SLENDER * radius:
         yield 2 * distance, (neck + 2 * distance**2 / radius) / resolution
@@ -329,14 +329,14 @@ def notch_sizes(neck: float, radius: float, across: float, resolution: float) ->
 
 
 def _across(hinge: Hinge, resolution: int) -> int:
-    """Triangles across a neck: more in a stubby hinge, whose notch is what must be resolved."""
+    """Return the triangles across a neck: more in a stubby hinge, whose notch must be resolved."""
     return math.ceil(resolution * max(1.0, hinge.neck / (STUBBY * hinge.radius)))
 
 
-def _fine_places(
+def _refinement_points(
     stage: Stage, chain: int, faces: list[Face], resolution: int
 ) -> Iterator[tuple[complex, float, float]]:
-    """Centres and radii, mm, within which triangles have the size given last: necks, the platform, rounded bends."""
+    """Yield centres, radii and the triangle sizes within, mm: of necks, the platform and rounded bends."""
     notches = []
     for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
         hinge = stage.hinge(chain, name)
@@ -347,22 +347,22 @@ def _fine_places(
     yield 0j, stage.platform.radius, COARSEST * rim_of(stage)[0] / resolution
     for arc in dict.fromkeys(segment for face in faces for segment in face.loop):
         if arc.centre in (None, 0j) or any(abs(arc.centre - notch) < SAME_PLACE for notch in notches):
-            continue  # hub and rim of the platform, and notches, have their cones
+            continue  # hub, rim and notches have cones of their own
         radius = abs(arc.start - arc.centre)
         yield arc.centre, radius, radius * 2 * math.pi / PER_TURN
 
 
-def _meshed_inside(job: Job) -> Made:
+def _mesh_in_process(job: Job) -> NamedArrays:
     try:
         return mesh_faces(job)
     except (SystemExit, Exception) as error:  # gmsh raises bare Exception
-        said = " ".join(str(error).split())
-        raise ComputationFailed(said if isinstance(error, SystemExit) else f"gmsh: {said}") from None
+        text = " ".join(str(error).split())
+        raise ComputationFailed(text if isinstance(error, SystemExit) else f"gmsh: {text}") from None
 
 
-def curved(made: Made) -> StageMesh:
-    """The mesh of straight triangles and edges with the middles of their sides, those of arcs on the arcs."""
-    nodes, corners, edges, centres = made["nodes"], made["triangles"], made["edges"], made["edge_centres"]
+def curved(linear: NamedArrays) -> StageMesh:
+    """Add the middle nodes to a mesh of linear triangles and edges, on the arc where an edge belongs to one."""
+    nodes, corners, edges, centres = linear["nodes"], linear["triangles"], linear["edges"], linear["edge_centres"]
     ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]], edges])
     keys, side = np.unique(ends.min(axis=1) * len(nodes) + ends.max(axis=1), return_inverse=True)
     middles = np.mean(nodes[np.stack(np.divmod(keys, len(nodes)))], axis=0)
@@ -372,15 +372,14 @@ def curved(made: Made) -> StageMesh:
     middles[bent] = centre + outward * (radius / np.linalg.norm(outward, axis=1))[:, None]
     side += len(nodes)
     triangles = np.column_stack([corners, side[: 3 * len(corners)].reshape(3, -1).T])
-    whole = np.column_stack([edges, side[3 * len(corners) :]])
-    groups = {str(label): whole[made["edge_labels"] == label] for label in np.unique(made["edge_labels"])}
-    return StageMesh(np.concatenate([nodes, middles]), triangles, made["faces"], groups)
+    quadratic = np.column_stack([edges, side[3 * len(corners) :]])
+    groups = {str(label): quadratic[linear["edge_labels"] == label] for label in np.unique(linear["edge_labels"])}
+    return StageMesh(np.concatenate([nodes, middles]), triangles, linear["faces"], groups)
 
 
-def _sector(made: Made, drawn: float) -> Sector:
-    mesh = curved(made)
+def _sector(linear: NamedArrays, drawn: float) -> Sector:
+    mesh = curved(linear)
     check_triangles(mesh, drawn)
-    edges = mesh.edges
     hub = nodes_on(mesh, "hub")
-    behind, ahead = (outwards(mesh.nodes, edges[f"cut {side}"]) for side in ("behind", "ahead"))
+    behind, ahead = (by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead"))
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])

@@ -1,7 +1,7 @@
-"""gmsh in processes of its own, which can hang or crash without taking flexfem along; the only module that imports it.
+"""gmsh in separate processes, which can hang or crash without affecting flexfem; the only module that imports it.
 
-A process meshes one list of requests (`Job`, `Extruded`) after the other, since starting it takes longer than
-most meshes: `main` reads them pickled from standard input and writes what was made to standard output.
+A process serves one list of requests (`Job`, `Extruded`) after the other, since starting it takes longer than most
+meshes: `main` reads pickled requests from standard input and writes pickled results to standard output.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from flexfem.mechanism.outlines import Face, Segment
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 
-SAME_POINT = 1e-7  # mm; faces compute their common points each on its own
-TRIANGLE, EDGE = 2, 1  # gmsh's numbers of the linear ones
-STRAIGHT = complex(np.nan)  # for a centre
-LOOK = 0.25  # s between two looks at a process
-STEP = 1.0  # s; a longer gap between two looks is taken for a stop of whoever looks: of the machine, or of the job
-MOST_KEPT = 10_000_000  # bytes of meshes; the process of a larger answer ends, so that its memory is free again
+SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
+TRIANGLE, EDGE = 2, 1  # gmsh element types, linear
+STRAIGHT = complex(np.nan)  # centre of a straight edge
+POLL = 0.25  # s between two polls of a process
+LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
+MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
 OPTIONS = {
-    "General.NumThreads": 1,  # more make the order of the nodes vary from run to run
+    "General.NumThreads": 1,  # more threads make the node order vary between runs
     "General.Verbosity": 2,
-    "General.Terminal": 0,  # in a worker that shares its terminal
+    "General.Terminal": 0,  # a worker shares the terminal
     "Mesh.Algorithm": 6,  # Frontal-Delaunay
     "Mesh.LcIntegrationPrecision": 1e-2,
-    "Mesh.Smoothing": 0,  # half the time, and the compliance is no better for it
-    "Mesh.MeshSizeExtendFromBoundary": 0,  # the cones hold inside as well: a tenth fewer triangles, better shaped
+    "Mesh.Smoothing": 0,  # it takes half the time without improving the compliance
+    "Mesh.MeshSizeExtendFromBoundary": 0,  # cones alone: a tenth fewer triangles, better shaped
     "Mesh.MeshSizeFromCurvature": 0,
     "Mesh.MeshSizeFromPoints": 0,
 }
@@ -54,14 +54,14 @@ LIBRARIES = {
 
 
 class DrawnCurve(NamedTuple):
-    """A drawn curve: its label, and for an arc the centre."""
+    """Label of a drawn curve, and the centre of an arc."""
 
     label: str
     centre: complex | None
 
 
 class Cone(NamedTuple):
-    """Triangle size, mm: `least` within `radius` of a point, `most` from `reach` further on, linear between."""
+    """Triangle size, mm: `least` within `radius` of a point, linear up to `most` at `radius` + `reach`."""
 
     centre: complex
     radius: float
@@ -71,10 +71,10 @@ class Cone(NamedTuple):
 
 
 class Job(NamedTuple):
-    """Faces that share curves, and how finely to mesh them.
+    """Faces that share curves, and the triangle sizes of their mesh.
 
-    divisions : for the labels named, the number of equal edges along each segment.
-    cones : the least of them is the size of a triangle.
+    divisions : number of equal edges along each segment with a label.
+    cones : the triangle size is the minimum over the cones.
     """
 
     faces: list[Face]
@@ -83,7 +83,7 @@ class Job(NamedTuple):
 
 
 class Extruded(NamedTuple):
-    """A solid to write as .step, from z = 0 up to its thickness, mm.
+    """An extruded solid to write as .step, from z = 0 to its thickness, mm.
 
     outer : closed counter-clockwise loop.   holes : centre (complex) and radius of each.
     """
@@ -95,17 +95,17 @@ class Extruded(NamedTuple):
 
 
 Request: TypeAlias = Job | Extruded
-Made: TypeAlias = dict[str, AnyArray]
+NamedArrays: TypeAlias = dict[str, AnyArray]
 
 
 def require_gmsh() -> None:
-    """Exit with one line that names the Debian packages of gmsh's system libraries that are missing."""
+    """Exit with a line that names the Debian packages of missing system libraries of gmsh."""
     try:
         import gmsh  # noqa: F401
     except OSError as error:
         missing = [package for library, package in LIBRARIES.items() if not _loads(library)]
-        cure = f"on Debian: apt-get install {' '.join(missing)}" if missing else "a system library is missing"
-        sys.exit(f"gmsh cannot be loaded ({error}); {cure}")
+        remedy = f"on Debian: apt-get install {' '.join(missing)}" if missing else "a system library is missing"
+        sys.exit(f"gmsh cannot be loaded ({error}); {remedy}")
 
 
 def _loads(library: str) -> bool:
@@ -118,7 +118,7 @@ def _loads(library: str) -> bool:
 
 @contextmanager
 def gmsh_session() -> Iterator[Any]:
-    """Yield gmsh, initialised the same whoever runs it, and close it in the end."""
+    """Yield gmsh, initialised independently of user settings, and finalise it afterwards."""
     require_gmsh()
     import gmsh
 
@@ -132,24 +132,24 @@ def gmsh_session() -> Iterator[Any]:
 
 
 def _draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], list[int]]:
-    """Draw every point and curve once; returns the curves by tag and the closed loop of each face.
+    """Draw every point and curve once; return the curves by tag and the closed loop of each face.
 
-    An arc of a bend too slight to draw is left out; a curve that a face meets backwards has a negative tag in its loop.
+    A segment with coincident ends is omitted; a curve that a face traverses backwards has a negative tag in its loop.
     """
     ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
-    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1)  # of all ends at its place
+    first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1)  # first end at the same point
     points, between, curves = dict[int, int](), dict[tuple[int, int], int](), dict[int, DrawnCurve]()
-    places, loops = iter(first.reshape(ends.shape).tolist()), []
+    indices, loops = iter(first.reshape(ends.shape).tolist()), []
 
-    def point(place: int) -> int:
-        if place not in points:
-            points[place] = kernel.addPoint(ends.flat[place].real, ends.flat[place].imag, 0.0)
-        return points[place]
+    def point(index: int) -> int:
+        if index not in points:
+            points[index] = kernel.addPoint(ends.flat[index].real, ends.flat[index].imag, 0.0)
+        return points[index]
 
     for face in faces:
         tags = []
         for segment, label in zip(face.loop, face.labels, strict=True):
-            start, end = map(point, next(places))
+            start, end = map(point, next(indices))
             if (end, start) in between:
                 tags.append(-between[end, start])
             elif start != end:
@@ -165,7 +165,7 @@ def _draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], 
 
 
 def _set_sizes(field: Any, cones: tuple[Cone, ...]) -> None:
-    """The least of the cones is the size of a triangle."""
+    """Set the triangle size to the minimum over the cones."""
     tags = []
     for cone in cones:
         tags.append(field.add("Ball"))
@@ -177,14 +177,14 @@ def _set_sizes(field: Any, cones: tuple[Cone, ...]) -> None:
     field.setAsBackgroundMesh(smallest)
 
 
-def mesh_faces(job: Job) -> Made:
+def mesh_faces(job: Job) -> NamedArrays:
     """Mesh faces with triangles, conforming along the curves they share.
 
     Returns
     -------
     nodes (n, 2) in mm; triangles (m, 3), faces (m,) index of each triangle's face; edges (k, 2) of the curves that are
-    labelled or bent, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. The middles of the sides
-    are added by `mesh.curved`, faster than by gmsh.
+    labelled or bent, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. `mesh.curved` adds the
+    middle nodes faster than gmsh.
     """
     with gmsh_session() as gmsh:
         kernel, mesh = gmsh.model.geo, gmsh.model.mesh
@@ -198,45 +198,45 @@ def mesh_faces(job: Job) -> Made:
         mesh.generate(2)
         labelled = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
         tags, xyz, _ = mesh.getNodes()
-        place = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-        place[tags] = np.arange(len(tags))
-        triangles = [place[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
-        edges = [place[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in labelled]
-    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # centres of arcs are no nodes
-    back = np.full(len(tags), -1)
-    back[used] = np.arange(len(used))
+        index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+        index[tags] = np.arange(len(tags))
+        triangles = [index[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
+        edges = [index[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in labelled]
+    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # without centres of arcs
+    new = np.full(len(tags), -1)
+    new[used] = np.arange(len(used))
     per_curve = [len(e) for e in edges]
     return {
         "nodes": xyz.reshape(-1, 3)[used, :2],
         "triangles": renumbered.reshape(-1, 3),
         "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
-        "edges": back[np.concatenate(edges)],
+        "edges": new[np.concatenate(edges)],
         "edge_labels": np.repeat([curve.label for curve in labelled.values()], per_curve),
         "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in labelled.values()], per_curve),
     }
 
 
-def write_extruded(task: Extruded) -> Made:
+def write_extruded(solid: Extruded) -> NamedArrays:
     """Write a solid as a STEP file, its arcs as cylinders, in mm, and read it back.
 
     Returns
     -------
     volumes (n,), mm^3, of the n solids in the file, exact mass properties; box (2, 3), mm, lowest and highest corner;
-    cylinders (), how many faces are cylinders.
+    cylinders (), number of cylindrical faces.
     """
     with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
-        _, loops = _draw_loops(kernel, [Face(task.outer, ["free"] * len(task.outer))])
-        for centre, radius in task.holes:
+        _, loops = _draw_loops(kernel, [Face(solid.outer, ["free"] * len(solid.outer))])
+        for centre, radius in solid.holes:
             loops.append(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, radius)]))
-        kernel.extrude([(2, kernel.addPlaneSurface(loops))], 0.0, 0.0, task.thickness)
+        kernel.extrude([(2, kernel.addPlaneSurface(loops))], 0.0, 0.0, solid.thickness)
         kernel.synchronize()
-        of_solid = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
-        kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in of_solid])  # centres of the arcs
+        corners = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
+        kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners])  # centres of the arcs
         kernel.synchronize()
-        gmsh.write(task.path)
+        gmsh.write(solid.path)
         gmsh.clear()
-        solids = [tag for dim, tag in kernel.importShapes(task.path) if dim == 3]
+        solids = [tag for dim, tag in kernel.importShapes(solid.path) if dim == 3]
         kernel.synchronize()
         faces = [gmsh.model.getType(*face) for face in gmsh.model.getEntities(2)]
         return {
@@ -247,127 +247,127 @@ def write_extruded(task: Extruded) -> Made:
 
 
 def main() -> None:
-    """Serve one list of requests after the other until standard input ends, or one fails."""
+    """Serve lists of requests until standard input ends or a request fails."""
     serve: dict[type, Any] = {Job: mesh_faces, Extruded: write_extruded}
-    made = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is no part of the mesh
+    output = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # keeps the output of libraries out of the results
     with suppress(EOFError):
         while True:
             requests = pickle.load(sys.stdin.buffer)
             try:
-                answers = [serve[type(request)](request) for request in requests]
+                results = [serve[type(request)](request) for request in requests]
             except Exception as error:  # gmsh raises bare Exception; the parent turns this into one line
                 sys.exit(f"gmsh: {' '.join(str(error).split())}")
-            pickle.dump(answers, made)
-            made.flush()
+            pickle.dump(results, output)
+            output.flush()
 
 
 class Limit:
-    """Seconds that are `left` for work of several pieces; of a gap between two looks `STEP` at most counts."""
+    """Seconds `left` for a sequence of tasks; of a gap between two polls at most `LONGEST_GAP` counts."""
 
     def __init__(self, seconds: float) -> None:
         self.left = seconds
 
     def start(self) -> None:
-        """Begin to work."""
-        self._seen = time.monotonic()
+        """Start the clock."""
+        self._last = time.monotonic()
 
-    def look(self) -> None:
-        """Take off what has gone since the look before."""
-        before, self._seen = self._seen, time.monotonic()
-        self.left -= min(self._seen - before, STEP)
+    def update(self) -> None:
+        """Subtract the time since the last poll."""
+        before, self._last = self._last, time.monotonic()
+        self.left -= min(self._last - before, LONGEST_GAP)
 
 
 class MeshTimeout(ComputationFailed):
-    """gmsh was stopped because it took too long."""
+    """gmsh exceeded its time limit and was stopped."""
 
 
-def run_mesher(request: Request, time_limit: float | Limit) -> Made:
-    """Mesh, or write a solid; as `run_jobs`."""
+def run_mesher(request: Request, time_limit: float | Limit) -> NamedArrays:
+    """Serve one request with `run_jobs`."""
     return run_jobs([request], time_limit)[0]
 
 
-def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Made]:
-    """What some requests make, one after the other in one process.
+def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[NamedArrays]:
+    """Serve requests one after the other in one process and return their results.
 
-    Raises ComputationFailed when it fails, MeshTimeout when it is still busy after `time_limit` s, SourcesChanged when
-    its sources are not those that this process began with.
+    Raises ComputationFailed when one fails, MeshTimeout when they take more than `time_limit` s, SourcesChanged when
+    the sources are not those that this process started with.
     """
-    while _waiting and not _waiting[-1].alive:
-        _waiting.pop().end()
-    process = _waiting.pop() if _waiting else _Process()
+    while _idle and not _idle[-1].alive:
+        _idle.pop().end()
+    process = _idle.pop() if _idle else _Process()
     try:
-        made = process.answer(list(requests), time_limit if isinstance(time_limit, Limit) else Limit(time_limit))
-    except BaseException:  # Ctrl-C too: what it still answers would be taken for the answer to the next question
+        results = process.run(list(requests), time_limit if isinstance(time_limit, Limit) else Limit(time_limit))
+    except BaseException:  # Ctrl-C too: a late result would be taken for that of the next request
         process.end()
         raise
-    if sum(array.nbytes for each in made for array in each.values()) > MOST_KEPT:
+    if sum(array.nbytes for result in results for array in result.values()) > MOST_KEPT:
         process.end()
     else:
-        _waiting.append(process)
-    return made
+        _idle.append(process)
+    return results
 
 
 class _Process:
-    """A running `main`."""
+    """A process that runs `main`."""
 
     def __init__(self) -> None:
-        self._said = TemporaryFile()  # noqa: SIM115  open as long as the process
-        self._child = Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=self._said)
+        self._stderr = TemporaryFile()  # noqa: SIM115  open as long as the process
+        self._child = Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=self._stderr)
         self._request = pickle.dumps(dict(manifest()))
 
     @property
     def alive(self) -> bool:
         return self._child.poll() is None
 
-    def answer(self, requests: list[Request], limit: Limit) -> list[Made]:
-        """As `run_jobs`; no stop of flexfem counts for the limit."""
+    def run(self, requests: list[Request], limit: Limit) -> list[NamedArrays]:
+        """Serve requests as `run_jobs`; time during which flexfem is suspended does not count."""
         self._request += pickle.dumps(requests)
-        found: list[list[Made]] = []
-        asking, allowed = Thread(target=self._ask, args=(found,), daemon=True), limit.left
-        asking.start()
+        received: list[list[NamedArrays]] = []
+        exchange, allowed = Thread(target=self._exchange, args=(received,), daemon=True), limit.left
+        exchange.start()
         limit.start()
-        while asking.is_alive():
-            asking.join(min(LOOK, max(limit.left, 0.0)))
-            limit.look()
-            if asking.is_alive() and limit.left <= 0:
+        while exchange.is_alive():
+            exchange.join(min(POLL, max(limit.left, 0.0)))
+            limit.update()
+            if exchange.is_alive() and limit.left <= 0:
                 raise MeshTimeout(f"gmsh was stopped: not done within {allowed:g} s")
-        if not found:
+        if not received:
             raise self._failure()
-        return found[0]
+        return received[0]
 
-    def _ask(self, found: list[list[Made]]) -> None:
-        """Ask and wait, in a thread; leaves nothing when the process ends before it has answered."""
+    def _exchange(self, received: list[list[NamedArrays]]) -> None:
+        """Send the requests and append the results, in a thread; append nothing when the process ends early."""
         assert self._child.stdin and self._child.stdout
         with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):
             self._child.stdin.write(self._request)
             self._child.stdin.flush()
             self._request = b""
-            found.append(pickle.load(self._child.stdout))
+            received.append(pickle.load(self._child.stdout))
 
     def _failure(self) -> ComputationFailed | SourcesChanged:
-        """Why the process ended: the last line that it said."""
+        """Return the error of the ended process, with the last line of its standard error."""
         code = self._child.wait()
-        self._said.seek(0)
-        lines = self._said.read().decode(errors="replace").strip().splitlines()
+        self._stderr.seek(0)
+        lines = self._stderr.read().decode(errors="replace").strip().splitlines()
         reason = lines[-1] if lines else f"gmsh ended with exit code {code}"
         return (SourcesChanged if code == CHANGED else ComputationFailed)(reason)
 
     def end(self) -> None:
         self._child.kill()
-        with self._child, self._said:
+        with self._child, self._stderr:
             pass
 
 
-_waiting: list[_Process] = []
+_idle: list[_Process] = []
 
 
 @atexit.register
 def end_processes() -> None:
-    """End the processes that wait for jobs."""
-    while _waiting:
-        _waiting.pop().end()
+    """End the idle processes."""
+    while _idle:
+        _idle.pop().end()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_waiting.clear)  # they are the parent's
+    os.register_at_fork(after_in_child=_idle.clear)  # they belong to the parent

@@ -1,9 +1,9 @@
-"""A structure of finite elements: a mesh of the plane of one thickness, or extruded by layers, held and tied to a hub.
+"""Finite-element structures: a plane mesh of one thickness, or extruded by layers, clamped and tied to a rigid hub.
 
-Half the thickness is enough for loads in the plane: the mid-plane z = 0 stays a plane, w = 0. Integrals are over both
-halves, so forces are those of the whole thickness. The ground is clamped; the face of the hub is bonded to a rigid body
-that moves in the plane, `u = X - theta y, v = Y + theta x, w = 0`. Motion out of the plane is antisymmetric: u = v = 0
-on the mid-plane, w is free, and the hub has the pose Z, a, b with a and b its rotations about x and y.
+Loads in the plane need half of the thickness: the mid-plane z = 0 stays plane, w = 0. Integrals cover both halves, so
+forces are those of the whole thickness. The ground is clamped; the face of the hub is bonded to a rigid body that moves
+in the plane, `u = X - theta y, v = Y + theta x, w = 0`. Motion out of the plane is antisymmetric: u = v = 0 on the
+mid-plane, w is free, and the pose of the hub is Z, a, b with its rotations a and b about x and y.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput, ComputationFailed
 
-MOST_UNKNOWNS = 600_000  # of one factorisation in three dimensions: about 6 GB
-EDGE_POINTS = 3  # of Gauss, on a curved edge
+MOST_UNKNOWNS = 600_000  # in one factorisation in three dimensions: about 6 GB
+EDGE_POINTS = 3  # Gauss points on a curved edge
 NONE = np.empty(0, dtype=np.int64)
 
 Traction: TypeAlias = Callable[[Array, Array], Array]
-"""Points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
+"""Function from points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
 
 
 def plate_of(stage: Stage) -> Plate:
-    """The plate of the plane problem of a stage. Raises BadInput for a model that is not plane."""
+    """Return the plate of the plane problem of a stage. Raises BadInput for a model that is not plane."""
     with located(stage):
         if stage.model == "corrected":
             raise BadInput(
@@ -62,28 +62,28 @@ def plate_of(stage: Stage) -> Plate:
 
 
 def sheet_of(stage: Stage) -> Plate:
-    """The material and the thickness of a stage, as three dimensions need them."""
+    """Return the material and thickness of a stage for a problem in three dimensions."""
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
 def out_of_plane_ratio_of(stage: Stage) -> float:
-    """The stress out of the plane over the sum of those in it: `pull` of `elements.von_mises`."""
+    """Ratio of the stress zz to the sum xx + yy, as `elements.von_mises` takes it."""
     return float(lower(stage).out_of_plane[0])
 
 
 def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
-    """Layers for a stage, graded for its narrowest neck, and for motion in the plane unless it is antisymmetric."""
-    found = mirrored(stage.thickness, number, float(stage.array("neck").min()))
-    return found.antisymmetric if antisymmetric else found
+    """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out of it."""
+    layers = mirrored(stage.thickness, number, float(stage.array("neck").min()))
+    return layers.antisymmetric if antisymmetric else layers
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What equations are made of. Unknowns are those of the free nodes, node by node, then the pose (3) of the hub.
+    """A finite-element model. The unknowns are those of the free nodes, node by node, then the pose (3) of the hub.
 
-    layers : None of a plane structure; fields are (k, n, 2), of an extruded one (k, n, m, 3) at m heights.
+    layers : None for a plane structure, with fields (k, n, 2); an extruded one has fields (k, n, m, 3) at m heights.
     degree : of the quadrature in the plane.
-    free, hub : nodes of the plane (f,), and (h,) those that follow the pose; others are clamped.
+    free, hub : free nodes of the plane (f,), and those that follow the pose (h,); all others are clamped.
     """
 
     mesh: StageMesh
@@ -95,12 +95,12 @@ class Structure:
 
     @cached_property
     def batches(self) -> list[ElementBatch]:
-        """All triangles with what integration over them needs."""
+        """All triangles, prepared for integration."""
         return integration(self.mesh, self.degree)
 
     @cached_property
     def line(self) -> Layers:
-        """The layers, or the one node of a plane structure on the line through its thickness."""
+        """The layers, or the single node through the thickness of a plane structure."""
         return self.layers or sheet(self.plate.thickness)
 
     @property
@@ -110,39 +110,39 @@ class Structure:
 
     @property
     def poses(self) -> int:
-        """Components of the pose: none without a hub."""
+        """Number of components of the pose: 3, or 0 without a hub."""
         return 3 if len(self.hub) else 0
 
     @property
     def size(self) -> int:
-        return len(self.free) * len(self.line.kept) + self.poses
+        return len(self.free) * len(self.line.free_components) + self.poses
 
     @property
-    def turning(self) -> Index:
-        """Two components of the pose that a turn of the structure turns as a vector, and the one that it leaves."""
+    def vector_first(self) -> Index:
+        """Indices of the two pose components that rotate as a vector about z, then of the invariant one."""
         return np.array([1, 2, 0] if self.line.fixed else [0, 1, 2])
 
     def rigid_fields(self, nodes: Index | slice = slice(None)) -> Array:
-        """Displacements (3, k, *shape) of nodes of the plane (k,) per pose."""
+        """Displacements (3, k, *shape) of nodes of the plane (k,) per unit pose."""
         rigid = np.moveaxis(self.line.rigid(self.mesh.nodes[nodes]), -1, 0)
         return rigid.reshape(*rigid.shape[:2], *self.shape)
 
     def rigid_unknowns(self, nodes: Index) -> Array:
-        """Unknowns (k each, 3) that free nodes of the plane (k,) would have by each pose."""
+        """Unknowns (k times those of a node, 3), per unit pose, of nodes of the plane (k,) taken as free."""
         components = len(self.line.heights) * self.line.axes
         rigid = self.line.rigid(self.mesh.nodes[nodes]).reshape(len(nodes), components, 3)
-        return rigid[:, self.line.kept].reshape(-1, 3)
+        return rigid[:, self.line.free_components].reshape(-1, 3)
 
     @cached_property
     def T(self) -> sp.csr_array:
         """Matrix from the unknowns to the displacements of all nodes."""
         line, components = self.line, len(self.line.heights) * self.line.axes
-        rows = (self.free[:, None] * components + line.kept).ravel()
+        rows = (self.free[:, None] * components + line.free_components).ravel()
         columns, values = np.arange(len(rows)), np.ones(len(rows))
         if self.poses:
-            bound = self.hub[:, None] * components + np.arange(components)
-            rows = np.concatenate([rows, np.repeat(bound.ravel(), 3)])
-            columns = np.concatenate([columns, np.tile(len(columns) + np.arange(3), bound.size)])
+            tied = self.hub[:, None] * components + np.arange(components)
+            rows = np.concatenate([rows, np.repeat(tied.ravel(), 3)])
+            columns = np.concatenate([columns, np.tile(len(columns) + np.arange(3), tied.size)])
             values = np.concatenate([values, line.rigid(self.mesh.nodes[self.hub]).ravel()])
         return sp.csr_array((values, (rows, columns)), shape=(len(self.mesh.nodes) * components, self.size))
 
@@ -155,7 +155,7 @@ class Structure:
         return np.asarray(self.T.T @ forces.reshape(len(forces), -1).T)
 
     def forces(self, fields: Array) -> Array:
-        """Nodal forces (k, n, *shape), N, that hold displacements (k, n, *shape), mm: far less rounded than K u."""
+        """Internal forces (k, n, *shape), N, of displacements (k, n, *shape), mm: less round-off than K u."""
         total, most = np.zeros_like(fields, order="C"), CHUNK if self.layers is None else CACHED
         for piece in (piece for batch in self.batches for piece in batch.pieces(most)):
             piece.add_forces(total, self.line, stress_tensor(self.plate, piece.slopes(self.line, fields)))
@@ -163,27 +163,27 @@ class Structure:
 
     @property
     def pairs(self) -> Pairs:
-        """Pairs of nodes that are free or of the hub, numbered in this order."""
+        """Pairs of free and hub nodes, numbered in this order."""
         number, moving = np.full(len(self.mesh.nodes), -1), np.concatenate([self.free, self.hub])
         number[moving] = np.arange(len(moving))
         nodes = number[self.mesh.triangles]
-        one, other = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
-        chosen = (other >= 0) & (one >= other)
-        keys, pair = np.unique(one[chosen] * len(number) + other[chosen], return_inverse=True)
+        row, column = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
+        chosen = (column >= 0) & (row >= column)
+        keys, pair = np.unique(row[chosen] * len(number) + column[chosen], return_inverse=True)
         entries = np.ones(len(pair)), pair, np.arange(len(pair) + 1)  # one in every column
-        gathering = sp.csr_array(sp.csc_array(entries, (len(keys), len(pair))))
-        rows, columns = (each.astype(np.int32) for each in np.divmod(keys, len(number)))
-        return Pairs(rows, columns, chosen, gathering)
+        assembly = sp.csr_array(sp.csc_array(entries, (len(keys), len(pair))))
+        rows, columns = (part.astype(np.int32) for part in np.divmod(keys, len(number)))
+        return Pairs(rows, columns, chosen, assembly)
 
-    def tied(self, whole: sp.csr_array, rates: Array) -> sp.csr_array:
-        """Lower triangle (size, size) of T' K T from that of the free nodes and the hub, whose motion is `rates` q."""
-        first = whole.shape[0] - len(rates)
-        if not len(rates):
-            return whole
-        free, corner = whole[:first], whole[first:, first:].toarray()
+    def tie_hub(self, lower: sp.csr_array, rigid: Array) -> sp.csr_array:
+        """Lower triangle (size, size) of T' K T from that of K of free and hub nodes; `rigid`: hub motion per pose."""
+        first = lower.shape[0] - len(rigid)
+        if not len(rigid):
+            return lower
+        free, corner = lower[:first], lower[first:, first:].toarray()
         free.resize(first, first + 3)
-        corner = np.tril(rates.T @ (corner + np.tril(corner, -1).T) @ rates)
-        pose = sp.hstack([sp.csr_array(rates.T) @ whole[first:, :first], sp.csr_array(corner)])
+        corner = np.tril(rigid.T @ (corner + np.tril(corner, -1).T) @ rigid)
+        pose = sp.hstack([sp.csr_array(rigid.T) @ lower[first:, :first], sp.csr_array(corner)])
         return sp.vstack([free, pose], format="csr")
 
     def lower(self) -> sp.csr_array:
@@ -198,17 +198,17 @@ class Structure:
             )
         pieces = (piece for batch in self.batches for piece in batch.pieces())
         blocks = (piece.stiffness(self.plate, self.line.axes) for piece in pieces)
-        return self.tied(assembled(self.pairs, blocks, self.line), self.rigid_unknowns(self.hub))
+        return self.tie_hub(assembled(self.pairs, blocks, self.line), self.rigid_unknowns(self.hub))
 
-    def settled(self, lower: sp.csr_array, force: Array, held: AnyArray) -> Array:
-        """Displacements (n, *shape) under forces (n, *shape), N, of a structure without clamps, zero where `held`.
+    def solve(self, lower: sp.csr_array, force: Array, held: AnyArray) -> Array:
+        """Displacements (n, *shape), zero where `held`, of a structure without clamps under forces (n, *shape), N.
 
-        lower : of its stiffness. Raises ComputationFailed when a part is not held.
+        lower : lower triangle of its stiffness. Raises ComputationFailed when a part is not held.
         """
         free = np.flatnonzero(self.loads(held[None].astype(float))[:, 0] == 0)
-        inverse, motion = factorise(lower[free][:, free]), np.zeros((self.size, 1))
-        for _ in range(2):  # the second removes what the factors rounded off
-            motion[free] += inverse(self.loads(force[None] - self.forces(self.fields(motion)))[free])
+        solve, motion = factorise(lower[free][:, free]), np.zeros((self.size, 1))
+        for _ in range(2):  # the second removes the round-off of the factorisation
+            motion[free] += solve(self.loads(force[None] - self.forces(self.fields(motion)))[free])
         return np.asarray(self.fields(motion)[0])
 
 
@@ -220,16 +220,16 @@ def structure(
     held: Index | None = None,
     last: Index = NONE,
 ) -> Structure:
-    """A mesh as a structure, plane without layers; `degree` of the quadrature in the plane.
+    """Return the structure of a mesh, plane without layers; `degree` of the quadrature in the plane.
 
-    held : clamped nodes of one that has no hub; None clamps the edges on the ground and makes those on the hub rigid.
-    last : free nodes that are counted last.
+    held : clamped nodes of a structure without hub; None clamps the edges on the ground and ties those on the hub.
+    last : free nodes that are numbered last.
     """
     hub = nodes_on(mesh, "hub") if held is None else NONE
-    inside = np.ones(len(mesh.nodes), dtype=bool)
-    inside[mesh.edges["ground"].ravel() if held is None else held] = inside[hub] = inside[last] = False
+    inner = np.ones(len(mesh.nodes), dtype=bool)
+    inner[mesh.edges["ground"].ravel() if held is None else held] = inner[hub] = inner[last] = False
     degree = degree or (QUADRATURE if layers is None else SOLID_QUADRATURE)
-    return Structure(mesh, plate, layers, degree, np.concatenate([np.flatnonzero(inside), last]), hub)
+    return Structure(mesh, plate, layers, degree, np.concatenate([np.flatnonzero(inner), last]), hub)
 
 
 def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
@@ -237,9 +237,9 @@ def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) 
     t = mesh.triangles
     sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
     order = np.argsort(sides[:, 2], kind="stable")
-    edges = sides[order[np.searchsorted(sides[order, 2], edges[:, 2])]]  # with their triangle to the left
+    edges = sides[order[np.searchsorted(sides[order, 2], edges[:, 2])]]  # oriented with the triangle on the left
     s, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
-    N, slope = (each[[0, 2, 1]] for each in segment_functions(s))
+    N, slope = (part[[0, 2, 1]] for part in segment_functions(s))
     at = mesh.nodes[edges]
     points, tangents = np.einsum("kid,iq->kqd", at, N), np.einsum("kid,iq->kqd", at, slope)
     length = np.hypot(tangents[..., 0], tangents[..., 1])
@@ -250,40 +250,40 @@ def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) 
 
 
 class Mass(NamedTuple):
-    """Consistent mass of a structure: that of two nodes at two heights is a product of two numbers.
+    """Consistent mass matrix of a structure, a Kronecker product of a plane factor and one through the thickness.
 
     areal : (n, n), tonne/mm^2, `rho int phi_i phi_j dA`.   line : (m, m), mm, `int psi_k psi_l dz`.
-    carried : (3, 3), mass matrix of what moves as the pose of the hub.
+    carried : (3, 3), mass matrix of the bodies that the hub carries, for its pose.
     """
 
-    of: Structure
+    structure: Structure
     areal: sp.csr_array
     line: Array
     carried: Array
 
     def forces(self, fields: Array) -> Array:
-        """Nodal forces (k, n, *shape), N, of accelerations, mm/s^2, without what the pose carries."""
-        found = np.empty_like(fields)
-        for force, field in zip(found, fields, strict=True):
-            moved = (self.areal @ field.reshape(len(field), -1)).reshape(len(field), len(self.line), -1)
-            force[:] = (self.line @ moved).reshape(field.shape)
-        return found
+        """Inertial forces (k, n, *shape), N, of accelerations, mm/s^2, without the mass carried by the hub."""
+        forces = np.empty_like(fields)
+        for force, field in zip(forces, fields, strict=True):
+            plane = (self.areal @ field.reshape(len(field), -1)).reshape(len(field), len(self.line), -1)
+            force[:] = (self.line @ plane).reshape(field.shape)
+        return forces
 
     def loads(self, motion: Array) -> Array:
-        """The mass matrix times accelerations (size, k) of the unknowns."""
-        loads = self.of.loads(self.forces(self.of.fields(motion)))
-        if self.of.poses:
+        """Product of the mass matrix and accelerations (size, k) of the unknowns."""
+        loads = self.structure.loads(self.forces(self.structure.fields(motion)))
+        if self.structure.poses:
             loads[-3:] += self.carried @ motion[-3:]
         return loads
 
 
-def mass_of(of: Structure, density: float, carried: Array | None = None, degree: int = MASS_QUADRATURE) -> Mass:
-    """Consistent mass of a structure, by default exact on curved triangles; density in tonne/mm^3."""
-    number = len(of.mesh.nodes)
+def mass_of(structure: Structure, density: float, carried: Array | None = None, degree: int = MASS_QUADRATURE) -> Mass:
+    """Return the consistent mass of a structure, by default exact on curved triangles; density in tonne/mm^3."""
+    number = len(structure.mesh.nodes)
     areal = sp.csr_array((number, number))
-    for batch in integration(of.mesh, degree):
+    for batch in integration(structure.mesh, degree):
         values = density * np.einsum("iq,jq,eq->eij", batch.phi, batch.phi, batch.weights, optimize=True)
-        places = (np.repeat(batch.triangles, 6, axis=1).ravel(), np.tile(batch.triangles, (1, 6)).ravel())
-        areal = areal + sp.coo_array((values.ravel(), places), shape=(number, number)).tocsr()
-    line = (of.line.values * of.line.weights) @ of.line.values.T
-    return Mass(of, areal, line, np.zeros((3, 3)) if carried is None else carried)
+        entries = (np.repeat(batch.triangles, 6, axis=1).ravel(), np.tile(batch.triangles, (1, 6)).ravel())
+        areal = areal + sp.coo_array((values.ravel(), entries), shape=(number, number)).tocsr()
+    line = (structure.line.values * structure.line.weights) @ structure.line.values.T
+    return Mass(structure, areal, line, np.zeros((3, 3)) if carried is None else carried)

@@ -1,12 +1,12 @@
-"""Cyclic symmetry: a structure of three alike sectors by one, condensed onto its cuts and the pose of the hub.
+"""Cyclic symmetry: three identical sectors, solved by one that is condensed onto its cuts and the pose of the hub.
 
-Of harmonic 0 all sectors move alike, each in its own frame; of harmonic 1 sector c moves as `e^(2 pi i c / 3) u_0`,
-whose real and imaginary parts are two motions: unit vectors in x and y together, (1, i), are of harmonic 1. With `b`
-the displacements of the cuts and the pose, `i` all others of a sector, and `b = T_h q` as harmonic h lets them move,
+In harmonic 0 all sectors move identically, each in its own frame; in harmonic 1 sector c moves as `e^(2 pi i c / 3)
+u_0`, whose real and imaginary parts are two motions: the vector (1, i) of unit motions in x and y is of harmonic 1.
+With `b` the unknowns of cuts and pose, `i` all others of a sector, and the constraint `b = T_h q` of harmonic h,
 
     S = K_bb - K_bi K_ii^-1 K_ib,    A_h = T_h* S T_h.
 
-Sectors that differ are welded and solved at once, which is faster than condensing each.
+Different sectors are welded and solved as a whole, which is faster than condensing each.
 """
 
 from __future__ import annotations
@@ -25,150 +25,151 @@ from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation
 
 
 class Space(NamedTuple):
-    """Motions among which an answer is sought, by `size` coordinates, real or, of `kind`, complex.
+    """A space of motions, described by `size` coordinates of a real or complex `dtype`.
 
-    spread : coordinates (size, k) -> unknowns (m, k), of complex ones (m, 2 k): real parts, then imaginary ones.
-    gathered : its transpose, from loads on the unknowns.   solve : by the stiffness of the coordinates.
+    expand : coordinates (size, k) -> unknowns (m, k), or (m, 2 k) if complex: real parts, then imaginary parts.
+    project : its transpose, from loads on the unknowns.   solve : inverse of the stiffness of the coordinates.
     """
 
     size: int
-    kind: type
-    spread: Callable[[AnyArray], Array]
-    gathered: Callable[[Array], AnyArray]
+    dtype: type
+    expand: Callable[[AnyArray], Array]
+    project: Callable[[Array], AnyArray]
     solve: Callable[[AnyArray], AnyArray]
 
-    def answer(self, loads: Array) -> Array:
+    def solution(self, loads: Array) -> Array:
         """Unknowns (m, k) under loads (m, k)."""
-        return self.spread(self.solve(self.gathered(loads)))
+        return self.expand(self.solve(self.project(loads)))
 
 
-def every_motion(of: Structure) -> Space:
-    """The unknowns of a structure as they are. Raises ComputationFailed as `Structure.lower` and `factorise`."""
-    return Space(of.size, float, np.asarray, np.asarray, factorise(of.lower()))
+def full_space(structure: Structure) -> Space:
+    """Return the space of all unknowns. Raises ComputationFailed as `Structure.lower` and `factorise`."""
+    return Space(structure.size, float, np.asarray, np.asarray, factorise(structure.lower()))
 
 
-class Chains(NamedTuple):
-    """A stage by its sectors: the structure that is solved, one sector of three alike or the whole.
+class FactorisedStage(NamedTuple):
+    """A factorised stage: one of three identical sectors, or the whole.
 
-    places : where the nodes of each chain's sector are in a whole.
-    spaces : of the harmonics 0 and 1 of one sector, whose unknowns are counted inside first, then on the cut behind,
-        the cut ahead, and the pose; or of the whole.
+    sector_nodes : indices of the sector nodes of each chain in the whole; empty for one sector.
+    spaces : of harmonics 0 and 1 of one sector, whose unknowns are ordered interior, cut behind, cut ahead, pose; or
+        that of the whole.
     unknowns : number of equations of the whole.
     """
 
-    of: Structure
-    places: list[Index]
+    structure: Structure
+    sector_nodes: list[Index]
     spaces: tuple[Space, ...]
     unknowns: int
 
     @property
-    def alike(self) -> bool:
-        """Whether one sector stands for three."""
-        return not self.places
+    def cyclic(self) -> bool:
+        """Whether one sector represents three."""
+        return not self.sector_nodes
 
     def solve(self, loads: Array) -> Array:
-        """Unknowns (m, k) under loads (m, k); three of a sector, turned by sectors as the vector x, y, theta."""
-        if not self.alike:
-            return self.spaces[0].answer(loads)
-        return np.hstack([self.spaces[1].answer(loads[:, :2]), self.spaces[0].answer(loads[:, 2:])])
+        """Unknowns (m, k) under loads (m, k); a sector takes three, which rotate by sectors as x, y, theta do."""
+        if not self.cyclic:
+            return self.spaces[0].solution(loads)
+        return np.hstack([self.spaces[1].solution(loads[:, :2]), self.spaces[0].solution(loads[:, 2:])])
 
     def sector_fields(self, fields: Array) -> tuple[Array, ...]:
         """Fields (k, n, ...) of the sectors, each in the frame of chain 1, from those of the structure."""
-        if self.alike:
+        if self.cyclic:
             return (fields,)
-        return tuple(turned_fields(fields[:, place], -chain) for chain, place in enumerate(self.places))
+        return tuple(rotated_fields(fields[:, numbers], -chain) for chain, numbers in enumerate(self.sector_nodes))
 
 
-def by_sectors(
+def factorise_stage(
     sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
-) -> Chains:
-    """Factorise a stage, by one alike sector or as a whole.
+) -> FactorisedStage:
+    """Factorise a stage given by one sector or three.
 
     Raises ComputationFailed as `Structure.lower`, or when a part is not held.
     """
     if len(sectors) == 3:
-        mesh, places = joined(sectors)
-        of = structure(mesh, plate, layers, degree)
-        return Chains(of, places, (every_motion(of),), of.size)
+        mesh, sector_nodes = joined(sectors)
+        whole = structure(mesh, plate, layers, degree)
+        return FactorisedStage(whole, sector_nodes, (full_space(whole),), whole.size)
     (sector,) = sectors
-    of = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
-    cut = len(sector.ahead) * len(of.line.kept)
-    condensed = condense(of.lower(), 2 * cut + 3)
-    spaces = (_harmonic(of, condensed, len(sector.ahead), 0), _harmonic(of, condensed, len(sector.ahead), 1))
-    return Chains(of, [], spaces, 3 * (of.size - cut) - 6)
+    part = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
+    cut = len(sector.ahead) * len(part.line.free_components)
+    condensed = condense(part.lower(), 2 * cut + 3)
+    spaces = tuple(_harmonic_space(part, condensed, len(sector.ahead), harmonic) for harmonic in (0, 1))
+    return FactorisedStage(part, [], spaces, 3 * (part.size - cut) - 6)
 
 
-def _harmonic(of: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
-    """Coordinates: the unknowns inside a sector, on its cut behind, and the pose that goes with the harmonic.
+def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
+    """Space of a harmonic; coordinates are the unknowns inside a sector and on its cut behind, then a pose coordinate.
 
-    nodes : of a cut in the plane.
+    nodes : number of nodes of a cut in the plane.
     """
-    T = _tie(of, nodes, harmonic)
-    inner, solve_edge = of.size - len(T), dense(T.conj().T @ condensed.schur @ T)
+    T = _cut_constraint(structure, nodes, harmonic)
+    inner, solve_boundary = structure.size - len(T), dense(T.conj().T @ condensed.schur @ T)
 
-    def apart(values: AnyArray) -> Array:
+    def split(values: AnyArray) -> Array:
         return np.hstack([values.real, values.imag]) if harmonic else np.asarray(values)
 
-    def together(values: Array) -> AnyArray:
+    def merge(values: Array) -> AnyArray:
         if not harmonic:
             return values
         real, imaginary = np.split(values, 2, axis=1)
         return np.asarray(real + 1j * imaginary)
 
-    def spread(coordinates: AnyArray) -> Array:
-        return apart(np.concatenate([coordinates[:inner], T @ coordinates[inner:]]))
+    def expand(coordinates: AnyArray) -> Array:
+        return split(np.concatenate([coordinates[:inner], T @ coordinates[inner:]]))
 
-    def gathered(loads: Array) -> AnyArray:
-        found = together(loads)
-        return np.concatenate([found[:inner], T.conj().T @ found[inner:]])
+    def project(loads: Array) -> AnyArray:
+        merged = merge(loads)
+        return np.concatenate([merged[:inner], T.conj().T @ merged[inner:]])
 
     def solve(b: AnyArray) -> AnyArray:
-        inside, edge = condensed.reduced(apart(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))])))
-        moved = solve_edge(b[inner:] + T.conj().T @ together(edge))
-        found = condensed.expanded(inside, apart(T @ moved))
-        return np.concatenate([together(found[:inner]), moved])
+        inside, edge = condensed.reduced(split(np.concatenate([b[:inner], np.zeros((len(T), b.shape[1]))])))
+        boundary = solve_boundary(b[inner:] + T.conj().T @ merge(edge))
+        unknowns = condensed.expanded(inside, split(T @ boundary))
+        return np.concatenate([merge(unknowns[:inner]), boundary])
 
-    return Space(inner + T.shape[1], T.dtype.type, spread, gathered, solve)
+    return Space(inner + T.shape[1], T.dtype.type, expand, project, solve)
 
 
-def _tie(of: Structure, nodes: int, harmonic: int) -> AnyArray:
-    """T_h (2 c + 3, c + 1) of a cut of so many nodes of the plane, from a cut and the harmonic's pose.
+def _cut_constraint(structure: Structure, nodes: int, harmonic: int) -> AnyArray:
+    """Return T_h (2 c + 3, c + 1), from the cut behind and a pose coordinate to both cuts and the pose.
 
-    The cut ahead is the cut behind of the next sector. Of three freedoms of the hub the turn leaves one as it is,
-    theta or z, and turns the others as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
+    The cut ahead is the cut behind of the next sector. A rotation by one sector leaves one freedom of the hub, theta or
+    z, invariant and rotates the other two as a vector, of which `(1, i)` is multiplied by `e^(-2 pi i / 3)`.
     """
-    each, vectors = np.eye(len(of.line.kept)), len(of.line.heights) - len(of.line.fixed)  # with u, v
-    each[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
-    spin, phase = np.kron(np.eye(nodes), each), np.exp(1j * CHAIN_TURN) if harmonic else 1.0
-    c = len(spin)
+    line = structure.line
+    node, vectors = np.eye(len(line.free_components)), len(line.heights) - len(line.fixed)  # nodes with free u, v
+    node[: 2 * vectors, : 2 * vectors] = np.kron(np.eye(vectors), chain_rotation(1)[:2, :2])
+    rotation, phase = np.kron(np.eye(nodes), node), np.exp(1j * CHAIN_TURN) if harmonic else 1.0
+    c = len(rotation)
     T = np.zeros((2 * c + 3, c + 1), dtype=complex if harmonic else float)
-    T[:c, :c], T[c : 2 * c, :c] = np.eye(c), phase * spin
+    T[:c, :c], T[c : 2 * c, :c] = np.eye(c), phase * rotation
     if harmonic:
-        T[2 * c + of.turning[:2], -1] = 1.0, 1j
+        T[2 * c + structure.vector_first[:2], -1] = 1.0, 1j
     else:
-        T[2 * c + of.turning[2], -1] = 1.0
+        T[2 * c + structure.vector_first[2], -1] = 1.0
     return T
 
 
-def under_loads(values: Sequence[Array]) -> list[Array]:
+def chain_values(values: Sequence[Array]) -> list[Array]:
     """Values (3 cases, ...) of three chains, each in the frame of chain 1, from those of one or three sectors.
 
-    Chain c of three alike answers a case as chain 1 does the case turned back by c turns.
+    With identical chains, chain c responds to a case as chain 1 to the case rotated back by c sectors.
     """
     if len(values) == 3:
         return list(values)
     return [np.tensordot(chain_rotation(chain), values[0], axes=1) for chain in range(3)]
 
 
-def turned_fields(values: Array, chain: int) -> Array:
-    """Vectors (..., 2) or (..., 3) in the frame of chain 1 turned to a chain, from 0; a negative one turns back."""
+def rotated_fields(values: Array, chain: int) -> Array:
+    """Rotate vectors (..., 2) or (..., 3) from the frame of chain 1 to that of a chain, from 0; back if negative."""
     axes = values.shape[-1]
     return values @ chain_rotation(chain)[:axes, :axes].T
 
 
-def whole_fields(nodes: int, places: list[Index], parts: Sequence[Array]) -> Array:
-    """Fields (k, nodes, ...) of a whole mesh, by those of each chain's sector in its own frame."""
-    found = np.empty((len(parts[0]), nodes, *parts[0].shape[2:]))
-    for chain, (place, part) in enumerate(zip(places, parts, strict=True)):
-        found[:, place] = turned_fields(part, chain)
-    return found
+def whole_fields(nodes: int, sector_nodes: list[Index], parts: Sequence[Array]) -> Array:
+    """Fields (k, nodes, ...) of the whole mesh from those of the sector of each chain, each in the frame of chain 1."""
+    fields = np.empty((len(parts[0]), nodes, *parts[0].shape[2:]))
+    for chain, (numbers, part) in enumerate(zip(sector_nodes, parts, strict=True)):
+        fields[:, numbers] = rotated_fields(part, chain)
+    return fields

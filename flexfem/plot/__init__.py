@@ -1,10 +1,10 @@
-"""Figures: functions that draw a result on given axes, and pages made of them.
+"""Figures: functions that draw a result on given axes, and pages composed of them.
 
     figure, ax = plt.subplots()
     flexfem.plot.plot_budget(ax, flexfem.budget(stage), "x")
 
-Every function `plot_...(ax, result, ...)` draws on `ax`, changes nothing outside it, solves nothing, and returns it.
-The names below are loaded when they are first used.
+Every function `plot_...(ax, result, ...)` draws on `ax` alone and returns it; none of them solves anything.
+The functions below are imported on first use.
 """
 
 from importlib import import_module
@@ -21,20 +21,20 @@ _NAMES = {
     "stage": "plot_dimensions plot_mesh plot_model plot_neck plot_stage",
     "study": "plot_front plot_histogram plot_map plot_shares",
 }
-_HOMES = {name: home for home, names in _NAMES.items() for name in names.split()}
-__all__ = sorted(_HOMES)
+_MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}
+__all__ = sorted(_MODULES)
 
 
 def figures_of(result: Any) -> dict[str, Any]:
-    """What the class of a result draws, by the ending of the file: a figure, or what writes one beside a path."""
+    """Figures of a result by file-name suffix: each a figure, or a function that writes files beside a path."""
     module, _, draw = result.figure.rpartition(".")
-    drawn = getattr(import_module(f"flexfem.plot.{module}"), draw)(result)
-    return drawn if isinstance(drawn, dict) else {"": drawn}
+    figures = getattr(import_module(f"flexfem.plot.{module}"), draw)(result)
+    return figures if isinstance(figures, dict) else {"": figures}
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOMES:
-        return getattr(import_module(f"flexfem.plot.{_HOMES[name]}"), name)
+    if name in _MODULES:
+        return getattr(import_module(f"flexfem.plot.{_MODULES[name]}"), name)
     raise AttributeError(f"module 'flexfem.plot' has no attribute {name!r}")
 
 

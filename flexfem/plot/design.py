@@ -1,4 +1,4 @@
-"""A design: its stage, margins with bands, the history of the search, sensitivities, and the front."""
+"""Figures of a design: stage, margins with bands, history of the search, sensitivities, and the Pareto front."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
 
-LABEL, LETTERS = 2.7, 7.5  # in, of a requirement's name, and points
+LABEL_WIDTH, FONT_SIZE = 2.7, 7.5  # of a requirement's name: in, points
 MARKS = {"met": "o", "within the band": "s", "missed": "X"}
-ACROSS, CELL = 4, 2.75  # panels beside each other, and width of one, in
-SENSITIVITY = (
+COLUMNS, CELL_WIDTH = 4, 2.75  # panels per row; width of a panel, in
+SENSITIVITY_NOTE = (
     "Change of each quantity in per cent for 1 % more of one dimension, the others kept: logarithmic derivatives of "
     "the corrected model at the design, by central differences, or one-sided ones where only one side can be made; "
     "steps that can be made are left aside."
 )
-FRONT = (
+FRONT_NOTE = (
     "Designs that no other beats in both objectives, by finite elements; each is a stage file, by its number. The "
     "design is the best in the first objective; there the model is corrected, and along the front it differs."
 )
@@ -34,13 +34,13 @@ FRONT = (
 
 @style.in_house_style
 def design_figure(found: Designed) -> Figure:
-    """Draw the stage, the margins of its requirements, the history of the search and, of two objectives, the front."""
+    """Draw the stage, the margins of its requirements, the history of the search and, for two objectives, the front."""
     state = "every requirement is met" if found.feasible else "not every requirement is met"
-    counted = ", ".join(f"{n:,} by {name}" for name, n in found.evaluations.items() if name != "drawn")
+    evaluations = ", ".join(f"{n:,} by {name}" for name, n in found.evaluations.items() if name != "drawn")
     lines = [
         "; ".join(f"{goal.label}: {goal.said()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
         "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
-        f"Evaluations: {counted}. Seed {found.seed}. Corrected model and finite elements differ by at most "
+        f"Evaluations: {evaluations}. Seed {found.seed}. Corrected model and finite elements differ by at most "
         f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
         *found.warnings,
     ]
@@ -60,24 +60,24 @@ def _stage(text: str) -> Stage:
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:
-    """Draw the margin of every requirement, in per cent of its end, with the band; returns `ax`, or new axes."""
+    """Draw the margin of every requirement, in per cent of its limit, with its band; return `ax`, or new axes."""
     ax, last = new_axes() if ax is None else ax, len(found.requirements) - 1
-    margins = [each.margin_percent for each in found.requirements]
+    margins = [requirement.margin_percent for requirement in found.requirements]
     ax.axvline(0.0, color=INK, linewidth=1.2)
-    for k, (margin, each) in enumerate(zip(margins, found.requirements, strict=True)):
-        place, colour = last - k, COLOURS[1] if each.verdict == "missed" else COLOURS[0]
-        ax.plot([0, margin], [place, place], color=colour, linewidth=4, alpha=0.45, solid_capstyle="butt")
+    for k, (margin, requirement) in enumerate(zip(margins, found.requirements, strict=True)):
+        row, colour = last - k, COLOURS[1] if requirement.verdict == "missed" else COLOURS[0]
+        ax.plot([0, margin], [row, row], color=colour, linewidth=4, alpha=0.45, solid_capstyle="butt")
         ax.errorbar(
-            margin, place, xerr=each.band_percent or 0.0, fmt=MARKS[each.verdict], color=colour, capsize=4,
-            markersize=6, markerfacecolor=colour if each.checked_by.startswith("finite") else "white",
+            margin, row, xerr=requirement.band_percent or 0.0, fmt=MARKS[requirement.verdict], color=colour, capsize=4,
+            markersize=6, markerfacecolor=colour if requirement.checked_by.startswith("finite") else "white",
         )  # fmt: skip
-        limits = ", limits the objective" if each.active else ""
-        text = wrapped(f"{each.label}: {each.verdict}{limits}", LABEL, LETTERS)
-        ax.annotate(text, (0.02, place + 0.12), xycoords=("axes fraction", "data"), size=LETTERS, va="bottom",
+        active = ", limits the objective" if requirement.active else ""
+        text = wrapped(f"{requirement.label}: {requirement.verdict}{active}", LABEL_WIDTH, FONT_SIZE)
+        ax.annotate(text, (0.02, row + 0.12), xycoords=("axes fraction", "data"), size=FONT_SIZE, va="bottom",
                     bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
     ax.set_xscale("symlog", linthresh=1.0)
-    ends = 2.0 * min([0.0, *margins]) - 1.0, 2.0 * max([1.0, *map(abs, margins)])
-    ax.set(xlim=ends, ylim=(-0.5, max(last + 0.8, 0.8)), yticks=[])
+    limits = 2.0 * min([0.0, *margins]) - 1.0, 2.0 * max([1.0, *map(abs, margins)])
+    ax.set(xlim=limits, ylim=(-0.5, max(last + 0.8, 0.8)), yticks=[])
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
     ax.set_xlabel("margin over the end that is wanted (%);\nlinear to 1 %; bars: band; hollow: model alone")
@@ -86,11 +86,11 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
 
 
 def plot_history(ax: Axes | None, found: Designed) -> Axes:
-    """Draw the best objective, or what is missed where none is found, over evaluations; returns `ax`, or new axes."""
+    """Draw the best objective over evaluations, or the violation if no design is feasible; return `ax`, or new axes."""
     ax, goal = new_axes() if ax is None else ax, found.objectives[0]
-    ends = [(step.evaluations, step.objective) for step in found.history if step.objective is not None]
-    if ends:
-        ax.step(*np.array(ends, dtype=float).T, where="post", color=COLOURS[0], label="best that meets all")
+    best = [(step.evaluations, step.objective) for step in found.history if step.objective is not None]
+    if best:
+        ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label="best that meets all")
         ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="finite elements, in the end")
         ax.set_ylabel(wrapped(goal.headed(), 3.2, 9.0))
         ax.legend(framealpha=0.8, edgecolor="none")
@@ -105,18 +105,18 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
 
 
 def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
-    """Draw both objectives of every design on the front, by its number, and the design itself; returns the axes.
+    """Draw both objectives of every numbered design on the front, and of the chosen design; return `ax`, or new axes.
 
     Raises BadInput for a design without a front.
     """
     if not found.front:
         raise BadInput(f"{found.file}: a design without a front, expected one of two objectives that meets all")
     ax = new_axes() if ax is None else ax
-    values = np.array([one.values for one in found.front])
+    values, predicted = np.array([(point.values, point.predicted) for point in found.front]).swapaxes(0, 1)
     ax.plot(*values.T, color=COLOURS[0], linewidth=1.2, label="by finite elements")
-    ax.plot(*np.array([one.predicted for one in found.front]).T, "+", color=INK, markersize=9, label="corrected model")
-    for place, (at, one) in enumerate(zip(values, found.front, strict=True), 1):
-        style.ring(ax, at, str(place), INK if one.met else COLOURS[1])
+    ax.plot(*predicted.T, "+", color=INK, markersize=9, label="corrected model")
+    for number, (value, point) in enumerate(zip(values, found.front, strict=True), 1):
+        style.ring(ax, value, str(number), INK if point.met else COLOURS[1])
     ax.plot(*(goal.value for goal in found.objectives), "o", color="none", markeredgecolor=INK, markersize=17,
             label="the design")  # fmt: skip
     first, second = (f"{goal.headed()}, the {goal.better} the better" for goal in found.objectives)
@@ -129,55 +129,55 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
 
 @style.in_house_style
 def front_figure(found: Designed) -> Figure:
-    """Draw the front, and every design on it to one scale."""
+    """Draw the front and, to one scale, every design on it."""
     count = len(found.front) + 1
-    rows = -(-count // ACROSS)
-    size, title = (CELL * ACROSS, (CELL + 0.9) * rows), f"{found.name}: front"
-    figure, (plane, *drawings) = panels(size, title, [FRONT], rows, ACROSS, found, count)
+    rows = -(-count // COLUMNS)
+    size, title = (CELL_WIDTH * COLUMNS, (CELL_WIDTH + 0.9) * rows), f"{found.name}: front"
+    figure, (plane, *drawings) = panels(size, title, [FRONT_NOTE], rows, COLUMNS, found, count)
     plot_tradeoff(plane, found)
-    draw_to_one_scale(drawings, [_stage(one.stage) for one in found.front])
-    for place, (ax, one) in enumerate(zip(drawings, found.front, strict=True), 1):
-        ax.set_title(f"{place}:  {_objectives(found, one)}", loc="left", size=LETTERS)
+    draw_to_one_scale(drawings, [_stage(point.stage) for point in found.front])
+    for number, (ax, point) in enumerate(zip(drawings, found.front, strict=True), 1):
+        ax.set_title(f"{number}:  {_objectives(found, point)}", loc="left", size=FONT_SIZE)
         ax.set(xticks=[], yticks=[])
-        ax.set_xlabel("\n".join(f"{name} {value:.5g}" for name, value in one.design.items()), size=LETTERS)
+        ax.set_xlabel("\n".join(f"{name} {value:.5g}" for name, value in point.design.items()), size=FONT_SIZE)
     return figure
 
 
-def _objectives(found: Designed, one: FrontDesign) -> str:
-    values = zip(found.objectives, one.values, strict=True)
+def _objectives(found: Designed, point: FrontDesign) -> str:
+    values = zip(found.objectives, point.values, strict=True)
     lines = [f"{goal.label} {significant(value, 4)} {goal.unit}".rstrip() for goal, value in values]
-    return "\n".join(lines if one.met else [*lines, "a requirement is missed"])
+    return "\n".join(lines if point.met else [*lines, "a requirement is missed"])
 
 
 @style.in_house_style
 def sensitivity_figure(found: Designed) -> Figure:
-    """Draw how objectives and active requirements follow each dimension."""
+    """Draw the sensitivity of objectives and active requirements to each dimension."""
     quantities, title = found.decisive, f"{found.name}: sensitivity to each dimension"
-    across = min(ACROSS, len(quantities))
-    rows = -(-len(quantities) // across)
-    size = (2.2 + 2.9 * across, rows * (0.34 * len(found.design) + 1.15))
-    figure, axes = panels(size, title, [SENSITIVITY], rows, across, found, len(quantities))
-    for place, (ax, each) in enumerate(zip(axes, quantities, strict=True)):
-        plot_sensitivity(ax, found, each.name)
-        ends = [f"the {each.better} the better"] if isinstance(each, Goal) else []
-        ends += [f"{each.wanted} {each.unit}".rstrip()] if isinstance(each, Requirement) else []
-        ax.set_title(wrapped(", ".join([each.label, *ends]), 2.7, 9.5), loc="left", size=9.5)
-        if place % across:
+    columns = min(COLUMNS, len(quantities))
+    rows = -(-len(quantities) // columns)
+    size = (2.2 + 2.9 * columns, rows * (0.34 * len(found.design) + 1.15))
+    figure, axes = panels(size, title, [SENSITIVITY_NOTE], rows, columns, found, len(quantities))
+    for k, (ax, quantity) in enumerate(zip(axes, quantities, strict=True)):
+        plot_sensitivity(ax, found, quantity.name)
+        target = [f"the {quantity.better} the better"] if isinstance(quantity, Goal) else []
+        target += [f"{quantity.wanted} {quantity.unit}".rstrip()] if isinstance(quantity, Requirement) else []
+        ax.set_title(wrapped(", ".join([quantity.label, *target]), 2.7, 9.5), loc="left", size=9.5)
+        if k % columns:
             ax.set_yticklabels([])
     style.share_x(axes)
     return figure
 
 
 def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) -> Axes:
-    """Draw by how many per cent a quantity changes for 1 % of each dimension; returns `ax`, or new axes.
+    """Draw the change of a quantity, in per cent, for 1 % of each dimension; return `ax`, or new axes.
 
-    `name` : of the quantity as the requirements file has it, by default the first objective. Raises BadInput when the
+    `name` : name of the quantity in the requirements file; default: the first objective. Raises BadInput when the
     design has no such quantity.
     """
-    every = [each.name for each in (*found.objectives, *found.requirements)]
-    name = every[0] if name is None else name
-    if name not in every:
-        raise BadInput(f"quantity {shown(name)}, expected one of {', '.join(every)}")
+    known = [quantity.name for quantity in (*found.objectives, *found.requirements)]
+    name = known[0] if name is None else name
+    if name not in known:
+        raise BadInput(f"quantity {shown(name)}, expected one of {', '.join(known)}")
     ax = new_axes() if ax is None else ax
     values = [found.sensitivities[dimension][name] for dimension in found.design]
     lengths = np.array([value or 0.0 for value in values])

@@ -1,4 +1,4 @@
-"""A driven stage: strokes and forces for a pose, the poses within reach and their limits, and large displacements."""
+"""Figures of a driven stage: strokes and forces for a pose, reachable poses with their limits, large displacements."""
 
 from __future__ import annotations
 
@@ -36,26 +36,26 @@ from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Dire
 
 WIDTH = 11.69  # in
 ROUND_OFF = 1e-9  # of the largest stroke, pose, or command
-LONG, BROAD, GAP, ARROW = 1.3, 0.5, 0.2, 0.47  # of a drawn stack, its ball and the longest force, per link width
-SIGNS = (  # of strokes
+STACK_LENGTH, STACK_WIDTH, BALL, LONGEST_ARROW = 1.3, 0.5, 0.2, 0.47  # as drawn, over the link width
+STROKE_SIGNS = (
     ("stack becomes longer", "#7FB2DC", "", 1.0),
     ("stack becomes shorter", "#F3D9B1", "////", -1.0),
     ("stack stays", "white", "", 0.0),
 )
-VISIBLE = 0.06  # largest drawn displacement of the platform, per size of the stage
+VISIBLE = 0.06  # largest drawn displacement of the platform over the size of the stage
 
 
 @style.in_house_style
 def command_figure(found: Drive) -> Figure:
-    """Draw a driven stage at a pose: stacks in their places, strokes and forces by criterion, open-loop errors."""
+    """Draw a driven stage at a pose: its stacks, their strokes and forces by criterion, and open-loop errors."""
     errors = [len(found.error)] if "error" in found.values else []
     heights = [min(max(0.34 * n + 0.75, 1.9), 9.0) for n in (len(found.command), len(found.stroke), *errors)]
     heights[1] = max(heights[1], 5.8 - heights[0])
     factor = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found), 1)}."
     load = f" under a load of {_numbers(found.load, FORCES)}" if np.any(found.load) else ""
-    said = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.settings['strokes by']}."
-    lines = [f"{said}{factor if np.any(found.pose) else ''} Stacks are not to scale."]
-    lines += [text for text in found.warnings if "this pose" in text]
+    pose = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.settings['strokes by']}."
+    lines = [f"{pose}{factor if np.any(found.pose) else ''} Stacks are not to scale."]
+    lines += [warning for warning in found.warnings if "this pose" in warning]
     title = f"{found.about.name}: strokes and forces for a pose"
     figure = style.below_header((WIDTH, sum(heights) + 0.7), title, lines, found.about)
     parts = figure.subfigures(1 + len(errors), squeeze=False, height_ratios=[sum(heights[:2]), *heights[2:]])[:, 0]
@@ -65,11 +65,10 @@ def command_figure(found: Drive) -> Figure:
     titled(plot_strokes(axes["strokes"], found), "b", "strokes by actuator")
     titled(plot_forces(axes["forces"], found), "c", "forces by stack; right: blocking forces")
     for letter, direction in zip("def", DIRECTIONS if errors else (), strict=False):
-        titled(
-            plot_open_loop(axes[direction], found, direction), letter, f"error of finite elements in {NAMES[direction]}"
-        )
-        axes[direction].tick_params(labelleft=direction == "x")
-    figure.draw_without_rendering()  # labels of the drawing are placed at the size that its axes have then
+        ax = plot_open_loop(axes[direction], found, direction)
+        titled(ax, letter, f"error of finite elements in {NAMES[direction]}")
+        ax.tick_params(labelleft=direction == "x")
+    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     titled(plot_drive(axes["stage"], found), "a", f"strokes beyond rest, and forces, by {CRITERIA[0]}")
     style.legend_below(figure, list(axes.values()), 4)
     return figure
@@ -80,37 +79,38 @@ def _numbers(values: Any, units: Any) -> str:
 
 
 def plot_strokes(ax: Axes, found: Drive) -> Axes:
-    """Draw the strokes beyond rest by actuator, a bar for each criterion, on the strokes that it has; returns `ax`."""
+    """Draw the strokes from rest, a bar per actuator and criterion, over the available strokes; return `ax`."""
     um, differential = MICROMETRE.factor, drive_of(found.fields).differential
     low, high = um * found.shortest, um * found.longest
     look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
     ax.barh(np.arange(len(low)), high - low, left=low, label="strokes it has", **look)
     _bars(ax, dict(zip(found.axes["criterion"], um * found.command.T, strict=True)))
     stacks = [[str(k + 1) for k in np.flatnonzero(column)] for column in differential.T]
-    _label_rows(ax, [f"{name} ({', '.join(own)})" for name, own in zip(found.axes["actuator"], stacks, strict=True)])
+    actuators = zip(found.axes["actuator"], stacks, strict=True)
+    _label_rows(ax, [f"{name} ({', '.join(numbers)})" for name, numbers in actuators])
     ax.set_xlabel(f"stroke beyond rest ({MICROMETRE})")
     return ax
 
 
 def plot_forces(ax: Axes, found: Drive) -> Axes:
-    """Draw the forces of the stacks, a bar for each criterion, with preload and blocking force; returns `ax`."""
+    """Draw the forces, a bar per stack and criterion, with preload and blocking force; return `ax`."""
     force = dict(zip(found.axes["criterion"], found.force.T, strict=True))
-    preload, every = found.preload, np.concatenate([*force.values(), found.preload])
-    most, least = 1.12 * max(float(every.max()), 1e-9), min(0.0, 1.12 * float(every.min()))
+    preload, values = found.preload, np.concatenate([*force.values(), found.preload])
+    limits = min(0.0, 1.12 * float(values.min())), 1.12 * max(float(values.max()), 1e-9)
     _bars(ax, force)
     ax.plot(preload, np.arange(len(preload)), "|", color=INK, markersize=17.0, label="preload", zorder=5)
-    beside: Any = {"transform": ax.get_yaxis_transform(), "va": "center", "size": 8.0, "color": "#404040"}
+    look: Any = {"transform": ax.get_yaxis_transform(), "va": "center", "size": 8.0, "color": "#404040"}
     for row, value in enumerate(found.blocking_force.tolist()):
-        ax.text(1.015, row, f"{value:.4g} {FORCES[0]}", **beside)
+        ax.text(1.015, row, f"{value:.4g} {FORCES[0]}", **look)
     _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.axes["stack"])])
-    ax.set(xlabel=f"force ({FORCES[0]}); a contact opens at zero", xlim=(least, most))
+    ax.set(xlabel=f"force ({FORCES[0]}); a contact opens at zero", xlim=limits)
     return ax
 
 
 def plot_open_loop(ax: Axes, found: Drive, direction: Direction) -> Axes:
-    """Draw the error of finite elements in one direction with the strokes of every model; returns `ax`.
+    """Draw the finite-element error in one direction under the strokes of every model; return `ax`.
 
-    Raises BadInput for another direction than x, y or theta, and a record without finite elements.
+    Raises BadInput for a direction other than x, y or theta, and for a record without finite elements.
     """
     if "error" not in found.values:
         raise BadInput("this record has no open-loop errors: expected one with finite elements")
@@ -120,14 +120,14 @@ def plot_open_loop(ax: Axes, found: Drive, direction: Direction) -> Axes:
     values, reach = unit.factor * error, unit.factor * float(np.max(np.abs(error))) or 1.0
     bars = ax.barh(np.arange(len(error)), values, height=0.6, color=COLOURS[0], edgecolor=INK, linewidth=0.5)
     ax.bar_label(bars, [significant(value, 3) for value in values.tolist()], padding=4, size=8.0)
-    own = found.settings["strokes by"]
-    _label_rows(ax, [name.removeprefix(f"{own}, ") for name in found.axes["commanding model"]])
+    prefix = f"{found.settings['strokes by']}, "
+    _label_rows(ax, [name.removeprefix(prefix) for name in found.axes["commanding model"]])
     ax.set(xlabel=f"error ({unit})", xlim=(-1.5 * reach, 1.5 * reach))
     return ax
 
 
 def _bars(ax: Axes, values: dict[Any, Any]) -> None:
-    """A group of bars a row, one for each criterion that has strokes."""
+    """Draw a group of horizontal bars per row, one for each criterion in `values`."""
     height = 0.8 / len(values)
     for k, (name, value) in enumerate(values.items()):
         index, rows = CRITERIA.index(name), np.arange(len(value)) + (k - (len(values) - 1) / 2) * height
@@ -140,32 +140,32 @@ def _label_rows(ax: Axes, names: list[str]) -> None:
 
 
 def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") -> Axes:
-    """Draw a stage with its stacks in their places, their strokes and forces, and its platform at the pose, in mm.
+    """Draw a stage, in mm, with its stacks, their strokes and forces, and its platform at the pose.
 
-    Stacks are numbered from 1 as in the record; their size is that of no catalogue. An arrow starts at every contact,
-    in the direction of the push and in proportion to the force; the platform is drawn `platform_factor` times as far.
-    Returns `ax`. Raises BadInput for a criterion that has no strokes.
+    Stacks are numbered from 1 as in the record and are not to scale. The arrow at each contact is in proportion to the
+    force of the stack; the displacement of the platform is multiplied by `platform_factor`. Returns `ax`. Raises
+    BadInput for a criterion without strokes.
     """
     stage, width = found.fields, found.fields.chain.link_width
     stroke, force = found.at("stroke", criterion=criterion), found.at("force", criterion=criterion)
-    contact, push = stack_ends(stage)
-    boxes = np.array([_box(*ends, width) for ends in zip(contact, push, strict=True)])
+    contact, along = stack_ends(stage)
+    boxes = np.array([_box(*end, width) for end in zip(contact, along, strict=True)])
     rim = draw_outline(ax, stage)
     size = fit(ax, np.concatenate([rim, *boxes]), 0.22)
     sign = np.sign(np.where(np.abs(stroke) > ROUND_OFF * np.max(np.abs(stroke)), stroke, 0.0))
-    for label, colour, hatch, wanted in SIGNS:
+    for label, colour, hatch, drawn_sign in STROKE_SIGNS:
         look: dict[str, Any] = {"facecolors": colour, "hatch": hatch, "edgecolors": INK, "linewidths": 0.7, "zorder": 4}
-        if np.any(sign == wanted):
-            ax.add_collection(PolyCollection(list(boxes[sign == wanted]), label=label, **look), autolim=False)
-    ax.plot(*(contact - GAP / 2 * width * push).T, "o", color=INK, markersize=3.0, zorder=5)
+        if np.any(sign == drawn_sign):
+            ax.add_collection(PolyCollection(list(boxes[sign == drawn_sign]), label=label, **look), autolim=False)
+    ax.plot(*(contact - BALL / 2 * width * along).T, "o", color=INK, markersize=3.0, zorder=5)
     for stack, box in zip(drive_of(stage).stacks, boxes, strict=True):
-        body, carrier, middle = BODY_NAMES[stack.pushes[1].body], box[2:], box[2:].mean(axis=0)
-        if body != "frame":
-            outline = _body(stage, body, CHAINS if body == "platform" else (stack.chain + 1,))
-            carrier = shapely.get_coordinates(shapely.shortest_line(shapely.Point(middle), outline))
-        look = {"color": INK, "linewidth": 2.4} if body == "frame" else {"color": GREY, "linewidth": 1.2}
-        ax.plot(carrier[:, 0], carrier[:, 1], zorder=3.5, **look)
-    shaft = ARROW * width * push * force[:, None] / (np.max(np.abs(force)) or 1.0)
+        carrier, mount, rear = BODY_NAMES[stack.pushes[1].body], box[2:], box[2:].mean(axis=0)
+        if carrier != "frame":
+            outline = _body(stage, carrier, CHAINS if carrier == "platform" else (stack.chain + 1,))
+            mount = shapely.get_coordinates(shapely.shortest_line(shapely.Point(rear), outline))
+        look = {"color": INK, "linewidth": 2.4} if carrier == "frame" else {"color": GREY, "linewidth": 1.2}
+        ax.plot(mount[:, 0], mount[:, 1], zorder=3.5, **look)
+    shaft = LONGEST_ARROW * width * along * force[:, None] / (np.max(np.abs(force)) or 1.0)
     label = f"force on the pushed body, the longest {np.max(np.abs(force)):.4g} {FORCES[0]}"
     scaled: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "zorder": 6}
     ax.quiver(*contact.T, *shaft.T, color=NOTE_COLOUR, label=label, **scaled)
@@ -173,20 +173,20 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
         x, y, theta = (platform_factor(found) * found.pose).tolist()
         c, s = np.cos(theta), np.sin(theta)
         rings = shapely.get_parts(_body(stage, "platform", CHAINS).boundary)
-        moved = [shapely.get_coordinates(each) @ np.array([[c, s], [-s, c]]) + [x, y] for each in rings]
+        moved = [shapely.get_coordinates(ring) @ np.array([[c, s], [-s, c]]) + [x, y] for ring in rings]
         look = {"colors": "#007A58", "linewidths": 1.4, "linestyles": "dashed", "label": "platform at the pose"}
         ax.add_collection(LineCollection(moved, zorder=5, **look), autolim=False)
-    taken = [shapely.LinearRing(rim), *map(shapely.Polygon, boxes)]
+    obstacles = [shapely.LinearRing(rim), *map(shapely.Polygon, boxes)]
     frame = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.5}
     for k, box in enumerate(boxes):
-        spot = place_label(ax, box.mean(axis=0), f"{k + 1}", taken, 0.06 * size, size=7.0, bbox=frame)
+        spot = place_label(ax, box.mean(axis=0), f"{k + 1}", obstacles, 0.06 * size, size=7.0, bbox=frame)
         ax.plot(*np.transpose([box.mean(axis=0), spot]), color=GREY, linewidth=0.6, zorder=3.2)
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
     return ax
 
 
 def platform_factor(found: Drive) -> float:
-    """The round factor by which the platform's displacement is drawn; 1 when it does not move."""
+    """Return the round factor that multiplies the platform's displacement in a drawing; 1 when there is none."""
     (x, y, theta), stage = found.pose, found.fields
     rim = shapely.get_coordinates(_body(stage, "platform", CHAINS))
     largest = float(np.max(np.hypot(x - theta * rim[:, 1], y + theta * rim[:, 0])))
@@ -195,35 +195,35 @@ def platform_factor(found: Drive) -> float:
 
 
 def _body(stage: Stage, body: Any, chains: Sequence[int]) -> Any:
-    """The outline of a body of some chains as one shape, mm."""
+    """Shape of a body, mm, united over the given chains."""
     loops = [turn(draw_sector(stage, chain)[body].loop, chain) for chain in chains]
     return shapely.union_all([shapely.Polygon(polygon_points(loop, STEP)) for loop in loops], grid_size=1e-6)
 
 
 def stack_ends(stage: Stage) -> Array:
-    """Where the stacks (n) of a stage push (n, 2), mm, and the unit vectors (n, 2) in which they do; both (2, n, 2)."""
+    """Contact points, mm, and unit force directions of the n stacks of a stage, (2, n, 2)."""
     stacks = drive_of(stage).stacks
-    turned = np.array([[stack.point, stack.direction] for stack in stacks]).T
-    turned = turned * np.exp(1j * CHAIN_TURN * np.array([stack.chain for stack in stacks]))
-    return np.stack([turned.real, turned.imag], axis=-1)
+    points = np.array([[stack.point, stack.direction] for stack in stacks]).T
+    points = points * np.exp(1j * CHAIN_TURN * np.array([stack.chain for stack in stacks]))
+    return np.stack([points.real, points.imag], axis=-1)
 
 
-def _box(contact: Array, push: Array, width: float) -> Array:
-    """Corners (4, 2) of a drawn stack behind its contact: the two at the ball, then those where it is carried."""
-    aside = BROAD / 2 * width * np.array([-push[1], push[0]])
-    front, rear = contact - GAP * width * push, contact - (GAP + LONG) * width * push
+def _box(contact: Array, along: Array, width: float) -> Array:
+    """Corners (4, 2) of a drawn stack: the two at its ball, then the two at its carrier."""
+    aside = STACK_WIDTH / 2 * width * np.array([-along[1], along[0]])
+    front, rear = contact - BALL * width * along, contact - (BALL + STACK_LENGTH) * width * along
     return np.array([front + aside, front - aside, rear - aside, rear + aside])
 
 
-LISTED = 12  # edges whose limits are written out: the longest ones
-AZIMUTH, ELEVATION = -62.0, 24.0  # degrees, of the eye, from the X axis and from the plane
-FILLS = dict(zip(KINDS, ("#E4E8EC", "#9DC3E0", "#C9B458", "#D98A6A"), strict=True))  # of the rarest kind of limit there
+LISTED = 12  # at most: edges whose limits are listed, the longest ones
+AZIMUTH, ELEVATION = -62.0, 24.0  # degrees, of the line of sight, from the X axis and from the plane
+FILLS = dict(zip(KINDS, ("#E4E8EC", "#9DC3E0", "#C9B458", "#D98A6A"), strict=True))  # by a face's rarest kind
 LIMIT_HATCHES = dict(zip(KINDS, ("", "////", "\\\\\\\\", "...."), strict=True))
 
 
 @style.in_house_style
 def reach_figure(found: Reach) -> Figure:
-    """Draw the section at theta = 0 with the limits of its edges, and the solid with the limits of its faces."""
+    """Draw the reachable poses with the limits that bound them: the section at theta = 0, and the solid."""
     um, model = MICROMETRE, found.settings["analytic model"]
     ranges = ", ".join(f"{NAMES[axis]} {_ends(found, k)}" for k, axis in enumerate(NAMES))
     load = f"load {_numbers(found.load, FORCES)}" if np.any(found.load) else "no load"
@@ -243,8 +243,8 @@ def reach_figure(found: Reach) -> Figure:
     edges = listed(found)
     half = (len(edges) + 1) // 2
     for ax, part in zip((axes["c"], axes["d"]), (edges[:half], edges[half:]), strict=True):
-        said = [f"{k}  {edge.by}".replace(", longest", " +").replace(", shortest", " −") for k, edge in part]
-        text = "\n".join(style.wrapped(each, WIDTH / 2 - 0.8, 7.5) for each in said)
+        limits = [f"{k}  {edge.by}".replace(", longest", " +").replace(", shortest", " −") for k, edge in part]
+        text = "\n".join(style.wrapped(limit, WIDTH / 2 - 0.8, 7.5) for limit in limits)
         ax.axis("off")
         ax.text(0.0, 1.0, text, transform=ax.transAxes, va="top", size=7.5, color=INK, linespacing=1.3)
     return figure
@@ -252,19 +252,19 @@ def reach_figure(found: Reach) -> Figure:
 
 def _ends(found: Reach, axis: int) -> str:
     unit = COMMANDS[axis]
-    low, high = (unit.factor * float(each[axis]) for each in found.at("ends", others="zero", model=ANALYTIC))
+    low, high = (unit.factor * float(end[axis]) for end in found.at("ends", others="zero", model=ANALYTIC))
     return "none" if np.isnan(low) else minus(f"{low:z.4g} to {high:z.4g} {unit}")
 
 
 def listed(found: Reach) -> list[tuple[int, PoseEdge]]:
-    """The longest edges of the section, `LISTED` at most, numbered counter-clockwise."""
+    """Return the longest edges of the section, at most `LISTED`, numbered counter-clockwise."""
     section = found.fields.section
     longest = np.argsort([np.linalg.norm(edge.end - edge.start) for edge in section])[-LISTED:]
     return list(enumerate((section[k] for k in sorted(longest)), start=1))
 
 
 def plot_section(ax: Axes, found: Reach) -> Axes:
-    """Draw the poses at theta = 0, each edge by the kinds of its limits, the longest numbered; returns `ax`."""
+    """Draw the reachable poses at theta = 0, with edges by kind of limit, the longest numbered; return `ax`."""
     unit, section, rest = COMMANDS[0], found.fields.section, found.rest[:2]
     ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
     ax.grid()
@@ -275,11 +275,11 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
     ends = unit.factor * np.array([(edge.start, edge.end) for edge in section])
     corners = ends[:, 0]
     ax.add_patch(Polygon(list(corners), facecolor=FILLS["stroke"], edgecolor="none", zorder=1))
-    for index, each in enumerate(_in_order({edge.by.kinds for edge in section})):
-        lines = [line for line, edge in zip(ends, section, strict=True) if edge.by.kinds == each]
+    for index, kinds in enumerate(_sorted_kinds({edge.by.kinds for edge in section})):
+        lines = [line for line, edge in zip(ends, section, strict=True) if edge.by.kinds == kinds]
         dashes = style.DASHES[index % len(style.DASHES)]
         look: Any = {"linestyles": dashes, "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
-        ax.add_collection(LineCollection(lines, label=" and ".join(each) or "no limit", zorder=3, **look))
+        ax.add_collection(LineCollection(lines, label=" and ".join(kinds) or "no limit", zorder=3, **look))
     middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
     for k, edge in listed(found):
         at = unit.factor * (edge.start + edge.end) / 2
@@ -292,14 +292,14 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
     return ax
 
 
-def _in_order(found: set[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    return sorted(found, key=lambda each: [KINDS.index(kind) for kind in reversed(each)])
+def _sorted_kinds(combinations: set[tuple[str, ...]]) -> list[tuple[str, ...]]:
+    return sorted(combinations, key=lambda kinds: [KINDS.index(kind) for kind in reversed(kinds)])
 
 
 def plot_solid(ax: Any, found: Reach) -> Any:
-    """Draw all poses as a solid on axes of projection 3d, each face by the kinds of its limits; returns `ax`.
+    """Draw all reachable poses as a solid on axes of projection 3d, with faces by kind of limit; return `ax`.
 
-    Parallel lines stay parallel; rotations are drawn as long as their translation at l3.
+    The projection is orthographic; rotations are scaled by l3.
     """
     solid, factors = found.fields.solid, np.array([unit.factor for unit in COMMANDS])
     corners, axes = factors * solid.vertices, zip((ax.xaxis, ax.yaxis, ax.zaxis), NAMES.values(), COMMANDS, strict=True)
@@ -315,14 +315,15 @@ def plot_solid(ax: Any, found: Reach) -> Any:
     ax.set(**{f"{which}lim": ends for which, ends in zip("xyz", np.transpose([low, high]), strict=True)})
     ax.locator_params(nbins=5)
     ax.set_box_aspect((high - low) / factors * [1.0, 1.0, found.about.lever], zoom=0.85)
-    up, turned = np.deg2rad([ELEVATION, AZIMUTH])
-    eye = np.array([np.cos(turned) * np.cos(up), np.sin(turned) * np.cos(up), np.sin(up)])
-    seen, handles = solid.normals @ eye > 0, list[Patch]()
-    for kinds in _in_order({by.kinds for by in solid.by}):
+    elevation, azimuth = np.deg2rad([ELEVATION, AZIMUTH])
+    eye = [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]
+    visible, handles = solid.normals @ np.array(eye) > 0, list[Patch]()
+    for kinds in _sorted_kinds({by.kinds for by in solid.by}):
         fill, hatch = FILLS[kinds[-1]] if kinds else "white", "".join(LIMIT_HATCHES[kind] for kind in kinds)
         look: dict[str, Any] = {"facecolor": fill, "edgecolor": INK, "linewidth": 0.9, "hatch": hatch}
-        mine = [face for face, by, one in zip(solid.faces, solid.by, seen, strict=True) if one and by.kinds == kinds]
-        ax.add_collection3d(Poly3DCollection([corners[list(face)] for face in mine], **look))
+        faces = zip(solid.faces, solid.by, visible, strict=True)
+        polygons = [corners[list(face)] for face, by, shown in faces if shown and by.kinds == kinds]
+        ax.add_collection3d(Poly3DCollection(polygons, **look))
         handles.append(Patch(label=" and ".join(kinds), **look))
     ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
     return ax
@@ -341,76 +342,71 @@ THEORIES: dict[int, tuple[str, dict[str, Any]]] = {
     HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
     LOADED: ("finite elements under the load of exact equilibrium", MARKS | {"marker": "v", "color": COLOURS[3]}),
 }
-HONEST = 1e-4  # per cent: half the axis of a panel that has nothing but round-off to show
+ROUND_OFF_AXIS = 1e-4  # per cent: half the range of the axis of a panel that shows nothing but round-off
 
 
 @style.in_house_style
 def large_figure(found: Large) -> Figure:
-    """Draw tangent stiffness and errors of linear theory over the command, one row a direction.
+    """Draw tangent stiffness and errors of linear theory over the command, one row per direction.
 
-    Every model is shown against its own linear answer, so that all curves leave rest at zero.
+    Every model is compared with its own linear solution, so that all curves pass through zero at rest.
     """
-    asked = found.settings
-    near, far = (" and ".join(_both_sides(found, axis, share) for axis in ("x", "theta")) for share in (0.1, 1.0))
-    mesh = f", and nonlinear finite elements ({asked['unknowns']} unknowns)" if "unknowns" in asked else ""
+    settings = found.settings
+    ends = [(COMMANDS[k], float(found.amplitude[k])) for k in (0, 2)]  # x, theta
+    near, far = (" and ".join(f"±{unit.factor * share * end:g} {unit}" for unit, end in ends) for share in (0.1, 1.0))
+    mesh = f", and nonlinear finite elements ({settings['unknowns']} unknowns)" if "unknowns" in settings else ""
     lines = [
-        f"Pseudo-rigid stage of mobility {asked['mobility']}, {asked['formula']}{mesh}, each against its own linear "
-        "answer: linear theory (18) is the line at zero. "
-        "Errors are the linear position under the load that holds the stage at the command, minus the command; along "
-        "it this is by how much the load deviates from (18). Rotations are made displacements by l₃.",
+        f"Pseudo-rigid stage of mobility {settings['mobility']}, {settings['formula']}{mesh}, each against its own "
+        "linear answer: linear theory (18) is the line at zero. Errors are the linear position "
+        "under the load that holds the stage at the command, minus the command; along it this is by how much the load "
+        "deviates from (18). Rotations are made displacements by l₃.",
         f"Largest error of the position by linear theory within {near}: {found.position[0]:.2f} %, within {far}: "
         f"{found.position[1]:.2f} %; change of the tangent compliance there by the two terms: up to "
         f"{found.terms[0]:.2f} and {found.terms[1]:.2f} %.",
     ]
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"
-    figure, every = style.panels((WIDTH, 8.5), title, lines, 3, 3, found.about)
-    for ax, letter, (direction, column) in zip(every, "abcdefghi", product(DIRECTIONS, COLUMNS), strict=True):
+    figure, axes = style.panels((WIDTH, 8.5), title, lines, 3, 3, found.about)
+    for ax, letter, (direction, column) in zip(axes, "abcdefghi", product(DIRECTIONS, COLUMNS), strict=True):
         titled(plot_large(ax, found, direction, column), letter, f"{NAMES[direction]}: {COLUMNS[column]}")
-    style.legend_below(figure, every[1:2], 3, fontsize=9.5, handlelength=3.6)
+    style.legend_below(figure, axes[1:2], 3, fontsize=9.5, handlelength=3.6)
     return figure
-
-
-def _both_sides(found: Large, axis: Direction, share: float) -> str:
-    """The command of a share of the amplitude, to both sides."""
-    unit = COMMANDS[DIRECTIONS.index(axis)]
-    return f"±{unit.factor * share * float(found.at('amplitude', direction=axis)):g} {unit}"
 
 
 def plot_large(
     ax: Axes, found: Large, direction: Direction, column: Literal["tangent", "along", "across"] = "tangent"
 ) -> Axes:
-    """Draw what every model says over the command in one direction; returns `ax`.
+    """Draw one quantity of every model over the command in one direction; return `ax`.
 
     `column` : the change of the tangent stiffness, or the error of linear theory along or across the command.
     """
     if column not in COLUMNS:
         raise BadInput(f"column {column!r}, expected one of: {', '.join(COLUMNS)}")
-    far, aside = float(found.at("amplitude", direction=direction)), column == "across"
-    unit = unit_for(direction, far)
-    commanded = unit.factor * far * np.arange(-STEPS, STEPS + 1) / STEPS
+    amplitude, across = float(found.at("amplitude", direction=direction)), column == "across"
+    unit = unit_for(direction, amplitude)
+    commanded = unit.factor * amplitude * np.arange(-STEPS, STEPS + 1) / STEPS
     ax.set(xlabel=f"commanded {NAMES[direction]} ({unit})")
     ax.set_ylabel("change from rest (%)" if column == "tangent" else "error (% of the command)")
     ax.axhline(0.0, color=GREY, linewidth=1.1, zorder=1, label="linear theory, (18)")
     ax.grid()
-    components = [each for each in DIRECTIONS if (each != direction) == aside]
-    every = [found.at("errors", direction=direction, component=each) for each in components]
+    components = [component for component in DIRECTIONS if (component != direction) == across]
+    values = [found.at("errors", direction=direction, component=component) for component in components]
     if column == "tangent":
-        every = [found.at("tangent", direction=direction)]
-    for curves, (theory, (label, look)) in product(every, THEORIES.items()):
+        values = [found.at("tangent", direction=direction)]
+    for curves, (theory, (label, look)) in product(values, THEORIES.items()):
         known = np.isfinite(curves[:, theory])
-        if known.any() and not (aside and theory == LOADED):
+        if known.any() and not (across and theory == LOADED):
             ax.plot(commanded[known], curves[known, theory], label=label, **look)
-    if not aside:
+    if not across:
         return ax
-    if max(np.max(np.abs(curves[:, EXACT])) for curves in every) < ROUND_OFF:
-        ax.set(ylim=(-HONEST, HONEST), yticks=[0.0])
-        style.boxed(ax, 0.75, f"round-off only, axis ±{scientific(HONEST)} %")
+    if max(np.max(np.abs(curves[:, EXACT])) for curves in values) < ROUND_OFF:
+        ax.set(ylim=(-ROUND_OFF_AXIS, ROUND_OFF_AXIS), yticks=[0.0])
+        style.boxed(ax, 0.75, f"round-off only, axis ±{scientific(ROUND_OFF_AXIS)} %")
     else:
-        last = np.array([curves[-1, EXACT] for curves in every])
-        near = np.ptp(last) < 0.1 * np.ptp(ax.get_ylim())
-        for other, end in zip(components, last.tolist(), strict=True):
-            beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
-            up = 6.0 * np.sign(end - last.mean()) if near else 0.0
-            ax.annotate(f"in {NAMES[other]}", (float(commanded[-1]), end), (7, up), **beside)
+        last = np.array([curves[-1, EXACT] for curves in values])
+        close = np.ptp(last) < 0.1 * np.ptp(ax.get_ylim())
+        text: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
+        for component, end in zip(components, last.tolist(), strict=True):
+            up = 6.0 * np.sign(end - last.mean()) if close else 0.0
+            ax.annotate(f"in {NAMES[component]}", (float(commanded[-1]), end), (7, up), **text)
         ax.set_xlim(right=1.4 * float(commanded[-1]))
     return ax

@@ -1,4 +1,4 @@
-"""Errors of the analytic model: Figures 5 to 7, error budgets as waterfalls, and the convergence of meshes."""
+"""Figures of the errors of the analytic model: Figs. 5 to 7, error budgets as waterfalls, and mesh convergence."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
 from flexfem.questions.errors import Verification
 from flexfem.units import DIRECTIONS, LENGTH, Direction, unit_for
 
-ROUND_OFF = 1e-9  # of the commanded amplitude: solving 1e5 equations leaves less, any real error more
-HONEST = 1e-6  # of the commanded amplitude: half the axis of a panel that has nothing but round-off to show
-THINNEST, THICKEST = 1.4, 3.4  # points: earlier curves are broader and show below later ones
+ROUND_OFF = 1e-9  # of the commanded amplitude: above the round-off of 1e5 equations, below any real error
+ROUND_OFF_AXIS = 1e-6  # of the commanded amplitude: half the range of the axis where there is only round-off
+THINNEST, THICKEST = 1.4, 3.4  # points: earlier curves are thicker, and so visible below later ones
 WIDTH = 8.27  # in
-LEGEND, NAME = 1.65, 2.1  # in, of a legend's text, and of the name of a share
-BY = {"force": "force by (18)", "joints": "joints imposed by (29)", "strokes": "strokes commanded by (29)"}
+LEGEND_WIDTH, NAME_WIDTH = 1.65, 2.1  # in, of a legend's text, and of the name of a share
+DRIVES = {"force": "force by (18)", "joints": "joints imposed by (29)", "strokes": "strokes commanded by (29)"}
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
 
@@ -29,59 +29,59 @@ ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 def error_figure(result: Verification, displacement: bool = False) -> Figure:
     """Draw a verification as one page of three panels, X, Y and theta: Figs. 5 to 7 of the paper.
 
-    `displacement` : draw the displacement itself in the commanded direction, as the captions of Figs. 5(a) and 7(c)
-    have it, instead of its error. A panel with nothing but round-off says so on an axis of 1e-6 of the command.
+    `displacement` : in the commanded direction draw the displacement, as the captions of Figs. 5(a) and 7(c) state,
+    not its error. A panel with nothing but round-off says so; its axis ends at 1e-6 of the command.
     """
-    what = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
-    given = "large displacements in both models" if result.analysis == "nonlinear" else BY[result.drive]
+    quantity = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
+    drive = "large displacements in both models" if result.analysis == "nonlinear" else DRIVES[result.drive]
     solid = result.elements == "three_dimensional"
     where, band = (" in three dimensions", "band of mesh and layers") if solid else ("", "mesh band")
     levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
     lines = [
-        f"Finite-element displacement{where} {what}, {given}. ±, shaded: {band}.",
+        f"Finite-element displacement{where} {quantity}, {drive}. ±, shaded: {band}.",
         f"Percentages at the largest command, relative to it; rotations count times l₃ = {levers} {LENGTH}.",
     ]
-    figure, found = panels((WIDTH, 8.6), result.name, lines, 3, assumptions=result)
-    for letter, axes, freedom in zip("abc", found, DIRECTIONS, strict=True):
+    figure, axes = panels((WIDTH, 8.6), result.name, lines, 3, assumptions=result)
+    for letter, ax, freedom in zip("abc", axes, DIRECTIONS, strict=True):
         along = freedom == result.direction
-        titled(axes, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
-        plot_errors(axes, result, freedom, along and displacement)
-        axes.label_outer()
+        titled(ax, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
+        plot_errors(ax, result, freedom, along and displacement)
+        ax.label_outer()
     figure.align_ylabels()
     return figure
 
 
 def plot_errors(ax: Axes, result: Verification, freedom: Direction, displacement: bool = False) -> Axes:
-    """Draw the errors of every curve in one direction over the command, with their mesh bands; returns `ax`.
+    """Draw the errors of every curve in one direction over the command, with their mesh bands; return `ax`.
 
-    The legend beside states the percentages at the largest command. `displacement` : draw the displacement in the
-    commanded direction instead, beside the command itself in grey.
+    The legend beside the axes states the percentages at the largest command. `displacement` : draw the displacement in
+    the commanded direction instead, and the command in grey.
     """
     x, errors = np.array(result.commanded), result.at("error", direction=freedom)
-    levers = {"theta": [result.models[label].lever for label in result.curves]}  # make commands comparable
+    levers = {"theta": [result.models[label].lever for label in result.curves]}  # scale rotations to lengths
     scale = np.divide(levers.get(result.direction, 1.0), levers.get(freedom, 1.0)) * np.ones(len(result.curves))
-    far, largest = float(np.max(np.abs(x))), float(np.max(np.abs(errors)))
-    round_off = bool(np.all(np.abs(errors).max(axis=-1) < ROUND_OFF * far * scale))
-    half = HONEST * far * float(scale.max()) if round_off else 1.1 * largest
-    command = unit_for(result.direction, far)
+    amplitude, largest = float(np.max(np.abs(x))), float(np.max(np.abs(errors)))
+    round_off = bool(np.all(np.abs(errors).max(axis=-1) < ROUND_OFF * amplitude * scale))
+    half = ROUND_OFF_AXIS * amplitude * float(scale.max()) if round_off else 1.1 * largest
+    command = unit_for(result.direction, amplitude)
     unit = command if displacement else unit_for(freedom, half if round_off else largest)
-    base, what = (unit.factor * x, "displacement") if displacement else (0.0 * x, "error")
+    base, quantity = (unit.factor * x, "displacement") if displacement else (0.0 * x, "error")
     ax.plot(command.factor * x, base, color=GREY, linewidth=0.8, zorder=1, label="_command")
     size, count = 9.0 if len(errors) < 5 else 6.5 if len(errors) < 9 else 5.0, len(errors)
     lines, texts = [], []
     for index, label in enumerate(result.curves):
-        percent, band = (float(of("percent", curve=label, direction=freedom)) for of in (result.at, result.band))
+        percent, band = (float(read("percent", curve=label, direction=freedom)) for read in (result.at, result.band))
         y = base + unit.factor * errors[index]
         lines += ax.plot(command.factor * x, y, label=f"{label} ", **curve_style(index, count, len(x)))
         if not round_off:
-            wide = unit.factor * np.abs(x) * scale[index] * band / 100.0
+            half_band = unit.factor * np.abs(x) * scale[index] * band / 100.0
             look: dict[str, Any] = {"color": lines[-1].get_color(), "alpha": 0.3, "linewidth": 0, "zorder": 1.5}
-            ax.fill_between(command.factor * x, y - wide, y + wide, **look)
-        said = wrapped(f"{label}: {'error ' if displacement else ''}{banded(percent, band)}", LEGEND, size)
-        texts.append(f" {said}" if said.startswith("_") else said)  # matplotlib hides "_..."
+            ax.fill_between(command.factor * x, y - half_band, y + half_band, **look)
+        text = wrapped(f"{label}: {'error ' if displacement else ''}{banded(percent, band)}", LEGEND_WIDTH, size)
+        texts.append(f" {text}" if text.startswith("_") else text)  # matplotlib hides labels that begin with _
     ax.margins(x=0.03)
     ax.grid()
-    ax.set(ylabel=f"{what} in {NAMES[freedom]} ({unit})", xlabel=f"commanded {NAMES[result.direction]} ({command})")
+    ax.set(ylabel=f"{quantity} in {NAMES[freedom]} ({unit})", xlabel=f"commanded {NAMES[result.direction]} ({command})")
     style.legend_beside(ax, handles=lines, labels=texts, fontsize=size, handlelength=4.4, labelspacing=0.6)
     if displacement:
         ax.text(0.99, 0.04, "grey: displacement = command", transform=ax.transAxes, ha="right", color=INK, size=9)
@@ -95,10 +95,10 @@ def plot_errors(ax: Axes, result: Verification, freedom: Direction, displacement
 
 
 def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
-    """Colour, dashes, marker and breadth of one of so many curves; markers are staggered where curves coincide."""
+    """Line and marker properties of a curve; markers are staggered so that they do not hide each other."""
     step = max(1, points // 7)
     kinds = {"color": COLOURS, "linestyle": style.DASHES, "marker": style.MARKERS}
-    return {key: each[index % len(each)] for key, each in kinds.items()} | {
+    return {key: values[index % len(values)] for key, values in kinds.items()} | {
         "markevery": (index * max(1, step // 2) % step, step),
         "markersize": 6.0,
         "markerfacecolor": "white",
@@ -110,23 +110,23 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
 
 @style.in_house_style
 def budget_figure(budget: Budget) -> Figure:
-    """Draw the shares of the error in the commanded direction, one panel a direction."""
+    """Draw the error budget of the commanded direction, one panel per direction."""
     lines = [
         f"Error of the finite elements under the force of (18), {budget.settings['model']}, and what it is made of. "
         "The shares add up to the total; the bar there is the band of the meshes.",
         _outside(budget),
     ]
-    figure, found = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, assumptions=budget.about)
-    for letter, axes, direction in zip("abc", found, DIRECTIONS, strict=True):
-        plot_budget(axes, budget, direction)
-        titled(axes, letter, f"command in {NAMES[direction]}")
-        axes.label_outer()
+    figure, axes = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, assumptions=budget.about)
+    for letter, ax, direction in zip("abc", axes, DIRECTIONS, strict=True):
+        plot_budget(ax, budget, direction)
+        titled(ax, letter, f"command in {NAMES[direction]}")
+        ax.label_outer()
     return figure
 
 
 def _outside(budget: Budget) -> str:
-    """What is outside the planar total, in words."""
-    said = []
+    """Sentence on the contributions that the planar total does not contain."""
+    contributions = []
     for label in (CHART, MEASURED) if "solid" in budget.values else ():
         values, bands = budget.at("solid", outside=label), budget.band("solid", outside=label)
         parts = [
@@ -134,60 +134,60 @@ def _outside(budget: Budget) -> str:
             for axis, value, band in zip(DIRECTIONS, values, bands, strict=True)
         ]
         if np.all(np.isfinite(values)):
-            said.append(f"{label}: {minus(', '.join(parts))} percentage points")
-    return f"Outside the planar total: {'; '.join(said) or 'out of plane, not known'}."
+            contributions.append(f"{label}: {minus(', '.join(parts))} percentage points")
+    return f"Outside the planar total: {'; '.join(contributions) or 'out of plane, not known'}."
 
 
 def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
-    """Draw the shares of the error of the command in one direction, their total and its band; returns `ax`.
+    """Draw the shares of the error of the command in one direction, their total and its band; return `ax`.
 
-    Raises BadInput for another direction than x, y or theta.
+    Raises BadInput for a direction other than x, y or theta.
     """
     values, names = budget.at("share", direction=direction), [*budget.axes["share"][:-1], "total"]
     band, total = float(budget.band("share", share=TOTAL, direction=direction)), float(values[-1])
     ends = np.concatenate([[0.0], np.cumsum(values[:-1])])
     reach = float(np.max(np.abs([*ends, total])))
-    for place, value in enumerate(values[:-1]):
-        look: dict[str, Any] = {"color": COLOURS[place % len(COLOURS)], "hatch": style.HATCHES[place % 7]}
-        ax.barh(place, value, left=ends[place], height=0.62, edgecolor="white", **look)
-        ax.plot([ends[place + 1]] * 2, [place - 0.31, place + 1.31], color=GREY, linewidth=0.8)
-        ax.text(max(ends[place : place + 2]) + 0.015 * reach, place, minus(f"{value:+.3f}"), va="center", color=INK)
+    for row, value in enumerate(values[:-1]):
+        look: dict[str, Any] = {"color": COLOURS[row % len(COLOURS)], "hatch": style.HATCHES[row % 7]}
+        ax.barh(row, value, left=ends[row], height=0.62, edgecolor="white", **look)
+        ax.plot([ends[row + 1]] * 2, [row - 0.31, row + 1.31], color=GREY, linewidth=0.8)
+        ax.text(max(ends[row : row + 2]) + 0.015 * reach, row, minus(f"{value:+.3f}"), va="center", color=INK)
     bar = ax.barh(len(values) - 1, total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
     ax.bar_label(bar, [minus(f"{total:.3f} ± {band:.3f} %")], padding=3, color=INK)
-    style.name_rows(ax, names, NAME)
+    style.name_rows(ax, names, NAME_WIDTH)
     ax.set(xlim=(1.05 * min(0.0, *ends), 1.3 * reach), xlabel="error in the commanded direction (% of the command)")
     return ax
 
 
 @style.in_house_style
 def convergence_figure(study: MeshConvergence) -> Figure:
-    """Draw the relative distance of each diagonal compliance from its extrapolated value over the triangle size."""
+    """Draw the error of each diagonal compliance relative to its extrapolated value over the triangle size."""
     lines = [
         f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]:.0f} to {study.unknowns[-1]:.0f} "
         "unknowns: distance from the value extrapolated to vanishing triangles. "
         "Bar: the band of the finest mesh by its grid convergence index."
     ]
     title = f"{study.about.name}: mesh convergence"
-    figure, (axes,) = panels((WIDTH, 4.8), title, lines, 1, assumptions=study.about)
-    plot_convergence(axes, study)
+    figure, (ax,) = panels((WIDTH, 4.8), title, lines, 1, assumptions=study.about)
+    plot_convergence(ax, study)
     return figure
 
 
 def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
-    """Draw the mesh error of each diagonal compliance, and its band on the finest mesh; returns `ax`."""
+    """Draw the mesh error of each diagonal compliance, and its band on the finest mesh; return `ax`."""
     resolutions = study.resolutions
     size, largest = 1 / np.array(resolutions, dtype=float), 0.0
     for index, axis in enumerate(DIRECTIONS):
         limit, order = abs(float(study.extrapolated[index])), float(study.order[index])
-        distance = np.abs(study.at("along", direction=axis) / limit - 1)
-        spread = float(study.band("along", direction=axis)[-1]) / limit
-        largest = max(largest, float(distance[0]))
+        error = np.abs(study.at("along", direction=axis) / limit - 1)
+        band = float(study.band("along", direction=axis)[-1]) / limit
+        largest = max(largest, float(error[0]))
         look = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
-        said = "no order" if np.isnan(order) else f"order {order:.2f}"
-        text = f"{NAMES[axis]}: {study.verdicts[index]}, {said}, band {spread:.1e}"
-        ax.plot(size, distance, label=wrapped(text, LEGEND, 8.5), **look)
-        above = [[max(0.0, spread - distance[-1])], [0.0]]
-        ax.errorbar(size[-1:], [spread], above, color=look["color"], capsize=3 + 2 * index)
+        order_text = "no order" if np.isnan(order) else f"order {order:.2f}"
+        text = f"{NAMES[axis]}: {study.verdicts[index]}, {order_text}, band {band:.1e}"
+        ax.plot(size, error, label=wrapped(text, LEGEND_WIDTH, 8.5), **look)
+        bar = [[max(0.0, band - error[-1])], [0.0]]
+        ax.errorbar(size[-1:], [band], bar, color=look["color"], capsize=3 + 2 * index)
     slope = 2 * largest * (size / size[0]) ** ORDER
     ax.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
     ax.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")

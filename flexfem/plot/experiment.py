@@ -1,4 +1,4 @@
-"""What is read of a real stage: Fig. 11, which causes fit its slopes, and the fatigue life of its necks."""
+"""Figures of measurements: the experiment of Fig. 11, the identification of its slopes, the fatigue life of necks."""
 
 from __future__ import annotations
 
@@ -19,86 +19,87 @@ from flexfem.questions.life import Life
 from flexfem.results import ANALYTIC
 from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, STRESS, Direction, unit_for
 
-FIT: Any = {"color": INK, "linewidth": 1.3}
-MODEL: Any = {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.5}
-STAGE: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
-ENDS: Any = {"color": GREY, "linewidth": 1.1, "dashes": (7, 2, 1.5, 2)}
-SHADES = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
+FIT_LINE: Any = {"color": INK, "linewidth": 1.3}
+MODEL_LINE: Any = {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.5}
+STAGE_LINE: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
+LIMIT_LINE: Any = {"color": GREY, "linewidth": 1.1, "dashes": (7, 2, 1.5, 2)}
+RUN_COLOURS = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
 
 
 @style.in_house_style
 def experiment_figure(found: Experiment) -> Figure:
-    """Draw load over displacement for the three pushes, and below what its line leaves."""
-    asked, title = found.settings, f"{found.about.name}: stiffness as read"
+    """Draw load over displacement for the three directions and, below, the residuals of the regression lines."""
+    settings, title = found.settings, f"{found.about.name}: stiffness as read"
     lines = [
-        f"Simulated readings, {asked['fixture']}; the stage is by {asked['stage']}. Slopes by regression of both "
-        f"readings on the commanded stroke, intervals of {asked['confidence']} by Fieller's theorem. {NOT_THE_PAPERS}"
+        f"Simulated readings, {settings['fixture']}; the stage is by {settings['stage']}. Slopes by regression of "
+        f"both readings on the commanded stroke, intervals of {settings['confidence']} by Fieller's theorem. "
+        f"{NOT_THE_PAPERS}"
     ]
-    figure, every = panels((11.69, 6.4), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
+    figure, axes = panels((11.69, 6.4), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
     for k, direction in enumerate(DIRECTIONS):
-        titled(plot_push(every[k], found, direction), "abc"[k], NAMES[direction])
-        plot_remains(every[3 + k], found, direction)
-    style.legend_below(figure, every, 5, handlelength=3.4)
+        titled(plot_push(axes[k], found, direction), "abc"[k], NAMES[direction])
+        plot_remains(axes[3 + k], found, direction)
+    style.legend_below(figure, axes, 5, handlelength=3.4)
     return figure
 
 
 def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
-    """Draw the readings of one push, their line, and those of the model and of the stage; returns `ax`."""
+    """Draw the readings in one direction, their regression line, and the lines of model and stage; return `ax`."""
     k = DIRECTIONS.index(direction)
     model, stage, slope, _ = found.slope[k]
-    load, far = found.load[k], np.array([0.0, float(np.max(found.displacement[k]))])
+    load, span = found.load[k], np.array([0.0, float(np.max(found.displacement[k]))])
     factor = _readings(ax, found, direction, "force" if direction != "theta" else "moment", load)
     for value, start, label, look in (
-        (model, 0.0, f"model: {found.settings['model']}", MODEL),
-        (stage, 0.0, found.settings["stage"], STAGE),
-        (slope, found.intercept[k], "line through the readings", FIT),
+        (model, 0.0, f"model: {found.settings['model']}", MODEL_LINE),
+        (stage, 0.0, found.settings["stage"], STAGE_LINE),
+        (slope, found.intercept[k], "line through the readings", FIT_LINE),
     ):
-        ax.plot(factor * far, start + value * far, label=label, **look)
+        ax.plot(factor * span, start + value * span, label=label, **look)
     ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}" if found.low[k] > 0 else "no interval"
-    said = f"{significant(slope)} {STIFFNESSES[k]}\n{found.settings['confidence']}: {ends}"
-    ax.text(0.04, 0.95, said, transform=ax.transAxes, va="top", size=9.0)
-    ax.set_ylim(top=1.12 * max(model * far[1], float(np.max(load))))
+    text = f"{significant(slope)} {STIFFNESSES[k]}\n{found.settings['confidence']}: {ends}"
+    ax.text(0.04, 0.95, text, transform=ax.transAxes, va="top", size=9.0)
+    ax.set_ylim(top=1.12 * max(model * span[1], float(np.max(load))))
     return ax
 
 
 def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
-    """Draw the readings of one push less their line, and the ends of the slope's interval; returns `ax`."""
+    """Draw the residuals of the readings in one direction, and the limits of the slope's interval; return `ax`."""
     k = DIRECTIONS.index(direction)
-    moved, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
-    remains = found.load[k] - found.intercept[k] - slope * moved
-    factor = _readings(ax, found, direction, "load less the line", remains)
-    ax.axhline(0.0, **FIT)
-    middle, far = float(np.mean(moved)), np.array([0.0, float(np.max(moved))])
-    for end in (found.low[k], found.high[k]):
-        if np.isfinite(end):
-            ax.plot(factor * far, (end - slope) * (far - middle), label="ends of the interval of the slope", **ENDS)
+    displacement, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
+    residual = found.load[k] - found.intercept[k] - slope * displacement
+    factor = _readings(ax, found, direction, "load less the line", residual)
+    ax.axhline(0.0, **FIT_LINE)
+    label, span = "ends of the interval of the slope", np.array([0.0, float(np.max(displacement))])
+    for limit in (found.low[k], found.high[k]):
+        if np.isfinite(limit):
+            ax.plot(factor * span, (limit - slope) * (span - np.mean(displacement)), label=label, **LIMIT_LINE)
     return ax
 
 
-def _readings(ax: Axes, found: Experiment, direction: Direction, what: str, values: Array) -> float:
-    """Readings of one push, each repeat by its own mark up to the fourth; returns the factor of the unit across."""
+def _readings(ax: Axes, found: Experiment, direction: Direction, name: str, values: Array) -> float:
+    """Draw readings in one direction, with the marks of four runs in turn; return the factor of the x unit."""
     k = DIRECTIONS.index(direction)
-    moved = found.displacement[k]
-    unit = unit_for(direction, float(np.max(moved)))
-    for run, (at, value) in enumerate(zip(moved, values, strict=True)):
-        look: Any = {"marker": MARKERS[run % 4], "color": SHADES[run % 4], "markersize": 4.5, "linestyle": "none"}
+    displacement = found.displacement[k]
+    unit = unit_for(direction, float(np.max(displacement)))
+    for run, (at, value) in enumerate(zip(displacement, values, strict=True)):
+        look: Any = {"marker": MARKERS[run % 4], "color": RUN_COLOURS[run % 4], "markersize": 4.5, "linestyle": "none"}
         label = f"readings, run {run + 1}" if run < 4 else None
         ax.plot(unit.factor * at, value, markerfacecolor="none", label=label, **look)
-    name = "rotation" if direction == "theta" else "displacement in"
-    ax.set(xlabel=f"{name} {NAMES[direction]} ({unit.name})", ylabel=f"{what} ({FORCES[k]})")
+    motion = "rotation" if direction == "theta" else "displacement in"
+    ax.set(xlabel=f"{motion} {NAMES[direction]} ({unit.name})", ylabel=f"{name} ({FORCES[k]})")
     ax.grid()
     return unit.factor
 
 
 @style.in_house_style
 def identification_figure(found: Identification) -> Figure:
-    """Draw which neck offsets and fixtures fit the measured slopes."""
-    stated = ", ".join(
+    """Draw the combinations of neck offset and fixture that fit the measured slopes."""
+    slopes = ", ".join(
         f"{NAMES[axis]} {significant(found.slope[k, 0])} ± {significant(found.sd[k], 2)} {STIFFNESSES[k]}"
         for k, axis in enumerate(DIRECTIONS)
         if np.isfinite(found.sd[k])
     )
-    lines = [f"{found.settings['measured']}: {stated}. Model: {found.settings['analytic model']}. {found.finding}"]
+    lines = [f"{found.settings['measured']}: {slopes}. Model: {found.settings['analytic model']}. {found.finding}"]
     figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, assumptions=found.about)
     plot_region(ax, found)
     style.legend_below(figure, [ax], 2)
@@ -106,7 +107,7 @@ def identification_figure(found: Identification) -> Figure:
 
 
 def plot_region(ax: Axes, found: Identification) -> Axes:
-    """Draw the joint confidence region of neck offset and fixture, the best fit and the causes alone; returns `ax`."""
+    """Draw the joint confidence region of neck offset and fixture, the best fit and the single causes; return `ax`."""
     name, um, limit = found.axes["number"][0], MICROMETRE.factor, float(found.region_limit)
     x, y, above = um * found.region_offset, found.region_fixture, found.region_above.T
     ax.contourf(x, y, above, levels=[min(float(np.min(above)), 0.0) - 1.0, limit], colors=[PALE])
@@ -115,53 +116,53 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
     best = "best fit" if np.isfinite(found.correlation) else "one of the best fits"
     marks = [(float(found.offset), found.fixture[0], best)]
     for k, label in enumerate(found.axes["cause"][1:], start=1):
-        said = f"{label}: {'allowed' if found.allowed[k] else 'excluded'}"
-        marks.append((found.cause_offset[k], found.cause_fixture[k, 0], said))
+        text = f"{label}: {'allowed' if found.allowed[k] else 'excluded'}"
+        marks.append((found.cause_offset[k], found.cause_fixture[k, 0], text))
     for k, (offset, number, label) in enumerate(marks):
         ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
-    ax.axvline(0.0, **ENDS)
+    ax.axvline(0.0, **LIMIT_LINE)
     if name == "pole":
-        ax.axhline(1.0, label="as drawn, as described", **ENDS)
+        ax.axhline(1.0, label="as drawn, as described", **LIMIT_LINE)
     units = {"translation": COMPLIANCES[0], "rotation": COMPLIANCES[2]}
-    said = "pole, times as soft as described" if name == "pole" else f"fixture in {name} ({units[name]})"
-    ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive wider", ylabel=said)
+    ylabel = "pole, times as soft as described" if name == "pole" else f"fixture in {name} ({units[name]})"
+    ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive wider", ylabel=ylabel)
     ax.set(xlim=(x[0], x[-1]), ylim=(y[0] - 0.02 * np.ptp(y), y[-1]))
     ax.grid()
     return ax
 
 
-SHOWN = 1e14  # cycles; necks beyond are not drawn, but counted: no such life is ever seen
-REVERSAL = 0.5  # cycles; what does not bear it is drawn at it
-FIRST = 1e2  # cycles at the left edge
-HINGES = {"base": "s", "elbow": "o", "platform": "^"}
+LONGEST_LIFE = 1e14  # cycles; necks with longer lives are counted, not drawn
+REVERSAL = 0.5  # cycles; shorter lives are drawn at it
+LEFT_EDGE = 1e2  # cycles
+HINGE_MARKERS = {"base": "s", "elbow": "o", "platform": "^"}
 
 
 @style.in_house_style
 def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
-    asked, first = found.settings, []
+    settings, first = found.settings, []
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
         cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
         chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
         first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
-    law, *others = found.notes
+    law, *_, left_out = found.notes
     lines = [
-        f"{asked['material']}; amplitude {asked['amplitude']} about {asked['about']}. {'. '.join(first)}.",
-        f"{law}. {others[-1]}; notch sensitivity {asked['notch sensitivity']:g}.",
+        f"{settings['material']}; amplitude {settings['amplitude']} about {settings['about']}. {'. '.join(first)}.",
+        f"{law}. {left_out}; notch sensitivity {settings['notch sensitivity']:g}.",
     ]
     title = f"{found.about.name}: fatigue life of the necks"
-    figure, (axes,) = panels((9.0, 5.2), title, lines, 1, assumptions=found.about)
-    plot_life(axes, found)
+    figure, (ax,) = panels((9.0, 5.2), title, lines, 1, assumptions=found.about)
+    plot_life(ax, found)
     return figure
 
 
 def plot_life(ax: Axes, found: Life) -> Axes:
-    """Draw Basquin's law, dashed where it is extrapolated, the yield strength, and the necks on it; returns `ax`."""
-    law, wanted, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
+    """Draw Basquin's law, dashed where extrapolated, the yield strength and the necks of every model; return `ax`."""
+    law, target, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
     low, high = law.range
-    lives = np.clip(found.cycles, REVERSAL, SHOWN)
-    right = 10.0 * max(high, wanted, float(np.max(lives)))
-    left = min(FIRST, low / 3.0, 0.3 * float(np.min(lives)))
+    lives = np.clip(found.cycles, REVERSAL, LONGEST_LIFE)
+    right = 10.0 * max(high, target, float(np.max(lives)))
+    left = min(LEFT_EDGE, low / 3.0, 0.3 * float(np.min(lives)))
     label = "where the law was fitted" if law.range_stated else "where the law is taken to hold, assumed"
     ax.axvspan(low, high, color=PALE, linewidth=0, label=label)
     for ends, look in (((left, low), "--"), ((low, high), "-"), ((high, right), "--")):
@@ -169,11 +170,11 @@ def plot_life(ax: Axes, found: Life) -> Axes:
         label = {"-": "Basquin's law"}.get(look, "" if ends[0] != left else "extrapolated")
         ax.plot(N, law.amplitude(N), look, color=INK, linewidth=1.6, label=label)
     ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
-    ax.axvline(wanted, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
+    ax.axvline(target, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
     for k, model in enumerate(found.axes["model"]):
         _plot_necks(ax, model, lives[k], found.equivalent[k])
-    beyond = int(np.sum(found.cycles >= SHOWN))
-    left_out = f"; {beyond} of {found.cycles.size} points beyond {scientific(SHOWN)}, not drawn" if beyond else ""
+    beyond = int(np.sum(found.cycles >= LONGEST_LIFE))
+    left_out = f"; {beyond} of {lives.size} points beyond {scientific(LONGEST_LIFE)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
     ax.xaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
     style.log_ticks(ax.yaxis, ax.get_ylim())
@@ -184,12 +185,12 @@ def plot_life(ax: Axes, found: Life) -> Axes:
 
 
 def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
-    """The necks of one model; those that live beyond the axis are left out."""
-    style: Any = {"markersize": 5.5, "zorder": 3}
+    """Draw the necks of one model whose life is on the axis."""
+    look: Any = {"color": COLOURS[2], "linestyle": "none", "markersize": 5.5, "zorder": 3}
     if model == ANALYTIC:
-        style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
+        look |= {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
     for hinge, name in enumerate(HINGE_NAMES):
-        shown = cycles[:, hinge] < SHOWN
+        shown = cycles[:, hinge] < LONGEST_LIFE
         if np.any(shown):
             points = cycles[shown, hinge], stress[shown, hinge]
-            ax.plot(*points, linestyle="none", marker=HINGES[name], label=f"{name}, {model}", color=COLOURS[2], **style)
+            ax.plot(*points, marker=HINGE_MARKERS[name], label=f"{name}, {model}", **look)

@@ -1,4 +1,4 @@
-"""Displacement fields: the stage deformed by a command or by heat, exaggerated, coloured by von Mises stress."""
+"""Displacement fields: the stage deformed by a command or by heating, exaggerated, coloured by von Mises stress."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, Fields
 from flexfem.units import DIRECTIONS, STRESS, unit_for
 
-VISIBLE = 0.05  # largest drawn displacement, per size of the stage
-DECADES = 4  # of stress; what is below has the last colour
-ALIKE = 1e-6  # relative difference of stresses that symmetry makes equal: far above round-off, far below mesh noise
-ROUND_OFF = 1e-9  # of the largest component of a pose: zero by symmetry
+VISIBLE = 0.05  # largest drawn displacement over the size of the stage
+DECADES = 4  # of stress; lower stresses have the lowest colour
+EQUAL_STRESS = 1e-6  # relative difference of stresses equal by symmetry: above round-off, below mesh noise
+ROUND_OFF = 1e-9  # of the largest component of a pose; smaller components are zero by symmetry
 COLOURS = "viridis"
 PANEL = 5.0  # in, width
-WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stress is per, arrow per size of the axes
+WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # title, divisor of the stress unit, arrow in axes fractions
     "uniform": ("1 K everywhere", "K", (0.0, 0.0)),
     "gradient in x": ("1 K/mm along X", "K/mm", (0.1, 0.0)),
     "gradient in y": ("1 K/mm along Y", "K/mm", (0.0, 0.1)),
@@ -36,7 +36,7 @@ WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # in words, what stre
 
 
 def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize) -> None:
-    """Draw a mesh with its nodes moved, coloured by values at them; in grey its outline at rest."""
+    """Draw a mesh with displaced nodes, coloured by nodal values, and its undeformed outline in grey."""
     boundary = boundary_of(triangles)
     grid = Triangulation(moved[:, 0], moved[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
     ax.tripcolor(grid, values, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
@@ -48,10 +48,9 @@ def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values
 def plot_displacement(
     ax: Axes | None, fields: Fields, *, factor: float | None = None, norm: LogNorm | None = None
 ) -> Axes:
-    """Draw a stage displaced by finite elements, coloured by von Mises stress; in grey its outline at rest.
+    """Draw a stage displaced by finite elements, coloured by von Mises stress, and its undeformed outline in grey.
 
-    `factor`, `norm` : exaggeration and scale of stress, by default those that suit the fields. Returns `ax`, or new
-    axes.
+    `factor`, `norm` : exaggeration and stress scale; default: chosen for the fields. Returns `ax`, or new axes.
     """
     ax = ax or new_axes()
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
@@ -63,19 +62,19 @@ def plot_displacement(
 
 
 def exaggeration(*fields: Fields) -> float:
-    """A round factor by which the largest displacement becomes visible but does not spoil the shape."""
-    sizes = [np.linalg.norm(each.displacement, axis=1).max() / np.ptp(each.nodes, axis=0).max() for each in fields]
-    return round_factor(VISIBLE / float(max(sizes))) if max(sizes) > 0 else 1.0
+    """Return a round factor that makes the largest displacement visible without distorting the shape."""
+    largest = max(np.linalg.norm(each.displacement, axis=1).max() / np.ptp(each.nodes, axis=0).max() for each in fields)
+    return round_factor(VISIBLE / float(largest)) if largest > 0 else 1.0
 
 
 def stress_scale(*fields: Fields) -> LogNorm:
-    """Colours for some decades below the largest stress, MPa."""
+    """Logarithmic colour scale over `DECADES` decades up to the largest stress, MPa."""
     largest = max(float(field.stress.max()) for field in fields) or 1.0
     return LogNorm(largest / 10**DECADES, largest)
 
 
 def draw_scale(figure: Figure, axes: Any, norm: Normalize, label: str, **place: Any) -> None:
-    """A colour bar below one or several panels."""
+    """Add a colour bar below one or several panels."""
     place = {"aspect": 38, "shrink": 6.0 / figure.get_figwidth()} | place
     bar = figure.colorbar(ScalarMappable(norm, COLOURS), ax=axes, location="bottom", **place)
     if isinstance(norm, LogNorm):
@@ -86,28 +85,28 @@ def draw_scale(figure: Figure, axes: Any, norm: Normalize, label: str, **place: 
 
 @in_house_style
 def stress_figure(fields: Mapping[str, Fields]) -> Figure:
-    """Draw the stage under every load, by what is said of it."""
+    """Draw the deformed stage under every load; the keys of `fields` are the titles."""
     return _displaced("", ["Displacements"], fields, len(fields))[0]
 
 
 def _displaced(
     title: str, lines: list[str], fields: Mapping[str, Fields], columns: int, assumptions: Any = None
 ) -> tuple[Figure, list[Axes], float]:
-    """A panel for each stage, all with one exaggeration and one scale of stress; figure, panels and exaggeration."""
+    """Draw a panel per stage with a common exaggeration and stress scale; return figure, panels and exaggeration."""
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
     size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
-    said = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
-    figure, found = panels(size, title, [lines[0] + said, *lines[1:]], rows, columns, assumptions, len(fields))
-    for axes, (label, each) in zip(found, fields.items(), strict=True):
-        axes.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        plot_displacement(axes, each, factor=factor, norm=norm)
+    key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
+    figure, axes = panels(size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields))
+    for ax, (label, field) in zip(axes, fields.items(), strict=True):
+        ax.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
+        plot_displacement(ax, field, factor=factor, norm=norm)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
-    return figure, found, factor
+    return figure, axes, factor
 
 
 @in_house_style
 def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figure:
-    """Draw the deformed stage of every curve at full command, with von Mises stress and the largest one named."""
+    """Draw the deformed stage of every curve at full command, with von Mises stress and its largest value."""
     models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
     lines = [f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command}, displacements"]
@@ -115,20 +114,20 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
         lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
-    figure, found, factor = _displaced(result.name, lines, drawn, columns, result)
-    for axes, (label, each) in zip(found, drawn.items(), strict=True):
-        moved, (node, place) = each.nodes + factor * each.displacement, largest_stress(models[label], each)
-        text = f"largest {significant(float(each.stress[node]), 3)} {STRESS} near {place}"
-        axes.text(0.5, -0.03, text, transform=axes.transAxes, ha="center", va="center", size=9.5)
+    figure, axes, factor = _displaced(result.name, lines, drawn, columns, result)
+    for ax, (label, field) in zip(axes, drawn.items(), strict=True):
+        moved, (node, hinge) = field.nodes + factor * field.displacement, largest_stress(models[label], field)
+        text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"
+        ax.text(0.5, -0.03, text, transform=ax.transAxes, ha="center", va="center", size=9.5)
         outwards = 0.12 * np.ptp(moved) * moved[node] / np.linalg.norm(moved[node])
-        arrow(axes, moved[node] + outwards, moved[node], colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)
-        axes.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor=NOTE_COLOUR, zorder=6)
+        arrow(ax, moved[node] + outwards, moved[node], colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)
+        ax.plot(*moved[node], "o", markersize=6, markerfacecolor="none", markeredgecolor=NOTE_COLOUR, zorder=6)
     return figure
 
 
 def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
-    """Node of the largest stress and the hinge next to it; of stresses alike, as by symmetry, at the first hinge."""
-    nodes = np.flatnonzero(fields.stress >= fields.stress.max() * (1 - ALIKE))
+    """Node of the largest stress and the hinge nearest to it; of equal stresses, the one at the first hinge."""
+    nodes = np.flatnonzero(fields.stress >= fields.stress.max() * (1 - EQUAL_STRESS))
     centres = np.array([hinge.centre for hinge in model.hinges])
     nearest = np.linalg.norm(fields.nodes[nodes, None] - centres, axis=2).argmin(axis=1)
     number = int(nearest.min())
@@ -138,19 +137,19 @@ def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
 
 @in_house_style
 def drift_figure(found: Drift) -> Figure:
-    """Draw the three cases, each with its own exaggeration and scale of stress."""
-    of, fields, stated = found.about, _warm(found).cases, found.settings
+    """Draw the three cases, each with its own exaggeration and stress scale."""
+    about, fields, settings = found.about, _warm(found).cases, found.settings
     lines = [
-        f"Expansion {stated['expansion']}, frame {stated['frame']}; both have the same temperature at every place, "
+        f"Expansion {settings['expansion']}, frame {settings['frame']}; both have the same temperature at every place, "
         "gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, which "
         "the frame carries along. Stress at the corners of these grows with finer meshes; titles: at the necks."
     ]
-    figure, axes = panels((13.5, 5.3), f"{of.name}: warm", lines, 1, 3, of)
+    figure, axes = panels((13.5, 5.3), f"{about.name}: warm", lines, 1, 3, about)
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
-        said, per, _ = WARM[name]
-        text = f"{said}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, of.lever)}"
+        title, per, _ = WARM[name]
+        text = f"{title}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, about.lever)}"
         titled(ax, letter, f"{text}; necks to {significant(float(np.max(stress)), 3)} {STRESS}", size=9.5)
         label = f"von Mises stress ({STRESS} per {per})"
         draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
@@ -158,16 +157,16 @@ def drift_figure(found: Drift) -> Figure:
 
 
 def _warm(found: Drift) -> WarmFields:
-    """The plane fields of a result. Raises BadInput when it has none."""
+    """Return the plane fields of a result. Raises BadInput when it has none."""
     if not isinstance(found.fields, WarmFields):
         raise BadInput("a drift without plane finite elements, expected them for its figure")
     return found.fields
 
 
 def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
-    """Draw a stage displaced by 1 K or 1 K/mm, coloured by von Mises stress; returns `ax`, or new axes.
+    """Draw a stage displaced by 1 K or 1 K/mm, coloured by von Mises stress; return `ax`, or new axes.
 
-    Raises BadInput for another case, or without finite elements.
+    Raises BadInput for an unknown case, or a result without finite elements.
     """
     warm = _warm(found)
     if case not in warm.cases:
@@ -185,7 +184,7 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
 
 
 def _pose(pose: Array, lever: float) -> str:
-    """A pose with prefixes, round-off as zero."""
+    """Format a pose with unit prefixes and zeros in place of round-off."""
     sizes, cells = np.abs(pose) * [1.0, 1.0, lever], []
     for axis, value, size in zip(DIRECTIONS, pose, sizes, strict=True):
         unit = unit_for(axis, abs(value))

@@ -1,4 +1,4 @@
-"""One hinge: its labelled sketch, every formula against finite elements over t/R, and what its thickness changes."""
+"""Figures of one hinge: labelled sketch, formulas against finite elements over t/R, and influence of thickness."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from flexfem.units import LENGTH
 
 SYMBOLS = {"rotation": r"$\theta/M$", "axial": r"$\delta_x/F_x$", "shear": r"$\delta_y/F_y$"}
 FREEDOMS = tuple(SYMBOLS)
-PALETTE = tuple(colour for colour in COLOURS if colour != "#000000")  # black are the finite elements
-SAME = 1e-6  # of a ratio: two exact forms of one integral
-FLOOR = 0.4  # least ratio shown: below it a formula is of no use
+PALETTE = tuple(colour for colour in COLOURS if colour != "#000000")  # black: finite elements
+EQUAL_RATIO = 1e-6  # relative difference of two exact forms of one integral
+FLOOR = 0.4  # least ratio shown
 WIDTH = 8.27  # in
-LEGEND, LETTERS = 1.85, 8.0  # width of the legend's text, in, and its size, points
-NECK = 0.42  # t/R of the sketch, whatever the stage's
-BLOCK = 1.5  # length of the blocks beside the notch, per R
+LEGEND_WIDTH, FONT_SIZE = 1.85, 8.0  # of the legend's text: in, points
+NECK = 0.42  # t/R of the sketch, independent of the stage
+BLOCK = 1.5  # length of the blocks beside the notch over R
 
 
 @style.in_house_style
 def hinge_chart_figure(review: HingeReview) -> Figure:
-    """Draw the ratio of every formula to the finite elements, a panel for each freedom.
+    """Draw the ratio of every formula to the finite elements, one panel per freedom.
 
-    Formulas that are the same integral in different algebra share one curve. Ratios below `FLOOR` are not shown.
+    Formulas that are algebraic forms of one integral share a curve. Ratios below `FLOOR` are not shown.
     """
     lines = [
         "Compliance by formula over that of plane-stress finite elements of a full notch, H = h = 2R + t, between "
@@ -48,49 +48,49 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
         "A formula has a curve for the freedoms that its source states.",
         review.source,
     ]
-    figure, found = panels((WIDTH, 8.2), "Circular hinge: formulas against finite elements", lines, 3)
-    for letter, axes, freedom in zip("abc", found, FREEDOMS, strict=True):
-        plot_formulas(axes, review, freedom)
-        style.titled(axes, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
-        axes.label_outer()
+    figure, axes = panels((WIDTH, 8.2), "Circular hinge: formulas against finite elements", lines, 3)
+    for letter, ax, freedom in zip("abc", axes, FREEDOMS, strict=True):
+        plot_formulas(ax, review, freedom)
+        style.titled(ax, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
+        ax.label_outer()
     return figure
 
 
 def merged(review: HingeReview, freedom: str) -> list[tuple[list[str], FormulaCurve, Array]]:
-    """Curves of one freedom: their names, the first of them and its ratios; those that coincide are one."""
-    found: list[tuple[list[str], FormulaCurve, Array]] = []
+    """Groups of coincident curves of one freedom: the names, the first curve and its ratios."""
+    groups: list[tuple[list[str], FormulaCurve, Array]] = []
     for curve in review.curves:
         values = getattr(curve, freedom)
         if values is None:  # its source does not state it
             continue
-        for names, one, others in found:
-            if one.valid == curve.valid and np.allclose(others, values, SAME, 0.0):
+        for names, first, ratios in groups:
+            if first.valid == curve.valid and np.allclose(ratios, values, EQUAL_RATIO, 0.0):
                 names.append(curve.name)
                 break
         else:
-            found.append(([curve.name], curve, values))
-    return found
+            groups.append(([curve.name], curve, values))
+    return groups
 
 
 def plot_formulas(ax: Axes, review: HingeReview, freedom: str) -> Axes:
-    """Draw the ratio of every formula to the finite elements in one freedom; returns `ax`.
+    """Draw the ratio of every formula to the finite elements in one freedom; return `ax`.
 
-    A formula looks the same in all three freedoms. Raises BadInput for another freedom.
+    A formula has the same line style in all three freedoms. Raises BadInput for an unknown freedom.
     """
     _require(freedom, FREEDOMS)
-    looks = list(dict.fromkeys(names[0] for each in FREEDOMS for names, *_ in merged(review, each)))
+    order = list(dict.fromkeys(names[0] for each in FREEDOMS for names, *_ in merged(review, each)))
     x, higher = review.ratio, getattr(review.higher, freedom)
     label = f"finite elements, H = h to {review.height:g}{SPACE}h\n1 to {np.max(higher):.2f}"
     shade = ax.fill_between(x, 1.0, higher, color="#DADDE1", linewidth=0, zorder=1, label=label)
     ax.plot(x, higher, color=GREY, linewidth=0.8, zorder=1.2)
     ax.axhline(1.0, color=INK, linewidth=1.6, zorder=1.5)
     curves = merged(review, freedom)
-    drawn = [_draw_curve(ax, x, names, one.valid, values, looks.index(names[0])) for names, one, values in curves]
-    every = np.concatenate([[1.0], higher, *(np.asarray(line.get_ydata()) for line in drawn)])
-    low, high = max(float(every.min()), FLOOR), float(every.max())
-    _over(ax, x, (0.02, 0.05, 0.1, 0.2, 0.5, 1.0), low, high)
+    lines = [_draw_curve(ax, x, names, first.valid, y, order.index(names[0])) for names, first, y in curves]
+    values = np.concatenate([[1.0], higher, *(np.asarray(line.get_ydata()) for line in lines)])
+    low, high = max(float(values.min()), FLOOR), float(values.max())
+    _set_axes(ax, x, (0.02, 0.05, 0.1, 0.2, 0.5, 1.0), low, high)
     ax.set(xlabel="t/R", ylabel="formula / finite elements")
-    style.legend_beside(ax, handles=[*drawn, shade], fontsize=LETTERS, handlelength=2.6, labelspacing=0.7)
+    style.legend_beside(ax, handles=[*lines, shade], fontsize=FONT_SIZE, handlelength=2.6, labelspacing=0.7)
     return ax
 
 
@@ -99,8 +99,8 @@ def _require(freedom: str, known: Sequence[str]) -> None:
         raise BadInput(f"freedom {shown(freedom)}, expected one of {', '.join(known)}")
 
 
-def _over(ax: Axes, x: Array, ticks: Sequence[float], low: float, high: float) -> None:
-    """A logarithmic axis with plain numbers, and the values between two ends with room above and below."""
+def _set_axes(ax: Axes, x: Array, ticks: Sequence[float], low: float, high: float) -> None:
+    """Set a logarithmic x axis with plain tick labels, and y limits with a margin around `low` to `high`."""
     room = 0.08 * (high - low)
     ax.set(xscale="log", xlim=(x[0], x[-1]), ylim=(low - room, high + room))
     ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
@@ -109,13 +109,13 @@ def _over(ax: Axes, x: Array, ticks: Sequence[float], low: float, high: float) -
 
 
 def _draw_curve(axes: Axes, x: Array, names: list[str], valid: tuple[float, float], y: Array, index: int) -> Line2D:
-    """One curve: full with marks between the bars that end its range, thin and pale outside."""
+    """Draw a curve: full with markers within its range, which two bars delimit, thin and pale outside."""
     colour = PALETTE[index % len(PALETTE)]
     axes.plot(x, y, color=colour, linewidth=1.0, alpha=0.45, zorder=2 + index / 100)
     low, high = max(valid[0], x[0]), min(valid[1], x[-1])
     at = np.concatenate([[low], x[(x > low) & (x < high)], [high]])
     within = np.interp(np.log(at), np.log(x), y)
-    text = wrapped(", ".join(names), LEGEND, LETTERS)
+    text = wrapped(", ".join(names), LEGEND_WIDTH, FONT_SIZE)
     text += f"\n{np.min(within):.2f} to {np.max(within):.2f} for t/R {low:.2g} to {high:.2g}"
     look: dict[str, Any] = {"color": colour, "linewidth": 1.8, "markersize": 6.0, "markerfacecolor": "white"}
     look |= {"marker": style.MARKERS[index % len(style.MARKERS)], "markeredgewidth": 1.3, "zorder": 3 + index / 100}
@@ -128,23 +128,23 @@ def _draw_curve(axes: Axes, x: Array, names: list[str], valid: tuple[float, floa
 
 @style.in_house_style
 def thickness_figure(review: ThicknessReview) -> Figure:
-    """Draw the factor out of plane over b/t, a panel for rotation and one for the axial freedom."""
+    """Draw the ratio of three-dimensional to plane-stress compliance over b/t for rotation and axial elongation."""
     lines = [
         f"Compliance of a circular hinge of thickness b in three dimensions over that in plane stress, "
         f"ν{SPACE}={SPACE}{review.poissons_ratio:g}, blocks as high as the notch. Below 1 the hinge is stiffer than in "
         "plane stress: the blocks keep a wide neck from contracting out of plane, more in bending than in tension.",
         review.source,
     ]
-    figure, found = panels((WIDTH, 6.6), "Circular hinge: compliance over its thickness", lines, 2)
-    for letter, axes, freedom in zip("ab", found, FREEDOMS[:2], strict=True):
-        plot_thickness(axes, review, freedom)
-        style.titled(axes, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
-        axes.label_outer()
+    figure, axes = panels((WIDTH, 6.6), "Circular hinge: compliance over its thickness", lines, 2)
+    for letter, ax, freedom in zip("ab", axes, FREEDOMS[:2], strict=True):
+        plot_thickness(ax, review, freedom)
+        style.titled(ax, letter, f"{freedom}, {SYMBOLS[freedom]}", parse_math=True)
+        ax.label_outer()
     return figure
 
 
 def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
-    """Draw the factor of one freedom, rotation or axial, over b/t; returns `ax`. Raises BadInput for another."""
+    """Draw the thickness factor of rotation or the axial freedom over b/t; return `ax`. Raises BadInput for another."""
     _require(freedom, FREEDOMS[:2])
     strain, x = 1 - review.poissons_ratio**2, review.width
     place: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points", "ha": "right"}
@@ -154,7 +154,7 @@ def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
     for index, (ratio, values) in enumerate(zip(review.ratio, getattr(review, freedom), strict=True)):
         look: dict[str, Any] = {"color": COLOURS[index % len(COLOURS)], "linestyle": style.DASHES[index % 7]}
         ax.plot(x, values, label=f"t/R = {ratio:g}", linewidth=1.9, zorder=2 + index / 100, **look)
-    _over(ax, x, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0), strain - 0.01, 1.0)
+    _set_axes(ax, x, (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0), strain - 0.01, 1.0)
     ax.set(xlabel="b/t", ylabel="three dimensions / plane stress")
     style.legend_beside(ax, handlelength=3.2, labelspacing=0.7)
     return ax
@@ -173,7 +173,7 @@ def hinge_sketch(model: CurveModels) -> Figure:
 
 
 def hinge_rows(stage: Stage | CurveModels) -> list[tuple[str, ...]]:
-    """Rows of the table of hinges: which, R, t, h in mm, t/R; hinges that are alike in one row. Raises BadInput."""
+    """Rows of the table of hinges: numbers; R, t, h, mm; t/R. Identical hinges share a row. Raises BadInput."""
     groups: dict[tuple[float, float], list[str]] = {}
     for number, hinge in enumerate(hinges_of(stage), start=1):
         groups.setdefault((hinge.radius, hinge.neck), []).append(str(number))
@@ -184,9 +184,9 @@ def hinge_rows(stage: Stage | CurveModels) -> list[tuple[str, ...]]:
 
 
 def plot_hinge_table(ax: Axes, stage: Stage | CurveModels) -> Axes:
-    """Write the dimensions of a stage's hinges as a table, those that are alike in one row; returns `ax`.
+    """Write the dimensions of a stage's hinges as a table, identical hinges in one row; return `ax`.
 
-    Raises BadInput when it is no stage.
+    Raises BadInput when `stage` is not a stage.
     """
     rows = hinge_rows(stage)
     ax.set_axis_off()
@@ -198,7 +198,7 @@ def plot_hinge_table(ax: Axes, stage: Stage | CurveModels) -> Axes:
 
 
 def plot_hinge(ax: Axes) -> Axes:
-    """Draw the labelled sketch of the circular hinge, not to scale; returns `ax`."""
+    """Draw the labelled sketch of the circular hinge, not to scale; return `ax`."""
     top, right, angle = 1 + NECK / 2, 1 + BLOCK, np.linspace(0, np.pi, 91)
     notch = np.column_stack([-np.cos(angle), -top + np.sin(angle)])
     outline = np.concatenate([[[-right, -top]], notch, [[right, -top], [right, top]], -notch, [[-right, top]]])

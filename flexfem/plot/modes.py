@@ -1,4 +1,4 @@
-"""Vibration: mode shapes coloured by how far they move, animations of them, and the frequency response."""
+"""Figures of vibration: mode shapes coloured by displacement, their animations, and the frequency response."""
 
 from __future__ import annotations
 
@@ -29,76 +29,76 @@ from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
 from flexfem.refused import BadInput
 from flexfem.units import DIRECTIONS, UNITS, Direction
 
-DRAWN = 0.07  # largest drawn displacement, per size of the stage
+DRAWN = 0.07  # largest drawn displacement over the size of the stage
 SHARE = Normalize(0, 1)
 PANEL = 3.6  # in, width
-FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames of a cycle, per second, and its size in inches
-CONTOURS = np.arange(-4, 5) / 5  # of w over its largest size
-POINTS = 1500
-LOWEST, HIGHEST = 0.05, 1.2  # of the drawn frequencies, over the first and the last natural one
+FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames per cycle and per second; in
+CONTOURS = np.arange(-4, 5) / 5  # of w over its largest magnitude
+POINTS = 1500  # frequencies of a response
+LOWEST, HIGHEST = 0.05, 1.2  # drawn frequencies over the first and over the last natural frequency
 Part = Literal["magnitude", "phase"]
 Kind = Literal["load", "stroke"]
 
 
 def figures(found: NaturalModes) -> dict[str, Any]:
-    """What is written beside natural modes: their shapes, the frequency response, and an animation of each mode."""
-    drawn: dict[str, Any] = {"": modes_figure(found)}
+    """Figures of natural modes by file-name suffix: shapes, frequency response, and an animation of each mode."""
+    by_suffix: dict[str, Any] = {"": modes_figure(found)}
     if (model := _fields(found).reduced) is not None:
-        drawn["-response"] = lambda beside: write_beside(beside, response_figure(model, found))
+        by_suffix["-response"] = lambda stored: write_beside(stored, response_figure(model, found))
         for number in range(1, len(found.axes["mode"]) + 1):
-            drawn[f"-{number}"] = partial(write_animation, found, number)
-    return drawn
+            by_suffix[f"-{number}"] = partial(write_animation, found, number)
+    return by_suffix
 
 
 @style.in_house_style
 def modes_figure(found: NaturalModes) -> Figure:
-    """Draw all modes, each with its frequency and band and the share of the mass that goes with it."""
+    """Draw all modes, each with its frequency, its band and its largest effective mass."""
     count = len(found.axes["mode"])
     columns = min(3, count)
     rows = -(-count // columns)
     size, title = (max(columns * PANEL + 0.3, 7.4), rows * (0.92 * PANEL + 0.55) + 0.8), "natural modes"
-    figure, axes = panels(size, f"{found.about.name}: {title}", [_said_of(found)], rows, columns, found.about, count)
-    for number, each in enumerate(axes, start=1):
-        plot_mode(each, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
+    figure, axes = panels(size, f"{found.about.name}: {title}", [_header(found)], rows, columns, found.about, count)
+    for number, ax in enumerate(axes, start=1):
+        plot_mode(ax, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
     draw_scale(figure, figure.axes, SHARE, "displacement, over the largest of the mode")
     return figure
 
 
 def _fields(found: NaturalModes) -> Vibration:
-    """The modes of finite elements. Raises BadInput when a result has none."""
+    """Return the finite-element modes of a result. Raises BadInput when it has none."""
     if not isinstance(found.fields, Vibration):
         raise BadInput("natural modes without finite elements, expected them for their shapes")
     return found.fields
 
 
-def _said_of(found: NaturalModes) -> str:
-    """What the modes are of, and what is not in them."""
-    solid, asked, mass = _fields(found).heights is not None, found.settings, UNITS["kg"]
-    said = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
-    said += f" drives {asked['drives']};" + (f" payload {asked['payload']};" if asked["payload"] else "")
-    said += (
+def _header(found: NaturalModes) -> str:
+    """Header of the modes: model, drives, payload, mass and drawing conventions."""
+    solid, settings, mass = _fields(found).heights is not None, found.settings, UNITS["kg"]
+    text = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
+    text += f" drives {settings['drives']};" + (f" payload {settings['payload']};" if settings["payload"] else "")
+    text += (
         f" mass {mass.factor * float(found.mass):.4g} {mass}. Titles: the largest effective modal mass, "
         "of the whole mass or, in theta, moment of inertia. Displacements are exaggerated, each mode by its own "
         "factor; grey: at rest."
     )
-    drawn = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
-    return said + (f"{drawn}opposite, thick where it is zero." if solid else "")
+    mid_plane = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
+    return text + (f"{mid_plane}opposite, thick where it is zero." if solid else "")
 
 
 def title_of(found: NaturalModes, number: int) -> str:
-    """Number, kind, frequency with band and the largest share of the mass of a mode."""
+    """Label, frequency with band and largest effective mass of a mode."""
     share, hertz = found.share[number - 1], UNITS["hz"].factor
-    most = int(np.argmax(share))
-    value, band = (hertz * each[number - 1, -1] for each in (found.frequency, found.band("frequency")))
+    largest = int(np.argmax(share))
+    value, band = (hertz * values[number - 1, -1] for values in (found.frequency, found.band("frequency")))
     label, frequency = found.axes["mode"][number - 1], f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
-    return f"mode {label}: {frequency}; moves {share[most]:.2g} % in {found.axes['base'][most]}"
+    return f"mode {label}: {frequency}; moves {share[largest]:.2g} % in {found.axes['base'][largest]}"
 
 
 def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float = math.pi / 2) -> Axes:
-    """Draw the stage in one mode (from 1) at a phase, rad, of its vibration; returns `ax`, or new axes.
+    """Draw the stage in one mode (from 1) at a phase, rad, of its vibration; return `ax`, or new axes.
 
-    Colours are the size of the displacement over the largest, at any phase. In three dimensions the mid-plane is drawn:
-    displaced in its plane, or contours of how far it leaves it. Raises BadInput for a mode that is not there.
+    Colours are the amplitude over its largest value, at any phase. In three dimensions the mid-plane is drawn: its
+    displacement in the plane, or contours of w, its deflection. Raises BadInput for a mode that does not exist.
     """
     fields, count = _fields(found), len(found.axes["mode"])
     if not 1 <= number <= count:
@@ -109,7 +109,7 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
         field = field[:, len(fields.heights) // 2]  # of the mid-plane
     if fields.tilting[number - 1]:
         w = field[:, 2] / np.abs(field[:, 2]).max()
-        linked = mesh.bodies % 4 > 0  # on the pads, whose backs are clamped, w is nearly zero, its contour says nothing
+        linked = mesh.bodies % 4 > 0  # not the pads: their backs are clamped and w nearly zero
         grid = Triangulation(mesh.nodes[:, 0], mesh.nodes[:, 1], mesh.triangles[linked][:, QUARTERS].reshape(-1, 3))
         looks: dict[str, Any] = {"negative_linestyles": "dashed"} if w.min() < 0.0 < w.max() else {}
         widths = np.where(CONTOURS == 0.0, 1.6, 0.6)
@@ -125,15 +125,15 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
 
 
 def _exaggerated(mesh: StageMesh, field: Array) -> Array:
-    """A field (n, 2) made so large that its largest displacement is visible, mm."""
+    """Field (n, 2), mm, scaled so that its largest displacement is visible."""
     largest = float(np.linalg.norm(field, axis=1).max())
     return np.asarray(DRAWN * float(np.ptp(mesh.nodes, axis=0).max()) / largest * field)
 
 
 def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
-    """Write one mode (from 1) in the plane as an animated GIF of one cycle: the outline, and that at rest in grey.
+    """Write an in-plane mode (from 1) as an animated GIF of one cycle: its outline, and in grey the outline at rest.
 
-    Raises BadInput when the folder takes no file.
+    Raises BadInput when the file cannot be written.
     """
     fields, path = _fields(found), path.with_suffix(".gif")
     mesh, title = fields.mesh, f"{found.about.name}: {title_of(found, number)}"
@@ -159,16 +159,16 @@ def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
 
 
 @style.in_house_style
-def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
-    """Draw magnitude and phase of all three poses, each under its own load and under every stroke."""
+def response_figure(model: DynamicModel, found: NaturalModes) -> Figure:
+    """Draw magnitude and phase of all three pose components, each under its own load and under every stroke."""
     kinds: tuple[Kind, ...] = ("load", "stroke") if _strokes(model) else ("load",)
     lines = [
         f"Plane finite elements, {len(model.frequencies)} modes and what the others do at rest; drives "
-        f"{of.settings['drives']}. Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in the "
-        "plane only."
+        f"{found.settings['drives']}. Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in "
+        "the plane only."
     ]
-    size, title = (12.6, 5.0 * len(kinds)), f"{of.about.name}: frequency response"
-    figure, axes = panels(size, title, lines, 2 * len(kinds), 3, of.about)
+    size, title = (12.6, 5.0 * len(kinds)), f"{found.about.name}: frequency response"
+    figure, axes = panels(size, title, lines, 2 * len(kinds), 3, found.about)
     for row, kind in enumerate(kinds):
         for column, name in enumerate(DIRECTIONS):
             upper, lower = axes[6 * row + column], axes[6 * row + 3 + column]
@@ -183,9 +183,9 @@ def response_figure(model: DynamicModel, of: NaturalModes) -> Figure:
 def plot_response(
     ax: Axes | None, model: DynamicModel, direction: Direction, kind: Kind = "load", part: Part = "magnitude"
 ) -> Axes:
-    """Draw the response of one direction of the pose under its own load, or under every stroke; returns `ax`.
+    """Draw the response of one pose component under its own load, or under every stroke; return `ax`, or new axes.
 
-    Raises BadInput for a direction, kind or part that is not there.
+    Raises BadInput for an unknown direction or part, or for strokes of a model without engaged drives.
     """
     if direction not in DIRECTIONS or part not in ("magnitude", "phase"):
         raise BadInput(f"response {direction!r}, {part!r}, expected x, y or theta, and magnitude or phase")
@@ -196,13 +196,13 @@ def plot_response(
     ax = ax or new_axes()
     natural = model.frequencies
     w = np.geomspace(LOWEST * natural[0], HIGHEST * natural[-1], POINTS)
-    w = np.unique(np.concatenate([w, *(each * np.linspace(0.9, 1.1, 201) for each in natural)]))
-    found = model.response(w)[:, row]
+    w = np.unique(np.concatenate([w, *(frequency * np.linspace(0.9, 1.1, 201) for frequency in natural)]))
+    response = model.response(w)[:, row]
     for k, column in enumerate(inputs):
-        values = found[:, column]
-        drawn = np.abs(values) if part == "magnitude" else np.rad2deg(np.unwrap(np.angle(values)))
+        values = response[:, column]
+        y = np.abs(values) if part == "magnitude" else np.rad2deg(np.unwrap(np.angle(values)))
         look: dict[str, Any] = {"color": style.COLOURS[k % 8], "linestyle": style.DASHES[k % 7]}
-        ax.semilogx(w / (2 * math.pi), drawn, linewidth=1.2, label=model.inputs.names[column], **look)
+        ax.semilogx(w / (2 * math.pi), y, linewidth=1.2, label=model.inputs.names[column], **look)
     ax.set_xlabel(f"frequency ({UNITS['hz']})")
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
@@ -218,5 +218,5 @@ def plot_response(
 
 
 def _strokes(model: DynamicModel) -> list[int]:
-    """Which inputs are strokes."""
+    """Indices of the inputs that are strokes."""
     return [k for k, name in enumerate(model.inputs.names) if name.startswith("stroke")]

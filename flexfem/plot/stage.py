@@ -1,4 +1,4 @@
-"""Drawings of a stage: outline with dimensions, mesh, necks close up, and the pseudo-rigid model."""
+"""Drawings of a stage: outline with dimensions, mesh, details of the necks, and the pseudo-rigid model."""
 
 from __future__ import annotations
 
@@ -33,64 +33,64 @@ Point = Sequence[float] | Array
 MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0072B2", "#00664A"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Heavy lines: clamped. Disc: rigid hub."
-STEP = np.pi / 24  # rad of arc between two points of a small drawing
+STEP = np.pi / 24  # rad, of arc between two points of a drawn outline
 SIDES = np.array(((0, 1, 3), (1, 2, 4), (2, 0, 5)))  # ends and middle of the sides of a triangle
 QUARTERS = np.array(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)))  # linear triangles on the nodes of a quadratic one
-SYMBOL = 0.017  # radius of a joint's circle, per size of the stage, where the links leave room for it
-PITCH, ENDS = 3.1, 3.0  # distance of a joint's symbols, and what two joints take of a link besides, per radius
+SYMBOL = 0.017  # largest radius of a joint's circle over the size of the stage; short links reduce it
+PITCH, ENDS = 3.1, 3.0  # over that radius: distance of a joint's symbols; length that two joints occupy on a link
 MEANING = {
     "rotation": "revolute joint: rotation",
     "axial": "slider along the neck: axial elongation",
     "shear": "slider across the neck: shear",
 }
-PLAIN = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
-SAID: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": PLAIN}
+WHITE_BOX = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
+DIMENSION_TEXT: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": WHITE_BOX}
 
 
 def arrow(
     axes: Axes, tail: Point, head: Point, style: str = "-|>", colour: str = INK, width: float = 1.0, **shape: Any
 ) -> None:
-    """A slim arrow from `tail` to `head`, in data coordinates."""
+    """Draw a thin arrow from `tail` to `head`, in data coordinates."""
     look: dict[str, Any] = {"mutation_scale": 9.0, "shrinkA": 0.0, "shrinkB": 0.0, "zorder": 6.0} | shape
     ends: Any = (tail[0], tail[1]), (head[0], head[1])
     axes.add_patch(FancyArrowPatch(*ends, arrowstyle=style, color=colour, linewidth=width, **look))
 
 
 def write(axes: Axes, at: Point, text: str, colour: str = INK, size: float = 9.0, **style: Any) -> None:
-    """A text centred at a place, in data coordinates."""
+    """Write a text centred at a point, in data coordinates."""
     axes.text(float(at[0]), float(at[1]), text, ha="center", va="center", size=size, color=colour, zorder=8, **style)
 
 
-def place_label(axes: Axes, anchor: Array, text: str, taken: list[Any], distance: float, **style: Any) -> Array:
-    """Write a text around an anchor, at 1 to 2.5 times the distance, where it is clearest of shapes that are taken.
+def place_label(axes: Axes, anchor: Array, text: str, obstacles: list[Any], distance: float, **style: Any) -> Array:
+    """Write a text at 1 to 2.5 times a distance from an anchor, where its clearance from the obstacles is largest.
 
-    Returns its place (2,), which is taken then.
+    Appends its box to `obstacles`; returns its centre (2,).
     """
     lines = text.replace(r"\varphi", "m").replace("$", "").split("\n")
     spans, pixels = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1), np.array(axes.get_window_extent().size)
-    inch = axes.figure.dpi * float(np.max(spans / pixels))  # of the data
+    inch = axes.figure.dpi * float(np.max(spans / pixels))  # in data coordinates
     half = style.get("size", 9.0) / 144 * inch * np.array([LETTER["normal"] * max(map(len, lines)), 1.2 * len(lines)])
-    turned = np.exp(2j * np.pi * np.arange(24) / 24)
-    around = np.concatenate([reach * distance * turned for reach in (1.0, 1.35, 1.7, 2.0, 2.5)])
-    spots = anchor + np.column_stack([around.real, around.imag])
-    boxes = shapely.box(*(spots - half).T, *(spots + half).T)
+    radii = distance * np.array([1.0, 1.35, 1.7, 2.0, 2.5])
+    offsets = np.outer(radii, np.exp(2j * np.pi * np.arange(24) / 24)).ravel()
+    centres = anchor + np.column_stack([offsets.real, offsets.imag])
+    boxes = shapely.box(*(centres - half).T, *(centres + half).T)
     window = shapely.box(*np.transpose([axes.get_xlim(), axes.get_ylim()]).ravel())
-    clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(taken)), 0.6 * distance)
+    clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(obstacles)), 0.6 * distance)
     best = int(np.argmax(np.round(np.where(shapely.covers(window, boxes), clearance, -1.0), 9)))
-    taken.append(boxes[best])
-    write(axes, spots[best], text, **style)
-    return np.asarray(spots[best])
+    obstacles.append(boxes[best])
+    write(axes, centres[best], text, **style)
+    return np.asarray(centres[best])
 
 
 def boundary_of(triangles: AnyArray) -> Index:
-    """Sides (k, 3) of triangles (m, 6) that have a triangle on one side only: ends and middle."""
+    """Boundary edges (k, 3) of a mesh of triangles (m, 6): end nodes and middle node."""
     sides = triangles[:, SIDES].reshape(-1, 3)
     _, first, count = np.unique(sides[:, 2], return_index=True, return_counts=True)
     return np.asarray(sides[first[count == 1]])
 
 
 def draw_boundary(axes: Axes, nodes: Array, edges: Index, colour: str, width: float, zorder: float = 3) -> None:
-    """Draw quadratic edges (k, 3) by their ends and middles, as one path, which is small in vector files."""
+    """Draw quadratic edges (k, 3) as polylines through their middle nodes, in one path, to keep vector files small."""
     points = nodes[edges[:, [0, 2, 1]]].reshape(-1, 2)
     path = Path(points, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO], len(edges)))
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": colour, "linewidths": width, "zorder": zorder}
@@ -98,7 +98,7 @@ def draw_boundary(axes: Axes, nodes: Array, edges: Index, colour: str, width: fl
 
 
 def draw_hub(axes: Axes, nodes: Array, moved: Array) -> None:
-    """Fill the hub, whose rim is of the nodes nearest to the origin, where these have moved."""
+    """Fill the displaced hub; its rim consists of the nodes nearest to the origin."""
     distance = np.hypot(*nodes.T)
     rim = np.flatnonzero(distance < 1.01 * distance.min())
     order = rim[np.argsort(np.arctan2(nodes[rim, 1], nodes[rim, 0]))]
@@ -106,7 +106,7 @@ def draw_hub(axes: Axes, nodes: Array, moved: Array) -> None:
 
 
 def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
-    """Draw filled triangles (m, 6), and their boundary in a thicker line."""
+    """Draw filled triangles (m, 6), and their boundary as a thicker line."""
     look: dict[str, Any] = {"facecolors": PALE, "edgecolors": MESH_COLOUR, "linewidths": width, "zorder": 2}
     outlines = nodes[triangles[:, [0, 3, 1, 4, 2, 5]]]
     axes.add_collection(PolyCollection(list(outlines), rasterized=True, **look), autolim=False)
@@ -114,25 +114,25 @@ def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> No
 
 
 def frame_cross(axes: Axes, length: float) -> None:
-    """The platform's frame at the origin: X, Y."""
+    """Draw the X and Y axes of the platform at the origin."""
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center", "color": NOTE_COLOUR}
-    for tip, beside, name in (((length, 0.0), (0.0, -9.0), "X"), ((0.0, length), (-9.0, 0.0), "Y")):
+    for tip, offset, name in (((length, 0.0), (0.0, -9.0), "X"), ((0.0, length), (-9.0, 0.0), "Y")):
         arrow(axes, (0.0, 0.0), tip, colour=NOTE_COLOUR, width=1.2)
-        axes.annotate(name, tip, beside, size=9.0, zorder=8, **look)
+        axes.annotate(name, tip, offset, size=9.0, zorder=8, **look)
 
 
 def fit(axes: Axes, nodes: Array, room: float = 0.1) -> float:
-    """Equal scales with room for labels around the nodes; returns the size of the stage, mm."""
+    """Set equal scales with room for labels around the nodes; return the size of the stage, mm."""
     low, high = nodes.min(axis=0), nodes.max(axis=0)
     size = float(max(high - low))
     axes.set_xlim(low[0] - room * size, high[0] + room * size)
     axes.set_ylim(low[1] - room * size, high[1] + room * size)
-    axes.set_aspect("equal", anchor="N")  # else a layout engine sees room above the stage that its title does not have
+    axes.set_aspect("equal", anchor="N")  # else the layout engine overestimates the room for the title
     return size
 
 
 def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
-    """The hinges of a stage or of a stored model, chain by chain. Raises BadInput."""
+    """Return the hinges of a stage or of a stored model, chain by chain. Raises BadInput."""
     if isinstance(given, CurveModels):
         return given.hinges
     if not isinstance(given, Stage):
@@ -143,7 +143,7 @@ def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
 
 
 def draw_outline(axes: Axes, stage: Stage) -> Array:
-    """Draw a stage, its clamped edges heavy, its hub as a disc; returns points (n, 2) of its rim, mm.
+    """Draw a stage with heavy clamped edges and its hub as a disc; return points (n, 2) of its outer contour, mm.
 
     Raises BadInput when its bodies cannot be drawn.
     """
@@ -157,7 +157,7 @@ def draw_outline(axes: Axes, stage: Stage) -> Array:
 
 
 def draw_to_one_scale(axes: Sequence[Axes], stages: Sequence[Stage]) -> None:
-    """Draw stages, each in axes of its own, to one scale, and in the first a bar of a round length."""
+    """Draw each stage on its own axes, all to one scale, with a scale bar of a round length on the first."""
     points = np.vstack([draw_outline(ax, stage) for ax, stage in zip(axes, stages, strict=True)])
     low, high, room = points.min(axis=0), points.max(axis=0), 0.02 * np.ptp(points)
     for ax in axes:
@@ -168,17 +168,17 @@ def draw_to_one_scale(axes: Sequence[Axes], stages: Sequence[Stage]) -> None:
 
 
 def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
-    """Draw a stage to scale, in mm, its clamped edges heavy, its hub as a disc; returns `ax`, or new axes.
+    """Draw a stage to scale, in mm, with heavy clamped edges and its hub as a disc; return `ax`, or new axes.
 
     Raises BadInput when it cannot be drawn.
     """
     ax = ax or new_axes()
     fit(ax, draw_outline(ax, stage))
-    _in_mm(ax)
+    _label_axes(ax)
     return ax
 
 
-def _in_mm(ax: Axes) -> None:
+def _label_axes(ax: Axes) -> None:
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
 
 
@@ -189,36 +189,36 @@ def _xy(z: complex) -> tuple[float, float]:
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
-    figure, (axes,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, assumptions=model)
-    figure.draw_without_rendering()  # labels are placed at the size that the axes have then
-    plot_mesh(axes, model, fields)
+    figure, (ax,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, assumptions=model)
+    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
+    plot_mesh(ax, model, fields)
     return figure
 
 
 def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
-    """Draw the mesh of a stage, the numbers of its hinges and chains, clamped edges and hub, in mm; returns `ax`."""
+    """Draw the mesh of a stage, in mm, the numbers of its hinges and chains, clamped edges and hub; return `ax`."""
     nodes, triangles, hub = fields.nodes, fields.triangles, model.hub_radius
     draw_mesh(ax, nodes, triangles, width=0.18)
     size = fit(ax, nodes)
-    boundary, held = boundary_of(triangles), ~np.any(fields.displacement != 0.0, axis=1)
-    draw_boundary(ax, nodes, boundary[held[boundary].all(axis=1)], INK, 2.8, zorder=4)
+    boundary, clamped = boundary_of(triangles), ~np.any(fields.displacement != 0.0, axis=1)
+    draw_boundary(ax, nodes, boundary[clamped[boundary].all(axis=1)], INK, 2.8, zorder=4)
     ax.add_patch(Circle((0, 0), hub, facecolor=HUB, edgecolor=INK, linewidth=0.9, zorder=2.5))
     frame_cross(ax, max(0.6 * hub, 0.04 * size))
-    taken: list[Any] = [shapely.MultiPoint(nodes[::4])]
+    obstacles: list[Any] = [shapely.MultiPoint(nodes[::4])]
     for number, hinge in enumerate(model.hinges, start=1):
         colour, at = CHAIN_COLOURS[hinge.chain - 1], np.array(hinge.centre)
         box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": colour, "linewidth": 1.2}
-        spot = place_label(ax, at, str(number), taken, 0.06 * size, colour=colour, weight="bold", bbox=box)
-        ax.plot(*np.transpose([at, spot]), "o-", color=colour, linewidth=0.9, markersize=3.5, markevery=[0], zorder=6)
+        label = place_label(ax, at, str(number), obstacles, 0.06 * size, colour=colour, weight="bold", bbox=box)
+        ax.plot(*np.transpose([at, label]), "o-", color=colour, linewidth=0.9, markersize=3.5, markevery=[0], zorder=6)
     for chain, colour in zip(CHAINS, CHAIN_COLOURS, strict=True):
         middle = np.mean([hinge.centre for hinge in model.hinges[3 * chain - 2 : 3 * chain]], axis=0)
-        place_label(ax, middle, f"chain {chain}", taken, 0.09 * size, colour=colour, size=10, weight="bold")
-    _in_mm(ax)
+        place_label(ax, middle, f"chain {chain}", obstacles, 0.09 * size, colour=colour, size=10, weight="bold")
+    _label_axes(ax)
     return ax
 
 
 def mesh_size(model: CurveModels) -> str:
-    """Size of the mesh, in words."""
+    """Sentence on the size and the resolution of the mesh."""
     layers = f", {model.layers} layers in half the thickness" if model.layers else ""
     return (
         f"{thousands(model.triangles)} curved quadratic triangles, {thousands(model.unknowns)} unknowns, "
@@ -228,18 +228,18 @@ def mesh_size(model: CurveModels) -> str:
 
 @in_house_style
 def neck_figure(model: CurveModels, fields: Fields) -> Figure:
-    """Draw the three notches of chain 1 and, below, their narrowest sections, with mesh, radius and neck, in mm."""
-    figure, found = panels((10.0, 7.1), f"{model.stage}: necks of chain 1", [mesh_size(model)], 2, 3, model)
+    """Draw the mesh, in mm, at the three notches of chain 1, with radii, and below at their necks, with widths."""
+    figure, axes = panels((10.0, 7.1), f"{model.stage}: necks of chain 1", [mesh_size(model)], 2, 3, model)
     for column, hinge in enumerate(model.hinges[:3]):
-        plot_neck(found[column], fields, hinge, whole=True).set_title(f"{hinge.hinge} hinge")
-        plot_neck(found[3 + column], fields, hinge)
-    for axes in (*found[1:3], *found[4:]):
-        axes.set_ylabel("")
+        plot_neck(axes[column], fields, hinge, whole=True).set_title(f"{hinge.hinge} hinge")
+        plot_neck(axes[3 + column], fields, hinge)
+    for ax in (*axes[1:3], *axes[4:]):
+        ax.set_ylabel("")
     return figure
 
 
 def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False) -> Axes:
-    """Draw the mesh at a neck, seen along it, in mm: its narrowest section with the width, or the `whole` notch with R.
+    """Draw the mesh at a neck in its local frame, in mm: the narrowest section with t, or the `whole` notch with R.
 
     Returns `ax`.
     """
@@ -258,7 +258,7 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
         ax.text(0.0, middle[1] - 0.1 * hinge.radius, f"R = {hinge.radius:g} {LENGTH}", size=10, ha="center", va="top")
     else:
         arrow(ax, (0.0, hinge.neck / 2), (0.0, -hinge.neck / 2), "<|-|>")
-        box = PLAIN | {"edgecolor": GREY, "linewidth": 0.5}
+        box = WHITE_BOX | {"edgecolor": GREY, "linewidth": 0.5}
         ax.text(0.12 * hinge.neck, 0.0, f"t = {hinge.neck:g} {LENGTH}", size=10, va="center", zorder=6, bbox=box)
     return ax
 
@@ -267,9 +267,9 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
 def model_sketch(model: CurveModels) -> Figure:
     """Draw the pseudo-rigid-body model, Figs. 3 and 4 of the paper: see `plot_model`."""
     title = f"{model.stage}: model of mobility {model.mobility}"
-    figure, (axes,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, assumptions=model)
-    figure.draw_without_rendering()  # labels are placed at the size that the axes have then
-    plot_model(axes, model)
+    figure, (ax,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, assumptions=model)
+    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
+    plot_model(ax, model)
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}
     handles: list[Any] = [Line2D([], [], linestyle="none", label=MEANING["rotation"], **ring)]
     handles += [
@@ -282,7 +282,7 @@ def model_sketch(model: CurveModels) -> Figure:
 
 
 def mobility_line(model: CurveModels) -> str:
-    """Mobility by (1), in words."""
+    """Sentence on the mobility by (1)."""
     count = sum(len(hinge.freedoms) for hinge in model.hinges)
     return (
         f"Mobility by (1): M = 3 (8 \N{MINUS SIGN} 1) + {count} \N{MINUS SIGN} 3 · 9 = {count - 6}, "
@@ -294,14 +294,14 @@ def links_of_chain(hinges: Sequence[HingeDrawing]) -> tuple[Array, Array]:
     """Lengths l1, l2, l3 (3,), mm, and angles phi_1 to phi_3 (3,), rad in (-pi, pi], of chain 1 as in (19), (20)."""
     links = np.diff([*(hinge.centre for hinge in hinges[:3]), (0.0, 0.0)], axis=0)
     relative = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
-    return np.linalg.norm(links, axis=1), -((-relative + np.pi) % (2 * np.pi) - np.pi)  # half a turn counts as +pi
+    return np.linalg.norm(links, axis=1), -((-relative + np.pi) % (2 * np.pi) - np.pi)  # -pi becomes +pi
 
 
 def plot_model(ax: Axes, stage: Stage | CurveModels) -> Axes:
     """Draw links, joints with their freedoms, ground, platform and its frame, with the lengths and angles of chain 1.
 
-    Labels stand where there is room at the size that `ax` has when this is called; returns `ax`. Raises BadInput when
-    `stage` is none.
+    Labels are placed for the size of `ax` at the time of the call. Returns `ax`. Raises BadInput when `stage` is not a
+    stage.
     """
     hinges = hinges_of(stage)
     points = np.array([hinge.centre for hinge in hinges]).reshape(3, 3, 2)
@@ -309,8 +309,8 @@ def plot_model(ax: Axes, stage: Stage | CurveModels) -> Axes:
     ax.set_axis_off()
     shortest = np.linalg.norm(np.diff(points, axis=1), axis=2).min()
     radius = min(SYMBOL * size, shortest / (ENDS + 2 * PITCH * (max(len(hinge.freedoms) for hinge in hinges) - 1)))
-    corners: Any = points[:, 2]
-    ax.add_patch(Polygon(corners, facecolor="#DDE3EA", edgecolor=LINK, linewidth=2.0, joinstyle="round", zorder=1))
+    platform: Any = points[:, 2]
+    ax.add_patch(Polygon(platform, facecolor="#DDE3EA", edgecolor=LINK, linewidth=2.0, joinstyle="round", zorder=1))
     frame_cross(ax, 0.09 * size)
     ax.plot(0, 0, "o", color=NOTE_COLOUR, markersize=4, zorder=6)
     for chain in points:
@@ -322,7 +322,7 @@ def plot_model(ax: Axes, stage: Stage | CurveModels) -> Axes:
 
 
 def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
-    """A circle for the rotation with its sliders: ahead of a base hinge, which has its ground behind, else behind."""
+    """Draw a circle for the rotation and the sliders: along the axis of a base hinge, opposite to that of another."""
     at, along = np.array(hinge.centre), np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
     across, base = np.array([-along[1], along[0]]), hinge.hinge == "base"
     if base:
@@ -333,10 +333,10 @@ def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
         strip = [*ground, *(end - 1.4 * radius * along for end in reversed(ground))]
         axes.add_patch(Polygon(strip, facecolor="none", edgecolor=INK, linewidth=0.0, hatch="//////", zorder=4))
         axes.plot(*np.transpose(ground), color=INK, linewidth=2.2, zorder=4)
-    sliders = [way for kind, way in (("axial", along), ("shear", across)) if kind in hinge.freedoms]
-    for place, way in enumerate(sliders, start=1):
-        middle = at + (1 if base else -1) * place * PITCH * radius * along
-        half, thick = 1.05 * radius * way, 0.62 * radius * np.array([-way[1], way[0]])
+    sliders = [axis for kind, axis in (("axial", along), ("shear", across)) if kind in hinge.freedoms]
+    for number, axis in enumerate(sliders, start=1):
+        middle = at + (1 if base else -1) * number * PITCH * radius * along
+        half, thick = 1.05 * radius * axis, 0.62 * radius * np.array([-axis[1], axis[0]])
         block = [middle + half + thick, middle - half + thick, middle - half - thick, middle + half - thick]
         axes.add_patch(Polygon(block, facecolor="white", edgecolor=SLIDER, linewidth=1.6, zorder=4))
         for rail in (1.65 * thick, -1.65 * thick):
@@ -346,97 +346,98 @@ def _draw_joint(axes: Axes, hinge: HingeDrawing, radius: float) -> None:
 
 
 def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: float, radius: float) -> None:
-    """Write lengths and angles at chain 1 and the chains' numbers at their ground."""
+    """Write the lengths and angles of chain 1, and the number of each chain at its ground."""
     corners = np.array([*points[0], (0.0, 0.0)])
     lengths, angles = links_of_chain(hinges)
     headings, arc = np.cumsum(angles), min(0.1 * size, 0.45 * float(lengths.min()))
     axes.plot(*corners[2:].T, color=GREY, linewidth=1.2, linestyle=(0, (6, 2, 1.5, 2)), zorder=3)
-    taken: list[Any] = [shapely.Point(at).buffer(2.0 * radius) for at in (*points.reshape(-1, 2), corners[3])]
-    taken += [shapely.LineString(line) for line in (*points, corners)]
-    taken.append(shapely.LineString(0.09 * size * np.array([[0, 1], [0, 0], [1, 0]])))
+    obstacles: list[Any] = [shapely.Point(at).buffer(2.0 * radius) for at in (*points.reshape(-1, 2), corners[3])]
+    obstacles += [shapely.LineString(line) for line in (*points, corners)]
+    obstacles.append(shapely.LineString(0.09 * size * np.array([[0, 1], [0, 0], [1, 0]])))
     labels: list[tuple[Array, str, str]] = []
     for k, (at, heading, angle) in enumerate(zip(corners, headings, angles, strict=False), start=1):
-        turned = heading - angle + angle * np.linspace(0, 1, 60)
-        curve = at + arc * np.column_stack([np.cos(turned), np.sin(turned)])
+        directions = heading - angle + angle * np.linspace(0, 1, 60)
+        curve = at + arc * np.column_stack([np.cos(directions), np.sin(directions)])
         reference = np.array([at, at + 1.35 * (curve[0] - at)])
         axes.plot(*reference.T, color=NOTE_COLOUR, linewidth=0.8, linestyle=(0, (4, 3)), zorder=6)
         axes.plot(*curve.T, color=NOTE_COLOUR, linewidth=1.1, zorder=6)
         arrow(axes, curve[-4], curve[-1], colour=NOTE_COLOUR, width=0.01)
-        taken += [shapely.LineString(curve), shapely.LineString(reference)]
-        said = minus(rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}")
-        length = f"$l_{k}$ = {lengths[k - 1]:.4g} {LENGTH}"
-        labels += [(curve[30], said, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length, LINK)]
+        obstacles += [shapely.LineString(curve), shapely.LineString(reference)]
+        angle_text = minus(rf"$\varphi_{k}$ = {np.rad2deg(angle):.4g}{DEGREE}")
+        length_text = f"$l_{k}$ = {lengths[k - 1]:.4g} {LENGTH}"
+        labels += [(curve[30], angle_text, NOTE_COLOUR), ((corners[k - 1] + corners[k]) / 2, length_text, LINK)]
     for anchor, text, colour in labels:
-        place_label(axes, anchor, text, taken, 0.05 * size, colour=colour, size=10, parse_math=True, bbox=PLAIN)
+        place_label(axes, anchor, text, obstacles, 0.05 * size, colour=colour, size=10, parse_math=True, bbox=WHITE_BOX)
     for hinge in hinges[::3]:
         foot = hinge.centre - 4.0 * radius * np.array([np.cos(hinge.axis), np.sin(hinge.axis)])
-        taken.append(shapely.Point(foot).buffer(3.0 * radius))
-        place_label(axes, foot, f"chain {hinge.chain}", taken, 0.06 * size, size=10)
+        obstacles.append(shapely.Point(foot).buffer(3.0 * radius))
+        place_label(axes, foot, f"chain {hinge.chain}", obstacles, 0.06 * size, size=10)
 
 
 def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
-    """Draw a stage to scale with its dimensions, in mm; returns `ax`, or new axes.
+    """Draw a stage to scale with its dimensions, in mm; return `ax`, or new axes.
 
-    `missing` : key paths that its file does not give; of such a stage only what does not need them is drawn.
+    `missing` : key paths that the stage file does not give; the parts that depend on them are not drawn.
 
-    Raises BadInput when nothing is missing and its bodies cannot be drawn.
+    Raises BadInput when nothing is missing and the bodies cannot be drawn.
     """
-    found, ax = PartialStage(stage, list(missing)), ax or new_axes()
-    fit(ax, _draw_whole(ax, stage) if found.whole else _draw_partial(ax, found), 0.03)
-    _in_mm(ax)
+    partial, ax = PartialStage(stage, list(missing)), ax or new_axes()
+    fit(ax, _draw_whole(ax, stage) if partial.whole else _draw_partial(ax, partial), 0.03)
+    _label_axes(ax)
     return ax
 
 
 def _draw_whole(ax: Axes, stage: Stage) -> Array:
-    """Draw a stage with lengths and labels; returns places (n, 2) that must be seen."""
+    """Draw a stage with lengths and labels; return points (n, 2) that must be within the axes."""
     rim = draw_outline(ax, stage)
     fit(ax, rim)
-    of, seen, lines = dimensions_of(stage, part_of(stage)), list[complex](), list[tuple[complex, ...]]()
-    for span in of.spans:
+    sizes, visible, lines = dimensions_of(stage, part_of(stage)), list[complex](), list[tuple[complex, ...]]()
+    for span in sizes.spans:
         start, end = span.line
         lines += [(span.start, start), (span.end, end)]
         arrow(ax, _xy(start), _xy(end), "<|-|>", DIMENSION, 0.8)
-        short = abs(end - start) < 2 * NARROW * of.height * len(span.text)  # its text goes beside the line
-        aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * of.height * 1.5 if short else 0j
-        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=float(np.rad2deg(np.angle(end - start))), **SAID)
-        seen += [start + 2 * aside, end + 2 * aside]
-    for label in of.labels:
+        short = abs(end - start) < 2 * NARROW * sizes.height * len(span.text)  # then the text is beside the line
+        aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * sizes.height * 1.5 if short else 0j
+        rotation = float(np.rad2deg(np.angle(end - start)))
+        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=rotation, **DIMENSION_TEXT)
+        visible += [start + 2 * aside, end + 2 * aside]
+    for label in sizes.labels:
         lines.append(tuple(label.line))
-        write(ax, _xy(label.place), label.text, **SAID)
-        seen += [label.place - label.half, label.place + label.half]
+        write(ax, _xy(label.place), label.text, **DIMENSION_TEXT)
+        visible += [label.place - label.half, label.place + label.half]
     for line in lines:
         ax.plot(*np.transpose([_xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
-    return np.concatenate([rim, [_xy(z) for z in seen]])
+    return np.concatenate([rim, [_xy(z) for z in visible]])
 
 
-def _draw_partial(ax: Axes, found: PartialStage) -> Array:
-    """Draw what does not need what is missing; returns places (n, 2) that must be seen."""
-    stage, seen = found.stage, [np.zeros((1, 2))]
+def _draw_partial(ax: Axes, partial: PartialStage) -> Array:
+    """Draw the parts whose keys are given; return points (n, 2) that must be within the axes."""
+    stage, visible = partial.stage, [np.zeros((1, 2))]
     for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
-        if found.states(f"platform.{key}_mm"):
+        if partial.states(f"platform.{key}_mm"):
             radius = getattr(stage.platform, key)
             ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
-            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **SAID)
-            seen.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-    if not found.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
-        return np.concatenate(seen)
+            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **DIMENSION_TEXT)
+            visible.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
+    if not partial.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
+        return np.concatenate(visible)
     lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
     size = fit(ax, 1.2 * lines.reshape(-1, 2), 0.03)
-    taken: list[Any] = [shapely.MultiLineString(list(lines))]
+    obstacles: list[Any] = [shapely.MultiLineString(list(lines))]
     labels = [(f"chain {chain}", line[0]) for chain, line in zip(CHAINS, lines, strict=True)]
     labels += [(f"l{k + 1} {x:.6g}", lines[0, k : k + 2].mean(axis=0)) for k, x in enumerate(stage.chain.link_lengths)]
     for line in lines:
         ax.plot(*line.T, "o-", color=INK, linewidth=1.2, markersize=3.5, zorder=4)
     labels += [(f"{name} hinge", lines[0, k]) for k, name in enumerate(HINGE_NAMES)]
     for text, anchor in labels:
-        place_label(ax, anchor, text, taken, 0.04 * size, **SAID)
-    return np.concatenate([*seen, 1.2 * lines.reshape(-1, 2)])
+        place_label(ax, anchor, text, obstacles, 0.04 * size, **DIMENSION_TEXT)
+    return np.concatenate([*visible, 1.2 * lines.reshape(-1, 2)])
 
 
 @in_house_style
 def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
-    """A page with the stage, its dimensions, what the drawing does not show, and what is missing."""
-    found = PartialStage(stage, list(missing))
+    """Draw a page with the dimensioned stage, and in its header further data and the missing keys."""
+    partial = PartialStage(stage, list(missing))
     angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles))
     facts = {
         "thickness_mm": f"thickness {stage.thickness:.6g} {LENGTH}",
@@ -444,25 +445,25 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         "chain.joint_angles_deg": f"joint angles {angles} deg",
         "material.name": stage.material.name,
     }
-    lines = ["; ".join(text for key, text in facts.items() if found.states(key))]
+    lines = ["; ".join(text for key, text in facts.items() if partial.states(key))]
     lines += [f"missing: {', '.join(missing)}"] if missing else []
-    if found.whole:
-        alike = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
-        lines.append(f"{alike if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
-    title = stage.name if found.states("name") else str(stage.origin)
-    figure, (axes,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, assumptions=found.assumptions)
-    figure.draw_without_rendering()  # labels are placed at the size that the axes have then
-    plot_dimensions(axes, stage, missing)
+    if partial.whole:
+        chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
+        lines.append(f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
+    title = stage.name if partial.states("name") else str(stage.origin)
+    figure, (ax,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, assumptions=partial.assumptions)
+    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
+    plot_dimensions(ax, stage, missing)
     return figure
 
 
 def show_window(stage: Stage, missing: Sequence[str] = ()) -> bool:
-    """Open the drawing in a window and wait until it is closed; returns False where none can be opened."""
+    """Show the drawing in a window and wait until it is closed; return False where no window can be opened."""
     from matplotlib import pyplot
 
     try:
         figure, ax = pyplot.subplots(figsize=(8.27, 8.27), layout="constrained")
-    except ImportError:  # of the backend that the user asks for
+    except ImportError:  # the backend that the user has set is not available
         return False
     interactive = figure.canvas.required_interactive_framework is not None
     if interactive:

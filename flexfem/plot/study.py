@@ -1,4 +1,4 @@
-"""Figures of studies from their records: maps, fronts, histograms and Sobol indices."""
+"""Figures of studies from their records: maps, Pareto fronts, histograms and Sobol indices."""
 
 from __future__ import annotations
 
@@ -35,30 +35,30 @@ from flexfem.study.findings import (
     StudyMap,
 )
 
-WIDTH, LETTERS = 8.27, 7.5  # in, of a page; points, below a drawing
-FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCHED = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
-DOTS, MOST_DOTS = 5000, 100_000  # more are rasterised in a PDF; of more that many are drawn, taken at random
+WIDTH, FONT_SIZE = 8.27, 7.5  # in, of a page; points, below a drawing
+FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCH_COLOUR = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
+VECTOR_DOTS, MOST_DOTS = 5000, 100_000  # most dots drawn as vectors; most drawn, else a random sample
 HATCHES = ("////", "xxxx", "....", "||||", "----")
-CONTOURS = 8  # about
+CONTOURS = 8  # approximate number
 BARS = (10, 60)  # fewest and most in a histogram
-DIGITS, NONE = 5, "too few designs for an interval"  # of a percentile
+DIGITS, NO_INTERVAL = 5, "too few designs for an interval"  # of a percentile
 ROUND_OFF = 1e-12  # of the largest value
-ACROSS, CELL, WRITTEN = 4, 1.5, 6  # drawings in a row, their width in in, factors below each
-NAMED = "ABCDEFGHIJKL"
+COLUMNS, CELL_WIDTH, MOST_FACTORS = 4, 1.5, 6  # drawings per row, width of each, in, factors below each
+LETTERS = "ABCDEFGHIJKL"
 PLUS: dict[str, Any] = {"color": NOTE_COLOUR, "marker": "+", "markersize": 13, "markeredgewidth": 2.2}
 
 
 def write_study_figures(found: Mapping[str, findings.Record | findings.Refused], folder: Path) -> list[Path]:
     """Draw every figure of a study file that is not refused as PNG and PDF, under its name in a folder.
 
-    Returns the paths written. Raises BadInput when the folder does not take a file.
+    Returns the paths written. Raises BadInput when a file cannot be written.
     """
-    drawn = {name: record for name, record in found.items() if not isinstance(record, findings.Refused)}
-    return write_each({folder / f"{name}.png": partial(page_of, record) for name, record in drawn.items()})
+    records = {name: record for name, record in found.items() if not isinstance(record, findings.Refused)}
+    return write_each({folder / f"{name}.png": partial(page_of, record) for name, record in records.items()})
 
 
 def page_of(record: findings.Record) -> Figure:
-    """The page of one record."""
+    """Draw the page of one record."""
     draw: dict[type, Callable[[Any], Figure]] = {
         StudyMap: map_figure, Distribution: distribution_figure, Sensitivity: sensitivity_figure
     }  # fmt: skip
@@ -66,13 +66,12 @@ def page_of(record: findings.Record) -> Figure:
 
 
 def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequence[str] = ("", "")) -> None:
-    """Scales, labels and ticks of axes on which all is drawn."""
-    for which, quantity, wanted in zip("xy", (x, y), better, strict=True):
+    """Set scales, labels and ticks of axes that hold all their data."""
+    both = (axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)
+    for (axis, set_scale), quantity, sense in zip(both, (x, y), better, strict=True):
         if quantity is not None:
-            axis = axes.xaxis if which == "x" else axes.yaxis
-            axes.set(**{f"{which}scale": "log" if quantity.log else "linear"})
-            after = f"  ({wanted} is better)" if wanted else ""
-            axis.set_label_text(quantity.label + after)
+            set_scale("log" if quantity.log else "linear")
+            axis.set_label_text(quantity.label + (f"  ({sense} is better)" if sense else ""))
             if quantity.log:
                 low, high = axis.get_view_interval()
                 style.log_ticks(axis, (low, high))
@@ -83,17 +82,17 @@ def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequen
 
 @in_house_style
 def map_figure(shown: StudyMap) -> Figure:
-    """Draw a map on a page of its own."""
-    figure, (axes,) = panels((WIDTH, 6.0), shown.caption.title, shown.caption.lines, 1, assumptions=shown.caption)
-    plot_map(axes, shown)
+    """Draw a map on a page."""
+    figure, (ax,) = panels((WIDTH, 6.0), shown.caption.title, shown.caption.lines, 1, assumptions=shown.caption)
+    plot_map(ax, shown)
     return figure
 
 
 def plot_map(ax: Axes, shown: StudyMap) -> Axes:
     """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot per design.
 
-    Returns `ax`; the bar that says what the colours mean is an inset of it. Nothing is interpolated but the contours.
-    Values of both signs have two hues, and the contours of negative values are dashed.
+    Returns `ax`, which holds the colour bar as an inset. Only the contours are interpolated. Values of both signs have
+    two hues, and the contours of negative values are dashed.
     """
     norm = norm_of(shown.cells.values)
     colours: dict[str, Any] = {"norm": norm, "cmap": "PuOr_r" if isinstance(norm, CenteredNorm) else "viridis"}
@@ -113,16 +112,16 @@ def plot_map(ax: Axes, shown: StudyMap) -> Axes:
 
 
 def norm_of(values: Array) -> Normalize:
-    """How values become colours: symmetric about zero for both signs, logarithmic for a wide range, else linear."""
-    found = values[np.isfinite(values)]
-    low, high = (float(found.min()), float(found.max())) if len(found) else (0.0, 1.0)
+    """Colour scale of values: symmetric about zero for both signs, logarithmic for a wide range, else linear."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if low < 0 < high:
         return CenteredNorm(0.0, max(-low, high))
-    return LogNorm(low, high) if len(found) and is_wide(found) else Normalize(low, high)
+    return LogNorm(low, high) if len(finite) and is_wide(finite) else Normalize(low, high)
 
 
 def edges(ticks: Array, log: bool) -> Array:
-    """Borders (n + 1,) of the cells about the values (n,) of a factor: half way between neighbours."""
+    """Borders (n + 1,) of the cells around the values (n,) of a factor, midway between neighbours."""
     places = np.log(ticks) if log else ticks
     if len(places) == 1:
         half = 0.05 if log else 0.05 * (abs(float(places[0])) or 1.0)
@@ -134,36 +133,37 @@ def edges(ticks: Array, log: bool) -> Array:
 
 
 def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any]:
-    """Draw cells; returns entries of the legend, as `_draw_dots`."""
+    """Draw a map as cells; return entries of the legend."""
     (xs, column), (ys, row) = (np.unique(v, return_inverse=True) for v in shown.cells.points.T)
-    across, up = edges(xs, shown.x.log), edges(ys, shown.y.log)
+    x_edges, y_edges = edges(xs, shown.x.log), edges(ys, shown.y.log)
     values = np.full((len(ys), len(xs)), np.nan)
     values[row, column] = shown.cells.values
     masked = np.ma.masked_invalid(values)
-    axes.pcolormesh(across, up, masked, **colours, rasterized=True, zorder=1)
+    axes.pcolormesh(x_edges, y_edges, masked, **colours, rasterized=True, zorder=1)
     entries: list[Any] = []
-    for hatch, (why, which) in zip(HATCHES, shown.cells.missing.items(), strict=False):
+    for hatch, (reason, mask) in zip(HATCHES, shown.cells.missing.items(), strict=False):
         corners = ((0, 0), (1, 0), (1, 1), (0, 1))
-        places = list(zip(column[which], row[which], strict=True))
-        boxes = [[(across[i + a], up[j + b]) for a, b in corners] for i, j in places]
-        look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCHED, "linewidth": 0.0, "hatch": hatch}
+        places = list(zip(column[mask], row[mask], strict=True))
+        boxes = [[(x_edges[i + a], y_edges[j + b]) for a, b in corners] for i, j in places]
+        look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCH_COLOUR, "linewidth": 0.0, "hatch": hatch}
         axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
-        entries.append(Patch(**look, label=f"{why}: {thousands(len(boxes))}"))
+        entries.append(Patch(**look, label=f"{reason}: {thousands(len(boxes))}"))
     if min(values.shape) > 1 and masked.count() > 3:
         _draw_contours(axes, (xs, ys, masked), colours["norm"], shown, entries)
     return entries
 
 
 def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any]:
+    """Draw a map as one dot per design; return entries of the legend."""
     points, values, missing, *_ = shown.cells
-    known, many = np.isfinite(values), len(values) > DOTS
+    known, many = np.isfinite(values), len(values) > VECTOR_DOTS
     size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
     look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": many, "zorder": 2}
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
     entries = []
-    for mark, (why, which) in zip("x+123", missing.items(), strict=False):
-        axes.plot(*points[which].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
-        label = f"{why}: {thousands(int(which.sum()))}"
+    for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
+        axes.plot(*points[mask].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
+        label = f"{reason}: {thousands(int(mask.sum()))}"
         entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
     return entries
 
@@ -171,32 +171,32 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
 def _draw_contours(
     axes: Axes, grid: tuple[Array, Array, Any], norm: Normalize, shown: StudyMap, entries: list[Any]
 ) -> None:
-    """Draw labelled contours of values on a grid (x, y, masked values), those that matter heavier."""
+    """Draw labelled contours of values on a grid (x, y, masked values), those at the marks heavier."""
     low, high, unit = float(grid[2].min()), float(grid[2].max()), shown.value.after if shown.value.unit == "%" else ""
     heavy = [mark for mark in sorted(shown.marks) if low < mark < high]
     thin = [level for level in levels(norm, shown.marks) if low < level < high]
     for where, width in ((thin, 0.7), (heavy, 2.2)):
         if where:
-            drawn = axes.contour(*grid, levels=where, colors=INK, linewidths=width, zorder=3)
-            for name in axes.clabel(drawn, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
-                name.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
+            lines = axes.contour(*grid, levels=where, colors=INK, linewidths=width, zorder=3)
+            for label in axes.clabel(lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
+                label.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
     if heavy:
-        said = " and ".join(f"{mark:g}{unit}" for mark in heavy)
-        entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {said}"))
+        marks = " and ".join(f"{mark:g}{unit}" for mark in heavy)
+        entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {marks}"))
 
 
 def levels(norm: Normalize, marks: Sequence[float]) -> Array:
-    """Round values for thin contours between the ends of the colours, none of them a mark."""
+    """Round values for thin contours within the colour scale, without the marks."""
     locator = LogLocator(subs=(1.0, 2.0, 5.0)) if isinstance(norm, LogNorm) else MaxNLocator(CONTOURS)
     assert norm.vmin is not None and norm.vmax is not None
     return np.setdiff1d(np.asarray(locator.tick_values(norm.vmin, norm.vmax)), marks)
 
 
-def _draw_bar(axes: Axes, drawn: Any, shown: StudyMap) -> None:
-    """What the colours mean, with the contours that matter."""
-    axes.figure.colorbar(drawn, cax=axes).set_label(shown.value.label)
+def _draw_bar(axes: Axes, mappable: Any, shown: StudyMap) -> None:
+    """Draw the colour bar with the marks."""
+    axes.figure.colorbar(mappable, cax=axes).set_label(shown.value.label)
     low, high = axes.get_ylim()
-    if isinstance(drawn.norm, LogNorm):
+    if isinstance(mappable.norm, LogNorm):
         style.log_ticks(axes.yaxis, (low, high))
     for mark in shown.marks:
         if low < mark < high:
@@ -208,53 +208,53 @@ def _draw_bar(axes: Axes, drawn: Any, shown: StudyMap) -> None:
 
 @in_house_style
 def pareto_figure(shown: ParetoFront) -> Figure:
-    """Draw the front, and the chosen designs below, all to one scale."""
-    rows, caption, names = -(-len(shown.chosen) // ACROSS), shown.caption, NAMED[: len(shown.chosen)]
-    texts = [_texts(letter, one) for letter, one in zip(names, shown.chosen, strict=True)]
-    cell = CELL + 0.155 * max((text.count("\n") + 1 for text in texts), default=0)
-    figure = below_header((WIDTH, 5.2 + rows * cell), caption.title, caption.lines, caption)
-    places = [["front"] * ACROSS, *np.reshape([*names.ljust(rows * ACROSS, ".")], (rows, ACROSS)).tolist()]
-    axes = figure.subplot_mosaic(places, height_ratios=[5.2] + rows * [cell])
+    """Draw the Pareto front and, below it to one scale, the chosen designs."""
+    rows, caption, names = -(-len(shown.chosen) // COLUMNS), shown.caption, LETTERS[: len(shown.chosen)]
+    texts = [_design_text(letter, design) for letter, design in zip(names, shown.chosen, strict=True)]
+    height = CELL_WIDTH + 0.155 * max((text.count("\n") + 1 for text in texts), default=0)
+    figure = below_header((WIDTH, 5.2 + rows * height), caption.title, caption.lines, caption)
+    mosaic = [["front"] * COLUMNS, *np.reshape([*names.ljust(rows * COLUMNS, ".")], (rows, COLUMNS)).tolist()]
+    axes = figure.subplot_mosaic(mosaic, height_ratios=[5.2] + rows * [height])
     plot_front(axes["front"], shown)
     for letter, text in zip(names, texts, strict=True):
         axes[letter].set_axis_off()
-        axes[letter].set_title(text, loc="left", size=LETTERS, y=0.0, pad=-2, va="top", linespacing=1.3)
+        axes[letter].set_title(text, loc="left", size=FONT_SIZE, y=0.0, pad=-2, va="top", linespacing=1.3)
     if names:
-        draw_to_one_scale([axes[letter] for letter in names], [one.stage for one in shown.chosen])
+        draw_to_one_scale([axes[letter] for letter in names], [design.stage for design in shown.chosen])
     return figure
 
 
-def _texts(letter: str, chosen: Chosen) -> str:
-    """What to write below a drawn design: x and y, and its factors."""
-    shown = chosen.numbers[: 2 + WRITTEN]
+def _design_text(letter: str, design: Chosen) -> str:
+    """Text below a drawn design: both objectives and its first factors."""
+    shown = design.numbers[: 2 + MOST_FACTORS]
     lines = [f"{quantity.name}: {significant(value, 3)}{quantity.after}" for quantity, value in shown]
-    more = len(chosen.numbers) - len(shown)
-    lines += [f"and {more} factors more"] if more else []
-    return "\n".join(style.wrapped(line, CELL, LETTERS) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
+    hidden = len(design.numbers) - len(shown)
+    lines += [f"and {hidden} factors more"] if hidden else []
+    return "\n".join(style.wrapped(line, CELL_WIDTH, FONT_SIZE) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
 
 
 def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
-    """Draw every design as a dot, the front as a line, and the letters of the chosen designs; returns `ax`."""
+    """Draw every design as a dot, the Pareto front as a line, and the letters of the chosen designs; return `ax`."""
     dots, n = shown.points, len(shown.points)
     if n > MOST_DOTS:
         dots = dots[np.random.default_rng(0).choice(n, MOST_DOTS, replace=False, shuffle=False)]
-    said = f"{thousands(n)} designs" if n <= MOST_DOTS else f"{thousands(MOST_DOTS)} of {thousands(n)} designs"
-    size, alpha = (1.6 if n > DOTS else 2.8), float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
+    count = f"{thousands(n)} designs" if n <= MOST_DOTS else f"{thousands(MOST_DOTS)} of {thousands(n)} designs"
+    size, alpha = (1.6 if n > VECTOR_DOTS else 2.8), float(np.clip(600.0 / max(len(dots), 1), 0.06, 0.5))
     look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
-    ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > DOTS, zorder=1)
+    ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > VECTOR_DOTS, zorder=1)
     if len(shown.undrawable):
         name = f"{thousands(len(shown.undrawable))} not on the front: cannot be drawn"
         ax.plot(*shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2)
     name = f"front: {thousands(len(shown.front))} designs that no other beats"
     line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
     ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
-    for letter, chosen in zip(NAMED, shown.chosen, strict=False):
-        style.ring(ax, shown.points[chosen.place], letter)
+    for letter, design in zip(LETTERS, shown.chosen, strict=False):
+        style.ring(ax, shown.points[design.place], letter)
     if shown.base is not None:
         ax.plot(*shown.base, linestyle="none", label="base stage", zorder=3.5, **PLUS)
     name_axes(ax, shown.x, shown.y, shown.better)
     ax.grid()
-    ax.plot([], [], **look, markersize=4, label=said)
+    ax.plot([], [], **look, markersize=4, label=count)
     for text in shown.left_out:
         ax.plot([], [], linestyle="none", label=text)
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), borderaxespad=0.0, ncols=2, frameon=False)
@@ -268,15 +268,15 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
 def distribution_figure(shown: Distribution) -> Figure:
     """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
     count, caption = len(shown.scatters), shown.caption
-    figure, found = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, assumptions=caption)
-    for axes, scatter in zip(found, shown.scatters, strict=True):
-        plot_histogram(axes, scatter)
+    figure, axes = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, assumptions=caption)
+    for ax, scatter in zip(axes, shown.scatters, strict=True):
+        plot_histogram(ax, scatter)
     figure.align_ylabels()
     return figure
 
 
 def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
-    """Draw a histogram of one value with its percentiles and their legend; returns `ax`."""
+    """Draw a histogram of one value with its percentiles and their legend; return `ax`."""
     values = scatter.values
     quantity = scatter.quantity._replace(log=scatter.quantity.log and bool(values.min() > 0))
     counts, borders = histogram(np.log10(values) if quantity.log else values)
@@ -284,11 +284,11 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
     ax.stairs(counts, borders, fill=True, color=BAR_COLOUR, zorder=1)
     ax.stairs(counts, borders, color=INK, linewidth=0.6, zorder=2)
     entries = list[Any]()
-    for dash, one in zip(("dashed", "solid", "dashed"), scatter.percentiles, strict=True):
-        if np.isfinite([one.low, one.high]).all():
-            ax.axvspan(one.low, one.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
-        entries.append(ax.axvline(one.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
-        entries[-1].set_label(_described(one, quantity.after))
+    for dash, percentile in zip(("dashed", "solid", "dashed"), scatter.percentiles, strict=True):
+        if np.isfinite([percentile.low, percentile.high]).all():
+            ax.axvspan(percentile.low, percentile.high, color=INK, alpha=0.18, linewidth=0, zorder=2.5)
+        entries.append(ax.axvline(percentile.value, color=INK, linestyle=dash, linewidth=1.5, zorder=3))
+        entries[-1].set_label(_percentile_text(percentile, quantity.after))
     if scatter.nominal is not None:
         entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4))
         entries[-1].set_label(f"base stage: {significant(scatter.nominal, DIGITS)}{quantity.after}")
@@ -301,7 +301,7 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
 
 
 def histogram(values: Array) -> tuple[Array, Array]:
-    """Counts (k,) and borders (k + 1,) of the bars, as wide as D. Freedman, P. Diaconis (1981) say."""
+    """Counts (k,) and borders (k + 1,) of bars with the width by D. Freedman, P. Diaconis (1981)."""
     flat = np.ptp(values) <= ROUND_OFF * np.abs(values).max()
     width = 2.0 * np.subtract(*np.percentile(values, [75, 25])) / np.cbrt(len(values))
     bars = BARS[0] if width == 0 else int(np.clip(np.ceil(np.ptp(values) / width), *BARS))
@@ -309,11 +309,11 @@ def histogram(values: Array) -> tuple[Array, Array]:
     return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
 
 
-def _described(one: Percentile, after: str) -> str:
-    """A percentile with its confidence interval, in words."""
-    known = bool(np.isfinite([one.low, one.high]).all())
-    interval = f"{significant(one.low, DIGITS)}{SPACE}to{SPACE}{significant(one.high, DIGITS)}" if known else NONE
-    return f"{one.percent:g}{SPACE}%: {significant(one.value, DIGITS)}{after}\n({interval})"
+def _percentile_text(percentile: Percentile, after: str) -> str:
+    """Format a percentile with its confidence interval."""
+    low, high = (significant(end, DIGITS) if np.isfinite(end) else "" for end in (percentile.low, percentile.high))
+    interval = f"{low}{SPACE}to{SPACE}{high}" if low and high else NO_INTERVAL
+    return f"{percentile.percent:g}{SPACE}%: {significant(percentile.value, DIGITS)}{after}\n({interval})"
 
 
 # sensitivities
@@ -321,33 +321,33 @@ def _described(one: Percentile, after: str) -> str:
 
 @in_house_style
 def sensitivity_figure(shown: Sensitivity) -> Figure:
-    """Draw first-order and total indices of every factor, in the order of the study file, a panel for each value."""
+    """Draw first-order and total Sobol indices of every factor, in the order of the study file, one panel per value."""
     shares, factors = shown.shares, shown.factors
-    across = 2 if len(shares) == 4 else min(3, len(shares))
-    rows = -(-len(shares) // across)
+    columns = 2 if len(shares) == 4 else min(3, len(shares))
+    rows = -(-len(shares) // columns)
     size, caption = (WIDTH, 0.35 + rows * (0.3 * len(factors) + 1.1)), shown.caption
-    figure, found = panels(size, caption.title, caption.lines, rows, across, caption, len(shares))
-    for index, (axes, share) in enumerate(zip(found, shares, strict=True)):
-        plot_shares(axes, share, factors)
-        if index % across:
-            axes.set_yticklabels([])
-    style.share_x(found)
-    style.legend_below(figure, found, 2)
+    figure, axes = panels(size, caption.title, caption.lines, rows, columns, caption, len(shares))
+    for index, (ax, share) in enumerate(zip(axes, shares, strict=True)):
+        plot_shares(ax, share, factors)
+        if index % columns:
+            ax.set_yticklabels([])
+    style.share_x(axes)
+    style.legend_below(figure, axes, 2)
     return figure
 
 
 def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes:
-    """Draw the Sobol indices of one value as bars, with whiskers, a row for each factor; returns `ax`."""
-    found, places = share.indices, np.arange(float(len(share.indices.first)))
+    """Draw the Sobol indices of one value as bars with error bars, one row per factor; return `ax`."""
+    indices, rows = share.indices, np.arange(float(len(share.indices.first)))
     look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}
     look["error_kw"] = {"ecolor": INK, "elinewidth": 1.0, "capsize": 2.0}
-    bars = [(-0.19, found.first, found.first_band, FIRST_COLOUR, "first order: alone")]
-    if found.total is not None and found.total_band is not None:
-        bars.append((0.19, found.total, found.total_band, TOTAL_COLOUR, "total: with its interactions"))
+    bars = [(-0.19, indices.first, indices.first_band, FIRST_COLOUR, "first order: alone")]
+    if indices.total is not None and indices.total_band is not None:
+        bars.append((0.19, indices.total, indices.total_band, TOTAL_COLOUR, "total: with its interactions"))
     for shift, values, band, colour, name in bars:
-        ax.barh(places + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
+        ax.barh(rows + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
     style.name_rows(ax, factors, 3.0)
-    ax.set_xlabel(f"share of the variance\n(first order sums to {found.first.sum():.2f})")
+    ax.set_xlabel(f"share of the variance\n(first order sums to {indices.first.sum():.2f})")
     ax.set_title(share.quantity.name, loc="left")
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.xaxis.set_major_formatter("{x:g}")

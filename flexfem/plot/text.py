@@ -1,4 +1,4 @@
-"""Numbers as people read them, and the tables of stored verifications; no matplotlib."""
+"""Number formatting and the Markdown report of stored verifications; matplotlib is not needed."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ if TYPE_CHECKING:
     from flexfem.questions.errors import Verification
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-ROUND_DOWN = 1e-9  # a limit that is round but for round-off counts as round
+ROUND_DOWN = 1e-9  # tolerance within which a limit counts as round
 SYMBOLS = ("X", "Y", "θ")
 
 
 def significant(value: float, digits: int = 4) -> str:
-    """The number with so many significant digits, in plain decimals where they are short, else with a power of ten."""
+    """Format a number to significant digits: as a decimal where that is short, else with a power of ten."""
     if value == 0:
         return "0"
     power = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
@@ -27,7 +27,7 @@ def significant(value: float, digits: int = 4) -> str:
 
 
 def scientific(value: float, digits: int = 1) -> str:
-    """The number as 3×10⁻¹⁴."""
+    """Format a number in scientific notation, such as 3×10⁻¹⁴."""
     if value == 0:
         return "0"
     mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
@@ -35,51 +35,51 @@ def scientific(value: float, digits: int = 1) -> str:
 
 
 def percent(value: float) -> str:
-    """A percentage as one reads it: 14.07 %, 0.123 %, and one digit where it is round-off: 3×10⁻¹⁴ %."""
+    """Format a percentage: 14.07 %, 0.123 %, or to one digit where it is round-off: 3×10⁻¹⁴ %."""
     if abs(value) < 1e-6:
         return scientific(value) + SPACE + "%"
     return significant(value, 4 if abs(value) >= 1 else 3) + SPACE + "%"
 
 
 def banded(value: float, band: float) -> str:
-    """A percentage with its band, both to the band's second digit: 14.071 ± 0.015 %; round-off as `percent` has it."""
+    """Format a percentage and its band to the band's second digit: 14.071 ± 0.015 %; round-off as in `percent`."""
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
     return minus(number(value, band)).replace(" ", SPACE) + SPACE + "%"
 
 
 def minus(text: str) -> str:
-    """The text with minus signs for its hyphens."""
+    """Replace the hyphens of a text by minus signs."""
     return text.replace("-", "\N{MINUS SIGN}")
 
 
 def round_factor(limit: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not above `limit` (positive)."""
+    """Return the largest number 1, 2 or 5 times a power of ten that does not exceed `limit` (positive)."""
     power = 10.0 ** math.floor(math.log10(limit))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= limit * (1 + ROUND_DOWN))
 
 
 def assumption_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> str:
-    """What figures and pages must say about keys that are assumed or have no source: nothing when there are none.
+    """Note of figures and pages on keys that are assumed or have no source; empty without such keys.
 
-    Keys of a case file begin with `case: `; alone they leave the dimensions of the stage undoubted.
+    Keys of a case file begin with `case: `; if there are no others, the note is on commands, not on dimensions.
     """
     notes = []
-    for said, keys in (("assumed {}", assumed), ("{} without a source", not_stated)):
+    for template, keys in (("assumed {}", assumed), ("{} without a source", not_stated)):
         if keys:
-            notes.append(said.format("commands" if all(key.startswith("case: ") for key in keys) else "dimensions"))
+            notes.append(template.format("commands" if all(key.startswith("case: ") for key in keys) else "dimensions"))
     return "; ".join(notes)
 
 
 def markdown_report(results: Sequence[Verification]) -> str:
-    """A page in Markdown: the tables of every result, warnings, and numbers in doubt with the cases that use them."""
+    """Return a Markdown page: tables of every result, warnings, and numbers that are assumed or lack a source."""
     kinds = ("assumed", "not_stated")
-    note = assumption_note(*([key for each in results for key in getattr(each, kind)] for kind in kinds))
+    note = assumption_note(*([key for result in results for key in getattr(result, kind)] for kind in kinds))
     parts = ["# Verification: analytic stage against finite elements"]
     parts += ["The error is the finite-element displacement minus the commanded one."]
     parts += [f"**{note}**: these numbers are listed at the end."] if note else []
-    parts += [f"## {each.case}\n\n{each.to_markdown()}" for each in results]
-    warnings = [f"- {each.case}: {text}" for each in results for text in each.warnings]
+    parts += [f"## {result.case}\n\n{result.to_markdown()}" for result in results]
+    warnings = [f"- {result.case}: {text}" for result in results for text in result.warnings]
     parts += ["## Warnings", "\n".join(warnings)] if warnings else []
     assumptions = [
         f"- `{key}`: {kind} ({names})" for key, kind, names in assumption_rows([(r.case, r) for r in results])
@@ -89,10 +89,10 @@ def markdown_report(results: Sequence[Verification]) -> str:
 
 
 def assumption_rows(named: Sequence[tuple[str, Any]]) -> list[list[str]]:
-    """Keys of numbers in doubt with their kind and the names of the records that list them."""
-    found: dict[tuple[str, str], list[str]] = {}
+    """Rows of a table: key, kind (assumed or not stated), and the names of the records that list the key."""
+    names: dict[tuple[str, str], list[str]] = {}
     for name, record in named:
         for kind, keys in (("assumed", record.assumed), ("source not stated", record.not_stated)):
             for key in keys:
-                found.setdefault((key, kind), []).append(name)
-    return [[key, kind, ", ".join(names)] for (key, kind), names in sorted(found.items())]
+                names.setdefault((key, kind), []).append(name)
+    return [[key, kind, ", ".join(listed)] for (key, kind), listed in sorted(names.items())]

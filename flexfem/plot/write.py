@@ -1,4 +1,4 @@
-"""Figures as files, and the page of text of stored verifications; the same results give the same bytes."""
+"""Files of figures, and the text page of stored verifications; the same results give the same bytes."""
 
 from __future__ import annotations
 
@@ -35,51 +35,51 @@ def write_figures(
     """Draw every figure of stored verifications, and of designs by name, as PNG and PDF.
 
     A page of text on the verifications is written beside them. `displacement` : show displacements in the commanded
-    direction instead of errors. Raises BadInput when the folder does not take a file.
+    direction instead of errors. Raises BadInput when a file cannot be written to the folder.
     """
-    drawn = plans(results, displacement, designs)
+    figures = plans(results, displacement, designs)
     require_unread(folder / PAGE)
-    paths = write_each({folder / f"{name}.json": draw for name, draw in drawn.items()})
+    paths = write_each({folder / f"{name}.json": draw for name, draw in figures.items()})
     if not results:
         return paths
-    pictures = "\n".join(f"![{name}]({name}.png)" for name in drawn)
+    pictures = "\n".join(f"![{name}]({name}.png)" for name in figures)
     page = f"{markdown_report([result for result, _ in results])}\n## Figures\n\n{pictures}\n"
     return [*paths, _written(folder / PAGE, page.encode())]
 
 
 def write_design_figures(found: Designed, stored: Path) -> list[Path]:
-    """Draw a design beside its record, see `plans`. Raises BadInput."""
+    """Draw the figures of a design beside its record. Raises BadInput as `write_each` does."""
     return write_each({stored.with_name(f"{name}.json"): draw for name, draw in _of_design(stored.stem, found)})
 
 
 def write_each(figures: Mapping[Path, Draw]) -> list[Path]:
-    """Draw figures and write each beside its stored numbers. Raises BadInput, first of all, when a file cannot be."""
+    """Draw figures and write each beside its stored numbers. Raises BadInput when a file cannot be written."""
     require_unread(*(path.with_suffix(f".{form}") for path in figures for form in FORMS))
     return [path for stored, draw in figures.items() for path in write_beside(stored, draw())]
 
 
 def write_beside(stored: Path, figure: Figure) -> list[Path]:
-    """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when the folder takes no file."""
+    """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when a file cannot be written."""
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
 
 
 def plans(
     results: list[Stored], displacement: bool = False, designs: Sequence[tuple[str, Designed]] = ()
 ) -> dict[str, Draw]:
-    """What draws each figure, each stage once, by names of files that differ even where case does not matter."""
-    named: dict[str, Draw] = {}
-    of_designs = [each for name, found in designs for each in _of_design(name, found)]
-    for wanted, draw in [*_of_cases(results, displacement), *_of_stages(results), *of_designs]:
-        name, count, taken = wanted, 1, {each.casefold() for each in named}
-        while name.casefold() in taken:
+    """Functions that draw the figures, each stage once, by file names that differ even when case is ignored."""
+    figures: dict[str, Draw] = {}
+    of_designs = [figure for name, found in designs for figure in _of_design(name, found)]
+    for stem, draw in [*_of_cases(results, displacement), *_of_stages(results), *of_designs]:
+        name, count, used = stem, 1, {other.casefold() for other in figures}
+        while name.casefold() in used:
             count += 1
-            name = f"{wanted}-{count}"
-        named[name] = draw
-    return named
+            name = f"{stem}-{count}"
+        figures[name] = draw
+    return figures
 
 
 def _of_design(name: str, found: Designed) -> Iterator[tuple[str, Draw]]:
-    """A design, its sensitivity to each dimension and its front."""
+    """Yield the figures of a design: the design, its sensitivity to each dimension and its front."""
     yield name, partial(design_figure, found)
     yield f"{name}-sensitivity", partial(sensitivity_figure, found)
     if found.front:
@@ -94,7 +94,7 @@ def _of_cases(results: list[Stored], displacement: bool) -> Iterator[tuple[str, 
 
 
 def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Draw]]:
-    """Mesh, necks and hinge of every distinct stage, the model of every distinct mobility of it."""
+    """Yield mesh, necks and hinge of every distinct stage, and its model at every distinct mobility."""
     seen = set()
     for result, fields in results:
         for label, model in result.models.items():
@@ -109,7 +109,7 @@ def _of_stages(results: list[Stored]) -> Iterator[tuple[str, Draw]]:
 
 
 def _file_name(text: str) -> str:
-    """The text as a file name in this folder and no other."""
+    """Return a text as a file name without path separators or a leading dot."""
     return re.sub(r"[^\w.+-]+", "_", text).lstrip(".") or "unnamed"
 
 

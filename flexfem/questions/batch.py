@@ -1,4 +1,4 @@
-"""Answers of designs: of the analytic model many at once, of finite elements one after the other."""
+"""Results of designs: many at once by the analytic model, one by one by finite elements."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from flexfem.questions.life import Lives, Repeated, by_elements, by_wrenches, li
 from flexfem.questions.modes import vibrating
 from flexfem.refused import ComputationFailed
 
-LOWEST = 3  # natural frequencies: of the platform on its hinges
+LOWEST = 3  # natural frequencies: the three modes of the rigid platform on its hinges
 
 
 class Clock(NamedTuple):
-    """What is left of a design's time for gmsh, and whether gmsh runs in this process, where the limit is another's."""
+    """Time limit of gmsh for a design, and whether gmsh runs in this process, where the caller enforces the limit."""
 
     limit: Limit
     inside: bool
 
 
 class ErrorPercentages(NamedTuple):
-    """Of n designs, %, by commanded direction x, y, theta, (n, 3) each.
+    """Error percentages of n designs for commands in x, y, theta, (n, 3) each.
 
-    along : in the commanded direction.   across : the largest in another.   bands : of `along`; None where not asked.
+    along : in the commanded direction.   across : largest in another direction.   bands : of `along`, if requested.
     """
 
     along: Array
@@ -49,16 +49,15 @@ class ErrorPercentages(NamedTuple):
 
 
 class DesignAnswers(NamedTuple):
-    """What n designs answer; directions in the order x, y, theta.
+    """Results of n designs; directions in the order x, y, theta.
 
     stiffness : (n, 3, 3), of the platform: N/mm, N, N mm.
-    stress : (n, 3), highest neck stress per displacement in each direction, the others held: MPa per mm, per rad.
+    stress : (n, 3), highest neck stress per displacement, other directions held: MPa per mm, per rad.
     turning : (n, 3), largest rotation of a base hinge per displacement: rad per mm, per rad.
-    yield_strength : (n,), MPa.   envelope : (n,), diameter, mm.   errors : of the analytic model, where asked.
-    drives : what the stages' own drives do, where asked.
-    frequencies : (n, 3), rad/s, the lowest natural ones in the plane, where asked.
-    lives : fatigue lives, where asked.
-    drift : with temperature, where asked.
+    yield_strength : (n,), MPa.   envelope : (n,), diameter, mm.
+
+    Other fields are None unless requested: errors of the analytic model, ranges of the drives, the lowest natural
+    frequencies (n, 3) in the plane, rad/s, fatigue lives, and thermal drift.
     """
 
     stiffness: Array
@@ -74,18 +73,18 @@ class DesignAnswers(NamedTuple):
 
     @property
     def coupling(self) -> Array:
-        """`K_ij / sqrt(K_ii K_jj)` (n, 3) of x and y, x and theta, y and theta."""
+        """Coupling `K_ij / sqrt(K_ii K_jj)` (n, 3) of x and y, x and theta, y and theta."""
         size = np.sqrt(np.abs(np.diagonal(self.stiffness, axis1=1, axis2=2)))
         first, second = np.triu_indices(3, 1)
         return np.asarray(self.stiffness[:, first, second] / (size[:, first] * size[:, second]))
 
     @property
     def range_at_yield(self) -> Array:
-        """Displacement (n, 3), mm and rad, at which the first hinge yields, the other directions held."""
+        """Displacement (n, 3), mm and rad, at which the first hinge yields, with the other directions held."""
         return self.yield_strength[:, None] / self.stress
 
     def travel(self, rotation: float) -> Array:
-        """Displacement (n, 3), mm and rad, at which the first base hinge has turned by `rotation`, rad."""
+        """Return the displacement (n, 3), mm and rad, at which the first base hinge reaches `rotation`, rad."""
         return rotation / self.turning
 
 
@@ -96,10 +95,10 @@ def batch_at_rest(
     bodies: Array | None = None,
     repeated: Repeated | None = None,
 ) -> DesignAnswers:
-    """The analytic model of n designs, as `analytic.model.at_rest`, and their lives where something is repeated."""
+    """Return the analytic results of n designs, and their lives if a repeated motion is given."""
     found, strength = at_rest(designs, hinges, freedoms, bodies), designs.yield_strength
     highest = np.max(found.stress, axis=(1, 2))
-    answers = DesignAnswers(found.stiffness, highest, found.turning, strength, envelope(designs))
+    answers = DesignAnswers(found.stiffness, highest, found.base_rotation, strength, envelope(designs))
     if repeated is None:
         return answers
     strained = by_wrenches(designs, found.wrench, repeated)
@@ -118,20 +117,20 @@ def solved_design(
     warm: bool = False,
     layers: int = 0,
 ) -> DesignAnswers:
-    """Finite elements of one feasible design, n = 1.
+    """Return the finite-element results of one feasible design, n = 1.
 
     Parameters
     ----------
-    predicted : (3, 3), the stiffness by which (18) predicts the loads, to ask for its errors.
-    bands : ask for the mesh bands of these too, from coarser meshes.
-    payload : on the platform, to ask for natural frequencies; None does not.   repeated : as of `batch_at_rest`.
-    driven, warm : ask what the stage's own drive does, and for its drift.
-    layers : three dimensions, without any of these; base hinges turn as in the mid-plane.
+    predicted : (3, 3), stiffness that predicts the loads in (18); its errors are computed.
+    bands : compute the mesh bands of these errors too, from coarser meshes.
+    payload : on the platform, for natural frequencies.   repeated : repeated motion, for fatigue lives.
+    driven, warm : compute the ranges of the stage's own drive, and its thermal drift.
+    layers : solve in three dimensions, without the above; rotations of base hinges are those of the mid-plane.
 
     Raises
     ------
-    BadInput : the finite elements refuse the design.
-    ComputationFailed : by mesh or solver; MeshTimeout when the time limit, in three dimensions that of gmsh, is over.
+    BadInput : the finite elements do not accept the design.
+    ComputationFailed : mesh or solver failed; MeshTimeout after the time limit, in three dimensions that of gmsh.
     """
     response = elements(stage, resolution, clock, layers)
     K = np.linalg.inv(response.compliance)
@@ -148,7 +147,7 @@ def solved_design(
     if driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
-        expansions = (each.item() for each in in_plane(lower(stage)))
+        expansions = (coefficient.item() for coefficient in in_plane(lower(stage)))
         found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).pose[None]))
     if predicted is None:
         return found
@@ -156,7 +155,7 @@ def solved_design(
 
 
 def elements(stage: Stage, resolution: int, clock: Clock, layers: int = 0) -> Response:
-    """The stage meshed and condensed sector by sector. Raises as `solved_design`."""
+    """Mesh a stage and condense it sector by sector. Raises as `solved_design`."""
     plate, through = (sheet_of(stage), layers_of(stage, layers)) if layers else (plate_of(stage), None)
     return unit_response(mesh_sectors(stage, resolution, *clock), plate, through)
 
@@ -164,11 +163,11 @@ def elements(stage: Stage, resolution: int, clock: Clock, layers: int = 0) -> Re
 def _errors(
     stage: Stage, resolution: int, clock: Clock, predicted: Array, response: Response, bands: bool
 ) -> ErrorPercentages:
-    """Errors of a predicted stiffness, with bands by coarser meshes; one of these that folds is left out."""
+    """Return the errors of a predicted stiffness, with bands from coarser meshes; one that fails is left out."""
     lever = stage.chain.link_lengths[2]
-    percent = error_matrix(predicted, response.compliance, lever)
-    along = np.diag(percent)
-    across = np.max(np.abs(percent - np.diag(along)), axis=0)
+    errors = error_matrix(predicted, response.compliance, lever)
+    along = np.diag(errors)
+    across = np.max(np.abs(errors - np.diag(along)), axis=0)
     if not bands:
         return ErrorPercentages(along[None], across[None], None)
     on_meshes, failures = {resolution: along}, list[ComputationFailed]()
@@ -182,5 +181,5 @@ def _errors(
             failures.append(failure)
     if len(on_meshes) == 1:
         raise failures[-1]
-    found = [mesh_band(np.array(list(on_meshes)), each) for each in np.transpose(list(on_meshes.values()))]
-    return ErrorPercentages(along[None], across[None], np.array([found]))
+    half_widths = [mesh_band(np.array(list(on_meshes)), values) for values in np.transpose(list(on_meshes.values()))]
+    return ErrorPercentages(along[None], across[None], np.array([half_widths]))

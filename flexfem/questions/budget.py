@@ -1,7 +1,7 @@
-"""Why the curves differ: the error of the paper's model, split into named shares that add up to it.
+"""Error budget: the error of the paper's model, split into named shares that add up to it.
 
-From the paper's model to the finite elements in steps, each of which adds one thing; a share is what a step moves the
-error by, so the shares telescope: their sum is the total, whatever they are.
+A sequence of models leads from the paper's model to the finite elements, each with one refinement more. A share is the
+change of the error from one model to the next, so the sum of the shares is the total error.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, thick
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
 from flexfem.arrays import Array
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
@@ -29,7 +29,7 @@ from flexfem.units import DIRECTIONS
 
 AMPLITUDES = (0.05, 0.05, 1e-3)  # mm, mm, rad: assumed, as in cases/
 LARGEST_AMPLITUDE = (10.0, 10.0, 1.0)  # mm, mm, rad
-SOLID = (4, 3)  # resolution and layers: what three dimensions change hardly depends on the mesh in the plane
+SOLID = (4, 3)  # resolution and layers: the effect of three dimensions hardly depends on the in-plane mesh
 SHARES = (
     "freedoms left out of the model",
     "hinge formula",
@@ -43,7 +43,7 @@ POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage point
 
 
 class Budget(Result):
-    """Shares of the error of a stage's own analytic model; they add up to the total."""
+    """Shares of the error of a stage's own analytic model, which add up to the total."""
 
     title = "error budget"
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
@@ -78,9 +78,9 @@ def budget(
     Parameters
     ----------
     amplitude : tuple of float
-        Commands in x, y and theta at which the share of large displacement is taken: mm, mm, rad.
+        Commands in x, y and theta for the share of large displacement: mm, mm, rad.
     plane : bool
-        Leave out what three dimensions change.
+        Leave out the effect of three dimensions.
     {shared}
     """
     check_feasible(stage)
@@ -89,24 +89,24 @@ def budget(
         raise BadInput(f"amplitude {amplitude}, expected three numbers above 0 up to 10 mm, 10 mm and 1 rad")
     steps, lever = levels(arguments.resolution(resolution, 4)), stage.chain.link_lengths[2]
     paper = analyse(stage)
-    models = [paper, *(analyse(stage, 21, *more) for more in ((), (CALIBRATED,), (CALIBRATED, True)))]
+    models = [paper, *(analyse(stage, 21, *choice) for choice in ((), (CALIBRATED,), (CALIBRATED, True)))]
     meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
-    K, C = paper.stiffness, np.array([each.compliance for each in meshes])
+    K, C = paper.stiffness, np.array([mesh.compliance for mesh in meshes])
     errors = [command_errors(np.array(steps), C, K, direction, lever) for direction in DIRECTIONS]
-    read = [[(each.band, each.extrapolated, each.values[-1]) for each in one] for one in errors]
-    finest, limit, on_mesh = np.transpose(read, (2, 1, 0))
-    bent = _bent(stage, K, meshes[-1], commands)  # on one mesh: its own error drops out
-    ladder = [error_matrix(K, each.compliance, lever) for each in models]
-    rungs = np.array([*ladder, limit, limit + bent - on_mesh])  # column j for command j
-    shares = np.concatenate([np.diff(rungs, axis=0), rungs[-1:] - rungs[:1]])
+    parts = [[(curve.band, curve.extrapolated, curve.values[-1]) for curve in curves] for curves in errors]
+    half_width, limit, on_mesh = np.transpose(parts, (2, 1, 0))
+    nonlinear = _nonlinear_errors(stage, K, meshes[-1], commands)  # the error of this mesh cancels in the difference
+    analytic = [error_matrix(K, model.compliance, lever) for model in models]
+    sequence = np.array([*analytic, limit, limit + nonlinear - on_mesh])  # column j for command j
+    shares = np.concatenate([np.diff(sequence, axis=0), sequence[-1:] - sequence[:1]])
     band = np.full(shares.shape, np.nan)
-    band[-1] = finest
+    band[-1] = half_width
     outside, outside_band = np.full((2, 3, 3, 3), np.nan)
-    if (thicker := thick_compliance(stage)) is not None:
-        outside[0] = error_matrix(K, thicker, lever) - ladder[-1]
+    if (C_thick := thick_compliance(stage)) is not None:
+        outside[0] = error_matrix(K, C_thick, lever) - analytic[-1]
     settings: dict[str, Any] = {"model": f"mobility {paper.mobility}, {DEFAULT_FORMULA}", "resolution": resolution}
     if not plane:
-        outside[1], outside_band[1] = _measured(stage, K)
+        outside[1], outside_band[1] = _solid_change(stage, K)
         outside[2], outside_band[2] = shares[-1] + outside[1], band[-1] + outside_band[1]
         settings["three dimensions"] = f"{SOLID[0]} triangles, {SOLID[1]} layers"
     texts = warnings.of_result(stage, paper)
@@ -114,44 +114,40 @@ def budget(
         highest = float(np.max(load_case(stage, meshes[-1].mesh, meshes[-1], force).neck_stress))
         texts += warnings.of_yield(highest, stage.material.yield_strength, f"command in {direction}")
     values, bands = (
-        {name: np.diagonal(each, axis1=1, axis2=2) for name, each in (("share", planar), ("solid", solid))}
+        {name: np.diagonal(array, axis1=1, axis2=2) for name, array in (("share", planar), ("solid", solid))}
         for planar, solid in ((shares, outside), (band, outside_band))
     )
     values |= {"across": np.moveaxis(shares, 1, 2), "solid_across": np.moveaxis(outside, 1, 2)}
     return Budget(about(stage), values, bands, settings=settings, warnings=texts)
 
 
-def _bent(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
-    """Error percentages (3, 3) of nonlinear finite elements under the forces of (18), column j for command j."""
-    wanted, scale = np.diag(commands), np.array([1.0, 1.0, stage.chain.link_lengths[2]])
-    pose = np.array([equilibrium(solution.mesh, plate_of(stage), (K @ one)[None]).pose[0] for one in wanted])
-    return np.asarray(100 * (pose - wanted).T * scale[:, None] / (commands * scale))
+def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:
+    """Return the error percentages (3, 3) of nonlinear finite elements under (18), column j for command j."""
+    targets, scale = np.diag(commands), np.array([1.0, 1.0, stage.chain.link_lengths[2]])
+    poses = np.array([equilibrium(solution.mesh, plate_of(stage), (K @ target)[None]).pose[0] for target in targets])
+    return np.asarray(100 * (poses - targets).T * scale[:, None] / (commands * scale))
 
 
 def thick_compliance(stage: Stage) -> Array | None:
-    """Platform compliance (3, 3) of calibrated hinges as three-dimensional bodies between elastic links.
-
-    None when one is not on the thickness chart.
-    """
+    """Return the compliance (3, 3) of calibrated three-dimensional hinges and elastic links; None off the chart."""
     try:
-        return analyse(thick(stage), 21, CALIBRATED, True).compliance
+        return analyse(corrected(stage), 21, CALIBRATED, True).compliance
     except BadInput:
         return None
 
 
-def _measured(stage: Stage, K: Array) -> tuple[Array, Array]:
-    """What three dimensions change, percentage points (3, 3), column j for command j, and its band along the command.
+def _solid_change(stage: Stage, K: Array) -> tuple[Array, Array]:
+    """Return the effect of three dimensions, percentage points (3, 3), column j for command j, and its diagonal band.
 
-    The error in three dimensions less that of the stage's own plane problem on the same mesh of the plane, whose own
-    error so cancels. The band is `SAFETY` times what the last step of the mesh and of the layers changed, one after the
-    other.
+    It is the error in three dimensions less that of the plane problem on the same in-plane mesh, so that the error of
+    this mesh cancels. The band is `SAFETY` times the sum of the last changes by the mesh and by the layers.
     """
 
     def change(resolution: int, layers: int) -> Array:
         solid = solve_solid(stage, resolution, layers)
-        flat = solved(stage, resolution).compliance
+        plane = solved(stage, resolution)
         lever = stage.chain.link_lengths[2]
-        return error_matrix(K, solid.compliance, lever) - error_matrix(K, flat, lever)
+        return error_matrix(K, solid.compliance, lever) - error_matrix(K, plane.compliance, lever)
 
     resolution, count = SOLID
     coarse, medium, _ = levels(resolution)

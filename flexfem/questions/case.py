@@ -1,4 +1,4 @@
-"""A case: which platform displacement is commanded, over which range, to which stages and models."""
+"""Case files: the commanded platform displacement, its range, and the stages and models of the curves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Elements: TypeAlias = Literal["fe", "three_dimensional"]
 
 
 def known_formula(name: str) -> str:
-    """The name itself, for a key of a file; refuses one that is not registered, and says which are."""
+    """Validate a formula name of a file; a refusal lists the registered names."""
     try:
         formula(name)
     except BadInput as error:
@@ -43,15 +43,15 @@ CommandUm: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAN
 CommandMrad: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_MRAD)]
 Mobility: TypeAlias = Literal[3, 6, 12, 21]
 FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
-OF_MODEL = "Of the analytic model; by default the stage's own"
+OF_MODEL = "Mobility of the analytic model; by default the stage's own"
 FORMULA = "Hinge formula of the analytic model"
-ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model elastic, too"
+ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model are elastic, too"
 
 
 class Curve(Table):
     """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
 
-    label: Label = Field(description="In the legend, used once", examples=["closed hinge formula"])
+    label: Label = Field(description="Label in the legend, used once", examples=["closed hinge formula"])
     stage: Label = Field(description="Stage file, relative to the case file", examples=["stage.toml"])
     mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
@@ -65,39 +65,39 @@ class Curve(Table):
 
 
 class Case(Sourced):
-    """A comparison as in Figs. 5 to 7; numbers in the units of the file."""
+    """A comparison as in Figs. 5 to 7; numbers in file units."""
 
     kind: ClassVar[str] = "case file"
 
     name: Label = Field(description="Title of the figure", examples=["Error for a command in X"])
-    direction: Direction = Field(description="Of the commanded displacement of the platform", examples=["x"])
+    direction: Direction = Field(description="Direction of the commanded displacement of the platform", examples=["x"])
     amplitude_um: CommandUm | None = Field(default=None, examples=[50.0])
-    """Commands in x or y run from minus to plus this"""
+    """Commands in x or y range from minus to plus this value"""
     amplitude_mrad: CommandMrad | None = Field(default=None, examples=[1.0])
-    """Commands in theta run from minus to plus this"""
-    points: int = Field(ge=3, le=10_001, description="How many commands", examples=[21])
+    """Commands in theta range from minus to plus this value"""
+    points: int = Field(ge=3, le=10_001, description="Number of commands", examples=[21])
     analysis: Analysis = "linear"
-    """`nonlinear`: exact equilibrium of the pseudo-rigid stage against geometrically nonlinear finite elements; the
-    mesh bands are those of the linear problem"""
+    """`nonlinear`: exact equilibrium of the pseudo-rigid stage and geometrically nonlinear finite elements; the mesh
+    bands are those of the linear problem"""
     drive: Drive = "force"
-    """What the finite elements are given: `force`, that of (18) on the platform; `joints`, the rotations that the model
+    """Input of the finite elements: `force`, the force of (18) on the platform; `joints`, the rotations that the model
     computes for the pose by (29) and (30), imposed on the base hinges with mobility three, else on base and elbow
-    hinges; `strokes`, those of the stage's `[[actuator]]`, by least energy. The last two are linear only"""
+    hinges; `strokes`, the least-energy strokes of the stage's `[[actuator]]`. The last two are linear only"""
     model: Elements = "fe"
-    """The finite elements: `fe`, in the stage's own plane model; `three_dimensional`, of the stage extruded, both faces
-    free, with the force on the platform and linear alone. The analytic model follows the stage file's `model` in both,
-    so here that may be `corrected`, too"""
+    """The finite elements: `fe`, the stage's own plane model; `three_dimensional`, the extruded stage with free faces,
+    linear and with the force on the platform only. The analytic model follows the stage file's `model` in both cases,
+    which may be `corrected` here"""
     resolution: int = Field(
-        default=RESOLUTION,  # two coarser levels follow from it
+        default=RESOLUTION,  # at least 4, for two coarser levels
         ge=4,
         le=FINEST,
         description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
         "meshes are made for the error bars",
     )
     layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS)
-    """In half the thickness, with `three_dimensional`; two smaller numbers are computed for the bands"""
+    """Layers in half the thickness, with `three_dimensional`; the bands need two smaller numbers of layers"""
     curve: tuple[Curve, ...] = Field(min_length=1, max_length=20)
-    """A curve of the figure: a stage, and the analytic model that commands it"""
+    """A curve of the figure: a stage, and the analytic model that computes its command"""
 
     @model_validator(mode="before")
     @classmethod
@@ -108,30 +108,31 @@ class Case(Sourced):
     @model_validator(mode="after")
     def _keys_go_together(self) -> Case:
         given = [unit for unit in ("um", "mrad") if getattr(self, f"amplitude_{unit}") is not None]
-        wanted = "mrad" if self.direction == "theta" else "um"
-        if given != [wanted]:
-            raise refusal(f"amplitude_{wanted} and no other amplitude for direction {self.direction}", "direction")
-        labels, bent = [curve.label for curve in self.curve], self.analysis == "nonlinear"
+        required = "mrad" if self.direction == "theta" else "um"
+        if given != [required]:
+            raise refusal(f"amplitude_{required} and no other amplitude for direction {self.direction}", "direction")
+        labels, nonlinear = [curve.label for curve in self.curve], self.analysis == "nonlinear"
         for index, curve in enumerate(self.curve):
             if curve.label in labels[:index]:
                 raise refusal("a label that no other curve has", "curve", index, "label")
-            if curve.links and bent:
+            if curve.links and nonlinear:
                 where = ("curve", index, "links")
                 raise refusal('no links with analysis = "nonlinear", whose equilibrium is pseudo-rigid', *where)
         solid = self.model == "three_dimensional"
         if not solid and "layers" in self.model_fields_set:
             raise refusal('no layers with model = "fe"', "layers")
-        if solid and bent:
+        if solid and nonlinear:
             raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
-        if self.drive != "force" and (solid or bent):
-            loads = 'analysis = "nonlinear", whose loads are on the platform'
-            flat = 'model = "three_dimensional": stacks push the plane stage alone'
-            raise refusal(f'"force" with {flat if solid else loads}', "drive")
+        if self.drive != "force" and (solid or nonlinear):
+            reason = 'analysis = "nonlinear", whose loads are on the platform'
+            if solid:
+                reason = 'model = "three_dimensional": stacks push the plane stage alone'
+            raise refusal(f'"force" with {reason}', "drive")
         return self
 
     @property
     def axis(self) -> int:
-        """Number of the direction: 0, 1 or 2."""
+        """Index of the direction: 0, 1 or 2."""
         return DIRECTIONS.index(self.direction)
 
     @property
@@ -147,31 +148,31 @@ class Case(Sourced):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of the numbers that need a source: the commands, not the settings of the computation."""
+        """Key paths of the numbers that need a source: those of the commands, no settings of the computation."""
         return (*super().numbers, "points")
 
 
 class LoadedCase:
-    """A case with its stages read and found feasible; `stem` names its results."""
+    """A case with its feasible stages; `stem` names its results."""
 
     def __init__(self, path: str | os.PathLike[str], load: Callable[[Path], Stage] | None = None) -> None:
-        """Read case and stages, these by `load`. Raises BadInput naming the file that cannot be used."""
+        """Read the case, and its stages by `load`. Raises BadInput naming the file that cannot be used."""
         self.path = Path(path)
         self.stem = self.path.stem
         self.case = validate(Case, path)
         self.stages: dict[str, Stage] = {}
-        load = load or cache(load_feasible)  # one stage of several curves is solved once
+        load = load or cache(load_feasible)  # a stage shared by several curves is solved once
         for index, curve in enumerate(self.case.curve):
             try:
                 stage = load(self.stage_path(curve))
             except BadInput as error:
-                named = f"curve[{index}].stage = {shown(curve.stage)}: {error}"
-                raise bad_key(path, ("curve", index, "stage"), named) from None
+                text = f"curve[{index}].stage = {shown(curve.stage)}: {error}"
+                raise bad_key(path, ("curve", index, "stage"), text) from None
             if self.case.drive == "strokes" and not stage.actuator:
-                said = f'expected "force" or "joints": {self.stage_path(curve)} has no [[actuator]]'
-                raise bad_key(path, ("drive",), f'drive = "strokes", {said}')
+                expected = f'"force" or "joints": {self.stage_path(curve)} has no [[actuator]]'
+                raise bad_key(path, ("drive",), f'drive = "strokes", expected {expected}')
             self.stages[curve.label] = stage
 
     def stage_path(self, curve: Curve) -> Path:
-        """Where the stage file of a curve is."""
+        """Return the path of the stage file of a curve."""
         return Path(os.path.normpath(self.path.parent / curve.stage))

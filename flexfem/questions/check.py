@@ -1,4 +1,4 @@
-"""What is known without an answer: a stage as it was read, and the hinge formulas and charts beside one another."""
+"""Reports without a solution: the content of a stage file, and a comparison of hinge formulas and charts."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from flexfem.questions import warnings as warning
 from flexfem.units import RATE
 
 POINTS = 121  # of a curve
-HIGHEST = 1e6  # H/h that is asked for; the chart has no largest
-THICKNESSES, RATIOS = (0.5, 50.0), (0.02, 0.1, 0.3, 1.0)  # b/t from and to, and t/R, of the review of the thickness
+HIGHEST = 1e6  # largest H/h accepted; the chart has no limit
+THICKNESSES, RATIOS = (0.5, 50.0), (0.02, 0.1, 0.3, 1.0)  # range of b/t, and values of t/R, of the thickness review
 
 
 class PlacedHinge(NamedTuple):
@@ -37,7 +37,7 @@ class PlacedHinge(NamedTuple):
 
 
 class PlacedActuator(NamedTuple):
-    """An actuator on the chains where it is the same, and what each of its stacks can do; places as on chain 1."""
+    """An actuator and the chains with identical data, its contacts as on chain 1, and the ratings of its stacks."""
 
     name: str
     chains: list[int]
@@ -54,7 +54,7 @@ class PlacedActuator(NamedTuple):
 
 
 class DriveReport(NamedTuple):
-    """The drive of a stage: its hash is that of stage and drive; assumptions and sources of all numbers of both."""
+    """The drive of a stage; the hash, assumptions and sources are those of the stage and the drive together."""
 
     actuators: list[PlacedActuator]
     hash: str
@@ -64,10 +64,7 @@ class DriveReport(NamedTuple):
 
 
 class StageReport(NamedTuple):
-    """A valid, feasible stage as it was read: `dimensions` by keys of the file, `provenance` by key path.
-
-    drive : None without actuators; nothing else says anything of it.
-    """
+    """A valid, feasible stage: `dimensions` by keys of the file, `provenance` by key path; `drive` if it has one."""
 
     file: str
     name: str
@@ -85,7 +82,7 @@ class StageReport(NamedTuple):
 
 
 def check(stage: Stage) -> StageReport:
-    """Validate a stage file; show hinges, drive, mobility and where the numbers come from.
+    """Validate a stage file; show hinges, drive, mobility and the sources of the numbers.
 
     Parameters
     ----------
@@ -109,7 +106,7 @@ def check(stage: Stage) -> StageReport:
     (6, True, 4.0, 17)
     """
     check_feasible(stage)
-    others = {"name", "model", "hinges", "override", "actuator", "provenance", "frame"}  # said elsewhere
+    others = {"name", "model", "hinges", "override", "actuator", "provenance", "frame"}  # reported elsewhere
     left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
     return StageReport(
         **of_stage(stage),
@@ -126,39 +123,39 @@ def check(stage: Stage) -> StageReport:
 
 
 def _drive(stage: Stage) -> DriveReport:
-    """The drive; an actuator of the file stands once for all chains on which it is the same."""
-    found = list[PlacedActuator]()
+    """Return the drive; actuators of a file that are identical on several chains are listed once."""
+    actuators = list[PlacedActuator]()
     for index, chain in np.ndindex(len(stage.actuator), len(CHAINS)):
-        one = _actuator(stage, CHAINS[chain], index)
-        alike = next((each for each in found if one._replace(chains=each.chains) == each), None)
-        if alike is None:
-            found.append(one)
+        actuator = _actuator(stage, CHAINS[chain], index)
+        same = next((known for known in actuators if actuator._replace(chains=known.chains) == known), None)
+        if same is None:
+            actuators.append(actuator)
         else:
-            alike.chains.extend(one.chains)
+            same.chains.extend(actuator.chains)
     sources = {key: text for key, text in stage.sources.items() if text and of_drive(key)}
-    return DriveReport(found, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
+    return DriveReport(actuators, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
 
 
 def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
-    one, placed = actuators_of(stage)[chain - 1][index], contacts(stage, chain, index)
+    actuator, placed = actuators_of(stage)[chain - 1][index], contacts(stage, chain, index)
     return PlacedActuator(
-        name=one.name,
+        name=actuator.name,
         chains=[chain],
-        between=one.between,
-        stack=one.stack,
-        contacts_mm=[(_rounded(each.point.real), _rounded(each.point.imag)) for each in placed],
-        directions_deg=[_rounded(np.rad2deg(each.direction)) % 360.0 for each in placed],
-        stroke_um=_rounded(1e3 * one.rating.stroke),
-        stiffness_n_per_um=_rounded(RATE.factor * one.rating.stiffness),
-        blocking_force_n=one.rating.blocking_force,
-        stiffness_with_contact_n_per_um=RATE.factor * one.stiffness_with(stage.material),
-        preload_n=one.preload,
-        contact=one.contact,
+        between=actuator.between,
+        stack=actuator.stack,
+        contacts_mm=[(_rounded(contact.point.real), _rounded(contact.point.imag)) for contact in placed],
+        directions_deg=[_rounded(np.rad2deg(contact.direction)) % 360.0 for contact in placed],
+        stroke_um=_rounded(1e3 * actuator.rating.stroke),
+        stiffness_n_per_um=_rounded(RATE.factor * actuator.rating.stiffness),
+        blocking_force_n=actuator.rating.blocking_force,
+        stiffness_with_contact_n_per_um=RATE.factor * actuator.stiffness_with(stage.material),
+        preload_n=actuator.preload,
+        contact=actuator.contact,
     )
 
 
 def _rounded(value: float) -> float:
-    """Without what chains that are alike differ by in round-off."""
+    """Remove the round-off by which identical chains differ."""
     return round(float(value), 9) + 0.0
 
 
@@ -171,7 +168,7 @@ def _hinge(stage: Stage, chain: int, position: int) -> PlacedHinge:
 
 
 class KnownFormula(NamedTuple):
-    """What is known of a hinge formula: freedoms that its source states, range of t/R, source, how sure its form is."""
+    """A hinge formula: freedoms stated by its source, range of t/R, source, and how reliably its form is known."""
 
     freedoms: tuple[str, ...]
     t_over_R: tuple[float, float]  # noqa: N815 as the equations call it
@@ -180,7 +177,7 @@ class KnownFormula(NamedTuple):
 
 
 class FormulaCurve(NamedTuple):
-    """Compliances (n,) of a formula, for t/R within `valid`, over finite elements of a full notch; None: not stated."""
+    """Ratios (n,) of the compliances of a formula, valid for t/R in `valid`, to finite elements; None if not stated."""
 
     name: str
     valid: tuple[float, float]
@@ -190,7 +187,7 @@ class FormulaCurve(NamedTuple):
 
 
 class HingeReview(NamedTuple):
-    """Every formula over the finite elements of the hinge chart with H = h, at t/R `ratio` (n,).
+    """Ratios of all formulas to the finite elements of the hinge chart with H = h, at t/R `ratio` (n,).
 
     height : H/h of the higher blocks, whose finite elements are `higher`.   poissons_ratio : for the shear.
     """
@@ -204,7 +201,7 @@ class HingeReview(NamedTuple):
 
 
 class ThicknessReview(NamedTuple):
-    """Compliance (k, n) of the hinge in three dimensions over that in plane stress, at t/R `ratio` and b/t `width`."""
+    """Ratio (k, n) of three-dimensional to plane-stress compliance of a hinge, at t/R `ratio` and b/t `width`."""
 
     width: Array
     ratio: Array
@@ -215,16 +212,16 @@ class ThicknessReview(NamedTuple):
 
 
 def known_formulas() -> dict[str, KnownFormula]:
-    """What is known of every hinge formula, by name: freedoms, range of t/R, source; the user's own are among them."""
+    """Return freedoms, range of t/R and source of every hinge formula by name, including the user's own."""
     return {name: KnownFormula(f.freedoms, f.valid, f.source, f.status) for name, f in FORMULAS.items()}
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:
-    """Every formula over the calibrated hinge, the hinge chart: plane-stress finite elements. Raises BadInput.
+    """Compare every formula with the hinge chart of plane-stress finite elements. Raises BadInput.
 
     Parameters
     ----------
-    height : H/h, of the blocks over the notch, from 1 to 1e6.   poissons_ratio : from 0 to 0.5, acts on shear alone.
+    height : block height over notch height, H/h, from 1 to 1e6.   poissons_ratio : from 0 to 0.5, for the shear only.
     """
     height = arguments.between("height", height, 1.0, HIGHEST)
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, 0.0, 0.5)
@@ -232,9 +229,9 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
     full = formula("calibrated").compliance(1.0, ratio, 1.0, 1.0, poissons_ratio)  # H = h; nan off the chart
 
     def curve(name: str) -> FormulaCurve:
-        own = FORMULAS[name].compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
-        parts = zip(("rotation", "axial", "shear"), own, full, strict=True)
-        values = (one / other if freedom in FORMULAS[name].freedoms else None for freedom, one, other in parts)
+        compliances = FORMULAS[name].compliance(1.0, ratio, 1.0, 1.0, poissons_ratio, height * (2.0 + ratio))
+        parts = zip(("rotation", "axial", "shear"), compliances, full, strict=True)
+        values = (c / c_full if freedom in FORMULAS[name].freedoms else None for freedom, c, c_full in parts)
         return FormulaCurve(name, FORMULAS[name].valid, *values)
 
     published = [curve(name) for name in FORMULAS if name != "calibrated"]
@@ -242,7 +239,7 @@ def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeRevie
 
 
 def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
-    """Three-dimensional over plane-stress compliance of the hinge, over its thickness, for necks slender to stout.
+    """Ratio of three-dimensional to plane-stress compliance of hinges over their thickness, for slender to stout necks.
 
     Parameters
     ----------
@@ -250,6 +247,6 @@ def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
     """
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().ends[2])
     width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)
-    found = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
+    factors = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
     source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"
-    return ThicknessReview(width, ratio, poissons_ratio, found.rotation, found.axial, source)
+    return ThicknessReview(width, ratio, poissons_ratio, factors.rotation, factors.axial, source)

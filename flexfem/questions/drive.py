@@ -1,4 +1,4 @@
-"""Strokes and forces of the stacks for a pose of a driven stage, and where finite elements go with these strokes."""
+"""Strokes and forces of the stacks for a pose of a driven stage, and the finite-element pose with these strokes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, q
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
-LARGEST_POSE = 1e2  # of a driven stage, mm, rad; no piezo drive goes a thousandth of it
+LARGEST_POSE = 1e2  # of a driven stage, mm, rad; more than a thousand times the range of piezo drives
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
 PUSHES = {
     "pushed": "preloaded, pushes normal to the pushed body",
@@ -58,7 +58,7 @@ UNIT_POSES = (("", "", "mm_per_rad"), ("", "", "mm_per_rad"), ("rad_per_mm", "ra
 
 
 class Drive(Result):
-    """Strokes and forces of the stacks of a driven stage for a pose, and what finite elements do with the strokes."""
+    """Strokes and forces of the stacks of a driven stage for a pose, and the finite-element pose with the strokes."""
 
     title = "strokes and forces for a pose"
     labels: ClassVar = {"limit": LIMITS}
@@ -108,43 +108,43 @@ class Drive(Result):
 
 
 class Commanding(NamedTuple):
-    """An analytic model that computes strokes, of a stage as it is modelled (`model.ModelChoice`).
+    """An analytic model that computes strokes, and its stage as modelled (`model.ModelChoice`).
 
-    across : (3 + n, r), mm and rad per N, pose and openings by forces along the contacts of stated friction.
+    across : (3 + n, r), mm and rad per N, pose and openings by tangential forces at contacts with stated friction.
     """
 
     stage: Stage
     result: AnalyticResult
     model: DrivenModel
-    of: Driven
+    system: Driven
     across: Array
 
     def carried(self, load: Array, force: Array) -> Array:
-        """Moment, forces along and across (3, 3 chains, 3 hinges) at every notch, of a load and forces of stacks."""
+        """Return moment, axial and shear force (3, 3 chains, 3 hinges) of every notch, by a load and stack forces."""
         wrenches = self.model.necks @ np.concatenate([load, force])
         return neck_forces(stage_frames(self.stage), wrenches[..., None])[..., 0]
 
     def stress(self, load: Array, force: Array) -> Array:
-        """Largest von Mises stress (3 chains, 3 hinges) at every notch, MPa, of a load and forces of stacks (n,)."""
-        at = sections_of(lower(self.stage))[:, 0]
-        return np.asarray(np.max(stress_along(at, self.carried(load, force)), axis=-1))
+        """Return the largest von Mises stress (3 chains, 3 hinges) of every notch, MPa, by a load and stack forces."""
+        sections = sections_of(lower(self.stage))[:, 0]
+        return np.asarray(np.max(stress_along(sections, self.carried(load, force)), axis=-1))
 
     def rotations(self, motion: Motion, load: Array) -> Array:
-        """Rotation (3 chains, 3 hinges) of every hinge beyond rest, rad."""
+        """Return the rotation (3 chains, 3 hinges) of every hinge relative to rest, rad."""
         return np.asarray(self.result.hinges.rotation * self.carried(load, motion.force)[0])
 
 
 class DrivenElements(NamedTuple):
-    """Finite elements of a driven stage, on their mesh; across as of `Commanding`."""
+    """Finite elements of a driven stage and their mesh; `across` as in `Commanding`."""
 
     stage: Stage
     mesh: StageMesh
     response: DrivenResponse
-    of: Driven
+    system: Driven
     across: Array
 
     def stress(self, load: Array, force: Array) -> Array:
-        """As of `Commanding`."""
+        """As `Commanding.stress`."""
         field = np.tensordot(np.concatenate([load, force]), self.response.fields, axes=1)
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
@@ -159,7 +159,7 @@ def drive(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
 ) -> Drive:
-    """Strokes and forces of every stack for a pose, by every criterion, and where finite elements go with the strokes.
+    """Strokes and forces of every stack for a pose, by every criterion, and the finite-element pose with the strokes.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def drive(
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
-        Whether finite elements are given the strokes of the analytic model.
+        With "both", finite elements are driven by the strokes of the analytic model.
     resolution : int, optional
         Triangles across every neck.
     {shared}
@@ -182,168 +182,168 @@ def drive(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2)
-    wanted = arguments.vectors("pose", pose, 1, LARGEST_POSE)
+    target = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
-    own, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
+    stacks, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     chosen = analytic.chosen(stage, warnings)
     first = commanding(chosen)
-    commands = _commands(first.of, own, wanted, F, lever, warnings)
-    motions = [moved(first.of, own, x, F) for x in commands.values()]
-    forces, x = np.array([own.preload + each.force for each in motions]), np.array(list(commands.values()))
-    used = [shares(first.of, own, each, F) for each in x]
-    share = np.array([[np.max(each[limit]) for each in used] for limit in LIMITS])
+    commands = _commands(first.system, stacks, target, F, lever, warnings)
+    motions = [moved(first.system, stacks, x, F) for x in commands.values()]
+    forces, X = np.array([stacks.preload + motion.force for motion in motions]), np.array(list(commands.values()))
+    used = [shares(first.system, stacks, x, F) for x in X]
+    share = np.array([[np.max(by_limit[limit]) for by_limit in used] for limit in LIMITS])
     values: dict[str, Any] = {
-        "pose": wanted,
+        "pose": target,
         "load": F,
-        "command": x.T,
-        "stroke": (x @ own.differential.T).T,
+        "command": X.T,
+        "stroke": (X @ stacks.differential.T).T,
         "force": forces.T,
-        "shortest": own.lowest,
-        "longest": own.highest,
-        "preload": own.preload,
-        "blocking_force": own.blocking_force,
+        "shortest": stacks.lowest,
+        "longest": stacks.highest,
+        "preload": stacks.preload,
+        "blocking_force": stacks.blocking_force,
         "share": np.where(np.isfinite(share), 100 * share, np.nan),
-        "energy": [each.stage for each in motions],
-        "stack_energy": [each.stacks for each in motions],
-        "rotation": np.stack([first.rotations(each, F) for each in motions], axis=-1),
+        "energy": [motion.stage for motion in motions],
+        "stack_energy": [motion.stacks for motion in motions],
+        "rotation": np.stack([first.rotations(motion, F) for motion in motions], axis=-1),
     }
-    answering: dict[str, Commanding | DrivenElements] = {ANALYTIC: first}
+    models_used: dict[str, Commanding | DrivenElements] = {ANALYTIC: first}
     axes: dict[str, tuple[str, ...]] = {"criterion": tuple(commands), "strokes by": tuple(commands)}
-    axes |= {"actuator": own.names, "stack": stack_names(own)}
+    axes |= {"actuator": stacks.names, "stack": stack_names(stacks)}
     if mesh is not None:
-        answering[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
-        values |= _open_loop(stage, elements, first, wanted, F, axes)
+        models_used[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
+        values |= _open_loop(stage, elements, first, target, F, axes)
     stress, friction = [], []
-    for model in answering.values():
-        pushed = [own.preload + moved(model.of, own, each, F).force for each in x]
-        stress.append(np.stack([model.stress(F, force) for force in pushed], axis=-1))
-        friction.append([left_open(model.of, model.across, own, force) for force in pushed])
+    for model in models_used.values():
+        stack_forces = [stacks.preload + moved(model.system, stacks, x, F).force for x in X]
+        stress.append(np.stack([model.stress(F, force) for force in stack_forces], axis=-1))
+        friction.append([left_open(model.system, model.across, stacks, force) for force in stack_forces])
     values["stress"] = stress
-    if own.rubbing:
+    if stacks.rubbing:
         values["friction"] = np.swapaxes(friction, 0, 1)
-    values |= _stiffness(first, own, dict(zip(commands, forces, strict=True)), F, axes, warnings)
-    warnings += [text for name, each in commands.items() for text in limit_warnings(first.of, own, each, F, name)]
+    values |= _stiffness(first, stacks, dict(zip(commands, forces, strict=True)), F, axes, warnings)
+    warnings += [text for name, x in commands.items() for text in limit_warnings(first.system, stacks, x, F, name)]
     for name, highest in zip(commands, np.max(stress[-1], axis=(0, 1)), strict=True):
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
-    warnings += warning.of_motion(stage, wanted, "the pose")
+    warnings += warning.of_motion(stage, target, "the pose")
     notes = [
-        f"each stack pushes by {', or by '.join(dict.fromkeys(one.contact for c in actuators_of(stage) for one in c))}",
+        f"each stack pushes by {', or by '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
-    axes["model"] = tuple(answering)
+    axes["model"] = tuple(models_used)
     return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, stage)
 
 
 def commanding(chosen: ModelChoice) -> Commanding:
-    """An analytic model of a driven stage. Raises BadInput as `model.analyse`, or without actuators."""
-    result, of = analyse(*chosen), drive_of(chosen.stage)
-    C, necks = driven_model(chosen.stage, result, _with_friction(of))
-    known = 3 + len(of.stacks)
-    model = DrivenModel(C[:known, :known], necks[..., :known])
-    return Commanding(chosen.stage, result, model, driven(model.compliance, of), C[:known, known:])
+    """Return the analytic model of a driven stage. Raises BadInput as `model.analyse`, and without actuators."""
+    result, drive = analyse(*chosen), drive_of(chosen.stage)
+    C, necks = driven_model(chosen.stage, result, _with_friction(drive))
+    n = 3 + len(drive.stacks)
+    model = DrivenModel(C[:n, :n], necks[..., :n])
+    return Commanding(chosen.stage, result, model, driven(model.compliance, drive), C[:n, n:])
 
 
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
-    """Finite elements of a driven stage. Raises BadInput without actuators, ComputationFailed."""
-    of, mesh = drive_of(stage), build_mesh(stage, resolution)
-    C, fields = driven_response(mesh, plate_of(stage), _with_friction(of))
-    known = 3 + len(of.stacks)
-    response = DrivenResponse(C[:known, :known], fields[:known])
-    return DrivenElements(stage, mesh, response, driven(response.compliance, of), C[:known, known:])
+    """Return finite elements of a driven stage. Raises BadInput without actuators, ComputationFailed."""
+    drive, mesh = drive_of(stage), build_mesh(stage, resolution)
+    C, fields = driven_response(mesh, plate_of(stage), _with_friction(drive))
+    n = 3 + len(drive.stacks)
+    response = DrivenResponse(C[:n, :n], fields[:n])
+    return DrivenElements(stage, mesh, response, driven(response.compliance, drive), C[:n, n:])
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
-    """What the drive of a stage does, n = 1, by finite elements; neck stress as of the analytic model."""
-    of, plate = drive_of(stage).at(None), plate_of(stage)
-    C, fields = driven_response(mesh, plate, of.stacks)
-    return drive_ranges(lower(stage), driven(C[None], of), neck_wrenches(mesh, plate, fields)[None], of)
+    """Return the ranges of a drive, n = 1, by finite elements; neck stress from their wrenches as in the model."""
+    drive, plate = drive_of(stage).at(None), plate_of(stage)
+    C, fields = driven_response(mesh, plate, drive.stacks)
+    return drive_ranges(lower(stage), driven(C[None], drive), neck_wrenches(mesh, plate, fields)[None], drive)
 
 
-def engaged_stiffness(of: Driven) -> Array:
-    """Stiffness (3,) of the platform with the stacks holding their strokes, each direction with the others held."""
-    return np.asarray(np.diag(np.linalg.inv(of.engaged)))
+def engaged_stiffness(system: Driven) -> Array:
+    """Return the stiffness (3,) of the platform with engaged stacks, each direction with the others held."""
+    return np.asarray(np.diag(np.linalg.inv(system.engaged)))
 
 
-def push_spread(of: Commanding) -> Array:
-    """How much (3,) the engaged stiffness moves, at most, with pushes spread over half and twice the assumed length."""
-    own, found = drive_of(of.stage), []
-    for times in PLAUSIBLE:
-        spread = tuple(stack.spread_over(times) for stack in own.stacks)  # as far as links reach
-        found.append(engaged_stiffness(driven(driven_model(of.stage, of.result, spread).compliance, own)))
-    return np.asarray(np.max(np.abs(found - engaged_stiffness(of.of)), axis=0))
+def push_spread(model: Commanding) -> Array:
+    """Return the largest change (3,) of the engaged stiffness if stack forces act over half or twice their length."""
+    drive, stiffness = drive_of(model.stage), []
+    for factor in PLAUSIBLE:
+        spread = tuple(stack.spread_over(factor) for stack in drive.stacks)  # limited to the links
+        stiffness.append(engaged_stiffness(driven(driven_model(model.stage, model.result, spread).compliance, drive)))
+    return np.asarray(np.max(np.abs(stiffness - engaged_stiffness(model.system)), axis=0))
 
 
-def _with_friction(of: StageDrive) -> tuple[Stack, ...]:
-    """The stacks of a drive, then its contacts of stated friction pushed along their faces."""
-    return (*of.stacks, *(of.stacks[k].across for k in of.rubbing))
+def _with_friction(drive: StageDrive) -> tuple[Stack, ...]:
+    """Return the stacks of a drive, followed by tangential forces at its contacts with stated friction."""
+    return (*drive.stacks, *(drive.stacks[k].across for k in drive.rubbing))
 
 
-def left_open(of: Driven, across: Array, own: StageDrive, force: Array) -> Array:
-    """Half-widths (3,) of the poses that friction leaves open, mm, mm, rad, with forces (n,) of all stacks, N.
+def left_open(system: Driven, across: Array, drive: StageDrive, force: Array) -> Array:
+    """Return the half-widths (3,) of the poses possible with friction, mm, mm, rad; force (n,) of all stacks, N.
 
-    A contact that its stack presses with N carries along its face any force f up to mu N before it slips. Every pose
-    that the stage may rest in is `U + sum_i h_i f_i`, `|f_i| <= mu_i N_i`, `h = C_Ut - C_Ud Y C_dt` the motion by a
-    newton along contact i, the other stacks holding their strokes; at most `sum |h_i| mu_i N_i`, where all are about
-    to slip. N is the force without friction; contacts that would have to pull are open and hold nothing.
+    A contact under the normal force N carries any tangential force f up to mu N before it slips. The possible poses are
+    `U + sum_i h_i f_i`, `|f_i| <= mu_i N_i`, where `h = C_Ut - C_Ud Y C_dt` is the motion per newton along contact i
+    with the other stacks holding their strokes; the half-width `sum |h_i| mu_i N_i` is reached if all are about to
+    slip. N is the force without friction; a contact that would have to pull is open and carries no force.
     """
-    rubbing = list(own.rubbing)
-    per_force = across[:3] - of.C[:3, 3:] @ of.Y @ across[3:]
-    return np.asarray(np.abs(per_force) @ (own.friction[rubbing] * np.maximum(force[rubbing], 0.0)))
+    rubbing = list(drive.rubbing)
+    per_force = across[:3] - system.C[:3, 3:] @ system.Y @ across[3:]
+    return np.asarray(np.abs(per_force) @ (drive.friction[rubbing] * np.maximum(force[rubbing], 0.0)))
 
 
 def _commands(
-    of: Driven, own: StageDrive, pose: Array, load: Array, lever: float, warnings: list[str]
+    system: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, warnings: list[str]
 ) -> dict[Criterion, Array]:
-    """Commands (m,) by criterion; those that stacks which only push cannot meet are left out, which is warned of."""
-    found, reason = dict[Criterion, Array](), ""
+    """Return the commands (m,) by criterion; a criterion that cannot be met is left out with a warning."""
+    commands, reason = dict[Criterion, Array](), ""
     for name in CRITERIA:
         try:
-            found[name] = commands_for(of, own, pose, load, lever, name)
+            commands[name] = commands_for(system, drive, pose, load, lever, name)
         except ComputationFailed as failure:
             if name == CRITERIA[0]:
                 raise
             warnings.append(f"{name}: {failure}")
             reason = failure.reason if isinstance(failure, Unreachable) and name == "within limits" else ""
-    if "within limits" in found:
-        used = {name: float(np.max(each)) for name, each in shares(of, own, found["within limits"], load).items()}
-        which = max(used, key=lambda name: used[name])
-        reason = f"it takes {used[which]:.4g} times its limit of {which}" if used[which] > 1 + ROUND_OFF else ""
+    if "within limits" in commands:
+        by_limit = shares(system, drive, commands["within limits"], load)
+        limit, used = max(((name, float(np.max(share))) for name, share in by_limit.items()), key=lambda pair: pair[1])
+        reason = f"it takes {used:.4g} times its limit of {limit}" if used > 1 + ROUND_OFF else ""
     warnings += [f"the drive does not reach this pose: {reason}"] if reason else []
-    return found
+    return commands
 
 
 def _stiffness(
     first: Commanding,
-    own: StageDrive,
+    drive: StageDrive,
     forces: Mapping[Criterion, Array],
     load: Array,
     axes: dict[str, tuple[str, ...]],
     warnings: list[str],
 ) -> dict[str, Array]:
-    """Stiffness of the platform without stacks, with them, and with their pushes, by what these go with in (16)."""
-    of, engaged = first.of, engaged_stiffness(first.of)
-    ways = {way: serial(first.stage, first.result, own.stacks, way) for way in FOLLOWS}
-    pushed = {PUSHES[way]: _preloaded(one, own, own.preload, np.zeros(3)) for way, one in ways.items()}
+    """Return the platform stiffness without stacks, with stacks, and with stack forces that follow a body, see (16)."""
+    system, engaged = first.system, engaged_stiffness(first.system)
+    joints = {way: serial(first.stage, first.result, drive.stacks, way) for way in FOLLOWS}
+    preloaded = {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
     for name, force in forces.items():
-        pushed[f"pushed with the forces by {name}"] = _preloaded(ways["pushed"], own, force, load)
-    warnings += [f"no stable equilibrium of the stacks {name}" for name, K in pushed.items() if np.isnan(K).any()]
-    C = of.C[:3, :3]
-    free = zip(FREE, (1 / np.diag(C), 1 / np.diag(of.engaged)), strict=True)
-    states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | pushed | dict(free)
+        preloaded[f"pushed with the forces by {name}"] = _preloaded(joints["pushed"], drive, force, load)
+    warnings += [f"no stable equilibrium of the stacks {name}" for name, K in preloaded.items() if np.isnan(K).any()]
+    C = system.C[:3, :3]
+    free = zip(FREE, (1 / np.diag(C), 1 / np.diag(system.engaged)), strict=True)
+    states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | preloaded | dict(free)
     axes["state"] = tuple(states)
-    change = [100 * (K / engaged - 1) if name in pushed else np.full(3, np.nan) for name, K in states.items()]
-    found = {"stiffness": np.array(list(states.values())), "change": np.array(change)}
-    return found | ({"push_spread": push_spread(first)} if first.result.links else {})
+    change = [100 * (K / engaged - 1) if name in preloaded else np.full(3, np.nan) for name, K in states.items()]
+    values = {"stiffness": np.array(list(states.values())), "change": np.array(change)}
+    return values | ({"push_spread": push_spread(first)} if first.result.links else {})
 
 
-def _preloaded(of: Serial, own: StageDrive, force: Array, load: Array) -> Array:
-    """Diagonal (3,) of the stiffness with stacks of forces (n,), N, holding their strokes; nan where it is unstable."""
+def _preloaded(joints: Serial, drive: StageDrive, force: Array, load: Array) -> Array:
+    """Return the stiffness diagonal (3,) with engaged stacks under forces (n,), N; nan if it is unstable."""
     try:
-        found = loaded(of, force, load)
+        found = loaded(joints, force, load)
     except (ComputationFailed, np.linalg.LinAlgError):
         return np.full(3, np.nan)
-    return np.diag(found.stiffness(own.stiffness)) if found.stable(own.stiffness) else np.full(3, np.nan)
+    return np.diag(found.stiffness(drive.stiffness)) if found.stable(drive.stiffness) else np.full(3, np.nan)
 
 
 def _open_loop(
@@ -354,51 +354,53 @@ def _open_loop(
     load: Array,
     axes: dict[str, tuple[str, ...]],
 ) -> dict[str, Array]:
-    """Errors of finite elements with strokes of least energy by several models, then by the first after calibration."""
-    own, lever = drive_of(stage), stage.chain.link_lengths[2]
-    full = calibration(elements.of, first.of, own, lever)
+    """Return the errors of finite elements with least-energy strokes of several models, and of the calibrated first."""
+    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
+    matrix = calibration(elements.system, first.system, drive, lever)
     commanded = {first.result.name: (first, pose)}
     rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
     for choice in ((None, CALIBRATED, True), *rigid):
-        with suppress(BadInput):  # off the chart
-            one = commanding(ModelChoice(stage, *choice))
-            commanded.setdefault(one.result.name, (one, pose))
-    gains = 1 / np.diag(np.linalg.inv(full))
+        with suppress(BadInput):  # hinges off the chart
+            model = commanding(ModelChoice(stage, *choice))
+            commanded.setdefault(model.result.name, (model, pose))
+    gains = 1 / np.diag(np.linalg.inv(matrix))
     commanded[f"{first.result.name}, three gains"] = first, gains * pose
-    commanded[f"{first.result.name}, calibration matrix"] = first, full @ pose
-    strokes = [commands_for(model.of, own, to, load, lever, "least energy") for model, to in commanded.values()]
+    commanded[f"{first.result.name}, calibration matrix"] = first, matrix @ pose
+    strokes = [commands_for(one.system, drive, goal, load, lever, "least energy") for one, goal in commanded.values()]
     axes["commanding model"] = tuple(commanded)
-    return {"error": np.array([moved(elements.of, own, x, load).pose - pose for x in strokes]), "calibration": full}
+    poses = np.array([moved(elements.system, drive, x, load).pose for x in strokes])
+    return {"error": poses - pose, "calibration": matrix}
 
 
-def calibration(elements: Driven, model: Driven, own: StageDrive, lever: float) -> Array:
-    """Matrix (3, 3) of the pose to command of a model so that finite elements take a pose, both without load."""
-    return inverse(elements.poses @ unit_commands(model, own, lever))
+def calibration(elements: Driven, model: Driven, drive: StageDrive, lever: float) -> Array:
+    """Return the matrix (3, 3) from a pose of the finite elements to the pose that the model is to command, no load."""
+    return inverse(elements.poses @ unit_commands(model, drive, lever))
 
 
-def stack_names(of: StageDrive) -> tuple[str, ...]:
-    """Names of the stacks (n) of a drive: of its actuators, the second of a pair as the partner."""
-    return tuple(f"{of.names[np.flatnonzero(row)[0]]}{', partner' if min(row) < 0 else ''}" for row in of.differential)
+def stack_names(drive: StageDrive) -> tuple[str, ...]:
+    """Return the names of the stacks (n) of a drive: those of its actuators, with the second of a pair as partner."""
+    T = drive.differential
+    return tuple(f"{drive.names[np.flatnonzero(row)[0]]}{', partner' if min(row) < 0 else ''}" for row in T)
 
 
-def limit_warnings(of: Driven, own: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
-    """Limits that commands (m,) break, a sentence for each kind: how many, and the one farthest beyond."""
-    force, stacks, found = own.preload + moved(of, own, x, load).force, stack_names(own), list[str]()
-    um, low, high = 1e3 * x, 1e3 * own.lowest, 1e3 * own.highest
+def limit_warnings(system: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
+    """Return a warning per kind of limit that commands (m,) exceed: the number exceeded, and the largest excess."""
+    force, stacks, found = drive.preload + moved(system, drive, x, load).force, stack_names(drive), list[str]()
+    um, low, high = 1e3 * x, 1e3 * drive.lowest, 1e3 * drive.highest
     kinds: tuple[tuple[str, Array, tuple[str, ...], Callable[[int], str]], ...] = (  # in the order of `LIMITS`
         (
-            "strokes", np.maximum(um - high, low - um), own.names,
+            "strokes", np.maximum(um - high, low - um), drive.names,
             lambda k: f"need {um[k]:.4g} um, outside {low[k]:.4g} to {high[k]:.4g} um",
         ),
         ("contacts", -force, stacks, lambda k: f"have to pull with {-force[k]:.4g} N"),
         (
-            "forces", force - own.blocking_force, stacks,
-            lambda k: f"have to push with {force[k]:.4g} N, above {own.blocking_force[k]:.4g} N",
+            "forces", force - drive.blocking_force, stacks,
+            lambda k: f"have to push with {force[k]:.4g} N, above {drive.blocking_force[k]:.4g} N",
         ),
     )  # fmt: skip
-    for used, (kind, beyond, names, said) in zip(shares(of, own, x, load).values(), kinds, strict=True):
-        broken = np.any(np.reshape(used > 1 + ROUND_OFF, (-1, len(names))), axis=0)
-        if broken.any():
-            k, count = int(np.argmax(np.where(broken, beyond, -np.inf))), np.count_nonzero(broken)
-            found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {said(k)}")
+    for used, (kind, excess, names, describe) in zip(shares(system, drive, x, load).values(), kinds, strict=True):
+        exceeded = np.any(np.reshape(used > 1 + ROUND_OFF, (-1, len(names))), axis=0)
+        if exceeded.any():
+            k, count = int(np.argmax(np.where(exceeded, excess, -np.inf))), np.count_nonzero(exceeded)
+            found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {describe(k)}")
     return found

@@ -20,7 +20,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.mesh import StageMesh, build_mesh, nodes_on
-from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, warm_half
+from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, thermal_response
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
@@ -234,7 +234,7 @@ def _in_three_dimensions(
         scale = np.array([1.0, lever if antisymmetric else 1.0, lever])[:, None]
 
         def solve(level: int, number: int) -> Response:
-            return warm_half(setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric))
+            return thermal_response(setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric))
 
         band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, *mesh)
         return solve(*mesh), abs(difference) * band / scale

@@ -1,4 +1,4 @@
-"""What questions share: arguments and their description, models, meshes, and how answers of models make a result."""
+"""Common parts of questions: arguments and their description, models, meshes, and assembly of results."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ from flexfem.refused import BadInput
 from flexfem.results import AXES, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
-Found = TypeVar("Found")
+Value = TypeVar("Value")
 Step = TypeVar("Step")
 Kind = TypeVar("Kind", bound=Result)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 SHARED = {
     "stage : Stage": "The stage.",
-    'models : {"both", "analytic", "elements"}': "The models that answer.",
+    'models : {"both", "analytic", "elements"}': "The models to compute.",
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
     "layers : int, optional": "Three dimensions with so many layers in half the thickness, from 3.",
@@ -47,44 +47,44 @@ ComputationFailed
 
 
 def question(function: Function) -> Function:
-    """Complete a docstring where it has `{shared}`: parameters that questions share, what they return and raise.
+    """Complete the docstring of a function at `{shared}` with common parameters, returns and raises.
 
-    The function then refuses another word than those of a `Literal`, and another model than an `Analytic`.
+    The returned function raises BadInput for a word that its `Literal` lacks and for a model that is no `Analytic`.
     """
     text, signature = inspect.cleandoc(function.__doc__ or ""), inspect.signature(function)
     shared = list[str]()
-    for head, said in SHARED.items():
+    for head, description in SHARED.items():
         name = head.split()[0]
         if name in signature.parameters and f"\n{name} :" not in text:
-            shared += [head, f"    {said}"]
+            shared += [head, f"    {description}"]
     returns = ["", "Returns", "-------", str(function.__annotations__["return"]), "", "Raises", f"------{RAISES}"]
     function.__doc__ = text.replace("{shared}", "\n".join([*shared, *returns]))
 
     @cache
     def hints_of() -> dict[str, Any]:
-        return get_type_hints(function)  # once its module is complete
+        return get_type_hints(function)  # resolvable only after its module is complete
 
     @wraps(function)
-    def asked(*positional: Any, **named: Any) -> Any:
+    def checked(*positional: Any, **named: Any) -> Any:
         hints = hints_of()
         for name, value in signature.bind(*positional, **named).arguments.items():
-            parts = (hints.get(name), *get_args(hints.get(name)))  # of an optional one, too
+            parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
-            known = isinstance(value, str) and value in words
-            if words and not known and not (value is None and NoneType in parts):
+            is_known = isinstance(value, str) and value in words
+            if words and not is_known and not (value is None and NoneType in parts):
                 raise BadInput(f"{name} {value!r}, expected {' or '.join(words)}")
             if hints.get(name) is Analytic and not isinstance(value, Analytic):
                 raise BadInput(f"{name} {value!r}, expected a flexfem.Analytic")
         return function(*positional, **named)
 
-    return cast(Function, asked)
+    return cast(Function, checked)
 
 
 class Analytic(NamedTuple):
     """The analytic model of a question.
 
-    Without any of these it has calibrated hinges and elastic links, and is corrected for the thickness of the hinges
-    unless the stage file states a `model`. With any of them it is the paper's model with that change.
+    Without arguments it has calibrated hinges and elastic links, and is corrected for the thickness of the hinges
+    unless the stage file states a `model`. With any argument it is the paper's model with that change.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Analytic(NamedTuple):
     formula : str, optional
         Formula of the hinges, see `flexfem formulas`.
     links : bool
-        Pads, links and platform are elastic; with mobility 21 alone.
+        Model pads, links and platform as elastic; with mobility 21 only.
     """
 
     mobility: int | None = None
@@ -101,7 +101,7 @@ class Analytic(NamedTuple):
     links: bool = False
 
     def chosen(self, stage: Stage, warnings: list[str], models: Models = "both") -> ModelChoice:
-        """The model of a stage; adds warnings where a chart does not reach, unless elements alone answer.
+        """Return the model of a stage; append warnings of charts that do not cover it, unless models is "elements".
 
         Raises BadInput for a model that does not suit the stage.
         """
@@ -113,7 +113,7 @@ NO_FILES: Mapping[str, Sourced] = MappingProxyType({})
 
 
 class Mesh(NamedTuple):
-    """The finest mesh: triangles across every neck, and layers in half the thickness, 0 in the plane."""
+    """The finest mesh: triangles across every neck, and layers in half the thickness, 0 for a plane mesh."""
 
     resolution: int
     layers: int
@@ -128,9 +128,9 @@ def mesh_of(
     usual: int = RESOLUTION,
     usual_solid: int = SOLID_RESOLUTION,
 ) -> Mesh | None:
-    """The mesh that was asked for, or the usual one in the plane or in three dimensions; None without elements.
+    """Return the requested mesh, by default the usual plane or three-dimensional one; None without finite elements.
 
-    Raises BadInput for a mesh without finite elements, and for one that is too coarse or too fine.
+    Raises BadInput if a mesh is requested without finite elements, or if it is too coarse or too fine.
     """
     if models == "analytic":
         for name, value in (("resolution", resolution), ("layers", layers)):
@@ -144,67 +144,67 @@ def mesh_of(
 
 @once
 def sectors_of(stage: Stage, resolution: int) -> tuple[Sector, ...]:
-    """A feasible stage, meshed once."""
+    """Return the meshed sectors of a feasible stage."""
     return mesh_sectors(stage, resolution)
 
 
 @once
 def solved(stage: Stage, resolution: int) -> Response:
-    """Plane finite elements of a feasible stage, solved once. Raises BadInput for a model that is not plane."""
+    """Solve a feasible stage with plane finite elements. Raises BadInput for a model that is not plane."""
     return unit_response(sectors_of(stage, resolution), plate_of(stage))
 
 
-def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Found], progress: Progress | None = None) -> list[Found]:
-    """What `solve` gives for each resolution, coarse to fine, or for each of other steps."""
-    found = []
-    for level in steps:
-        found.append(solve(level))
+def on_meshes(steps: Sequence[Step], solve: Callable[[Step], Value], progress: Progress | None = None) -> list[Value]:
+    """Return the solutions for all resolutions, coarse to fine, or for other steps."""
+    solutions = []
+    for step in steps:
+        solutions.append(solve(step))
         if progress is not None:
-            progress(f"{len(found)} of {len(steps)} meshes")
-    return found
+            progress(f"{len(solutions)} of {len(steps)} meshes")
+    return solutions
 
 
 class MeshFields(NamedTuple):
-    """Fields on a mesh, in three dimensions at `heights`, mm, of half the thickness; they are made to be written."""
+    """Fields on a mesh, in three dimensions at `heights`, mm, of half the thickness; computed when they are written."""
 
     mesh: StageMesh
     made: Callable[[], dict[str, Array]]
     heights: Array | None = None
 
     def write(self, path: Path) -> list[Path]:
-        """Write them as VTU; returns the path."""
+        """Write the fields as VTU; return the path."""
         write_vtu(self.mesh, path.with_suffix(".vtu"), self.made(), self.heights)
         return [path.with_suffix(".vtu")]
 
 
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
-    """A mesh as settings of a result."""
+    """Return a mesh as settings of a result."""
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
 def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
-    """What a result is of: a stage, its coefficients of `heat`, its `drive`, and other files by their names."""
-    said = assumptions([("", stage), *((f"{name}: ", file) for name, file in files.items())])
-    said = stage.heat_assumptions if heat else stage.drive_assumptions if drive else said
-    own = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
+    """Return the subject of a result: a stage, its coefficients of `heat`, its `drive`, and other files by name."""
+    doubts = assumptions([("", stage), *((f"{name}: ", file) for name, file in files.items())])
+    doubts = stage.heat_assumptions if heat else stage.drive_assumptions if drive else doubts
+    digest = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
     lever = stage.chain.link_lengths[2]
-    return About(stage.name, str(stage.origin), own, tuple(said.assumed), tuple(said.not_stated), lever)
+    return About(stage.name, str(stage.origin), digest, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
 
 
 class ModelAnswer(NamedTuple):
-    """What one model answers: values and bands by quantity."""
+    """Values and bands of one model by quantity."""
 
     values: dict[str, Any]
     bands: Mapping[str, Any] = MappingProxyType({})
 
 
-def beside(
+def stack_models(
     kind: type[Result], models: Mapping[str, ModelAnswer], axes: Mapping[str, Sequence[str]], along: str = "model"
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Values and bands of models, or of others, along an axis, nan where one has none or fewer."""
+    """Stack the values and bands of models, or curves, along an axis; nan where one has no value."""
     stacked: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
     labels = {**AXES, **kind.labels, **axes}
-    for found, parts in zip(stacked, zip(*models.values(), strict=True), strict=True):
+    for arrays, parts in zip(stacked, zip(*models.values(), strict=True), strict=True):
         for name in dict.fromkeys(chain(*parts)):
             over = kind.quantities[name].over
             array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan)
@@ -212,13 +212,13 @@ def beside(
                 if name in part:
                     place: tuple[Any, ...] = (k, *map(slice, np.shape(part[name])))
                     array[place] = part[name]
-            found[name] = np.moveaxis(array, 0, over.index(along))
+            arrays[name] = np.moveaxis(array, 0, over.index(along))
     return stacked
 
 
 def answer(
     kind: type[Kind],
-    of: Stage | About,
+    subject: Stage | About,
     models: Mapping[str, ModelAnswer],
     mesh: Mesh | None,
     settings: Mapping[str, Any],
@@ -226,8 +226,8 @@ def answer(
     axes: Mapping[str, Sequence[str]] | None = None,
     **others: Any,
 ) -> Kind:
-    """The result of a question by the answers of its models, and by values without an axis of models."""
+    """Return the result of a question from the values of its models and from values without a model axis."""
     labels = {"model": tuple(models), **(axes or {})}
-    found, bands = beside(kind, models, labels)
-    whole = about(of) if isinstance(of, Stage) else of
-    return kind(whole, found | dict(values or {}), bands, labels, dict(settings) | meshed(mesh), **others)
+    stacked, bands = stack_models(kind, models, labels)
+    subject = about(subject) if isinstance(subject, Stage) else subject
+    return kind(subject, stacked | dict(values or {}), bands, labels, dict(settings) | meshed(mesh), **others)

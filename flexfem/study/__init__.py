@@ -1,4 +1,4 @@
-"""Design studies; `flexfem.study.table` hands a collected one to pandas or Arrow."""
+"""Design studies; `flexfem.study.table` reads the table of a collected study for pandas or Arrow."""
 
 from __future__ import annotations
 
@@ -6,42 +6,42 @@ import os
 from pathlib import Path
 from typing import Any
 
-REPORTS = Path("reports")  # folder for results where none is given
+REPORTS = Path("reports")  # default folder of results
 MOST_WORKERS = 1024
 
 
 def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
-    """The table that `flexfem study collect` wrote, a row for each design.
+    """Read the table that `flexfem study collect` wrote, one row a design.
 
     Parameters
     ----------
-    path : a file, Parquet or CSV, or a folder of Parquet files.
-    as_arrow : a `pyarrow.Table` instead of a `pandas.DataFrame`, which needs pandas.
+    path : a Parquet or CSV file, or a folder of Parquet files.
+    as_arrow : return a `pyarrow.Table` instead of a `pandas.DataFrame`, which needs pandas.
 
     Returns
     -------
-    Columns `design`, `status`, `reason`, the factors and outputs in file units, their names ending in the unit; outputs
-    are nan where the status is not "ok".
+    A table with the columns `design`, `status`, `reason`, and the factors and outputs in file units. The names of
+    outputs end in their unit; outputs are nan where the status is not "ok".
 
     Raises
     ------
     BadInput
-        The file is missing, or no table of a study.
+        The file is missing, or is not the table of a study.
     """
     from pyarrow import ArrowException, BufferReader, concat_tables, csv, parquet
 
     from flexfem.files.refusals import checked_path
     from flexfem.refused import BadInput
 
-    place, tables = checked_path(path), []
+    source, tables = checked_path(path), []
     try:
-        for each in sorted(place.glob("*.parquet")) if place.is_dir() else [place]:
-            content = BufferReader(each.read_bytes())  # pyarrow takes no name that is not UTF-8
-            tables.append(csv.read_csv(content) if each.suffix == ".csv" else parquet.read_table(content))
-        found = concat_tables(tables)
+        for file in sorted(source.glob("*.parquet")) if source.is_dir() else [source]:
+            content = BufferReader(file.read_bytes())  # pyarrow opens no file whose name is not UTF-8
+            tables.append(csv.read_csv(content) if file.suffix == ".csv" else parquet.read_table(content))
+        joined = concat_tables(tables)
     except (OSError, ArrowException) as error:
         reason = "no such file" if isinstance(error, FileNotFoundError) else "damaged, or neither Parquet nor CSV"
-        raise BadInput(f"{place}: expected the table of a study: {reason}") from None
-    if not {"design", "status", "reason"} <= set(found.column_names):
-        raise BadInput(f"{place}: expected the table of a study, with columns design, status and reason")
-    return found if as_arrow else found.to_pandas()
+        raise BadInput(f"{source}: expected the table of a study: {reason}") from None
+    if not {"design", "status", "reason"} <= set(joined.column_names):
+        raise BadInput(f"{source}: expected the table of a study, with columns design, status and reason")
+    return joined if as_arrow else joined.to_pandas()

@@ -1,4 +1,4 @@
-"""The table of a study: parts joined design after design, and read again column by column."""
+"""Table of a study: joined from its parts in the order of designs, and read again by columns."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from flexfem.study.loaded import LoadedStudy, judge
 from flexfem.study.run import ABOUT, PARQUET, READING, TEXTS, Parts, read_part, survey
 
 FORMATS = (".parquet", ".csv")
-GROUP = 65_536  # least designs a row group of Parquet
+GROUP = 65_536  # least number of designs in a row group of Parquet
 OK = "ok"
 
 
 class Collected(NamedTuple):
-    """A table written: where, how many designs are in it, and how many are open."""
+    """A written table: its path, its number of designs, and the number of open designs."""
 
     path: Path
     designs: int
@@ -38,7 +38,7 @@ class Collected(NamedTuple):
 
 
 def table_path(parts: Parts) -> Path:
-    """Where the table of a study goes when nobody says."""
+    """Return the default path of the table of a study."""
     return parts.folder.parent / f"{parts.loaded.stem}.parquet"
 
 
@@ -47,7 +47,7 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
 
     Parameters
     ----------
-    path : a file, Parquet or CSV.   partial : leave out designs that are open instead of refusing.
+    path : a Parquet or CSV file.   partial : leave out open designs instead of refusing them.
 
     Raises
     ------
@@ -76,39 +76,39 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
 
 
 def _groups(parts: Parts, chunks: list[range]) -> Iterator[Any]:
-    """The tables of parts, small ones joined."""
-    held, designs = list[Any](), 0
+    """Yield the tables of parts, with small ones joined."""
+    tables, designs = list[Any](), 0
     for chunk in chunks:
         try:
-            held.append(read_part(parts.path(chunk)).replace_schema_metadata(None))
+            tables.append(read_part(parts.path(chunk)).replace_schema_metadata(None))
         except FileNotFoundError:
             raise BadInput(f"{parts.path(chunk)}: removed meanwhile, expected to stay while it is collected") from None
-        designs += len(held[-1])
+        designs += len(tables[-1])
         if designs >= GROUP or chunk == chunks[-1]:
-            yield pa.concat_tables(held).combine_chunks()
-            held, designs = [], 0
+            yield pa.concat_tables(tables).combine_chunks()
+            tables, designs = [], 0
 
 
 def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:
-    """A table of designs with columns for the derived outputs, and for whether all constraints are kept."""
+    """Return a table of designs with the columns of derived outputs, and of feasibility under constraints."""
     names = [*(column.name for column in loaded.columns), *loaded.outputs]
     columns = {name: np.asarray(stored[name].to_numpy(), dtype=np.float64) for name in names}
     ok = np.asarray(pc.equal(stored["status"], OK).to_numpy(), dtype=bool)
-    found = judge(loaded, columns, ok)
-    for name, values in found.derived.items():
+    judged = judge(loaded, columns, ok)
+    for name, values in judged.derived.items():
         stored = stored.append_column(name, pa.array(values, mask=np.isnan(values)))
     if loaded.study.constraint:
-        stored = stored.append_column(FEASIBLE, pa.array(found.feasible, mask=~ok))
+        stored = stored.append_column(FEASIBLE, pa.array(judged.feasible, mask=~ok))
     return stored
 
 
 @dataclass(frozen=True)
 class StudyTable:
-    """What was answered, design after design (n,): numbers of the designs, ascending, and texts.
+    """Results of n designs: numbers of the designs (n,), ascending, and status and reason (n,) as texts.
 
-    columns : factors, outputs and derived outputs by name, in file units; nan where there is no number. Those of a
-    table on disk are read when they are asked for, and not kept.
-    feasible : designs that have an answer and keep all constraints; None in a study without constraints.
+    columns : factors, outputs and derived outputs by name, in file units; nan where there is no number. Columns of a
+    table on disk are read at each access and not kept.
+    feasible : designs that have a result and keep all constraints; None in a study without constraints.
     """
 
     design: Index
@@ -119,48 +119,48 @@ class StudyTable:
 
     @cached_property
     def ok(self) -> AnyArray:
-        """Designs that have an answer, bool (n,)."""
+        """Designs with a result, bool (n,)."""
         return np.asarray(self.status == OK, dtype=bool)
 
     @property
     def counts(self) -> dict[str, int]:
-        """How many designs have each status, the most frequent first."""
+        """Number of designs by status, the most frequent first."""
         return dict(Counter(self.status.tolist()).most_common())
 
     @property
     def warnings(self) -> list[str]:
-        """What there is to know of some of the answers, a sentence each."""
+        """Warnings about results, each with its number of designs."""
         return counted_warnings(Counter(self.reason[self.ok].tolist()))
 
     @property
     def kept(self) -> AnyArray:
-        """Designs that have an answer and keep all constraints, bool (n,)."""
+        """Designs with a result that keep all constraints, bool (n,)."""
         return self.ok if self.feasible is None else self.ok & self.feasible
 
     @property
     def infeasible(self) -> AnyArray:
-        """Designs that have an answer but break a constraint, bool (n,)."""
+        """Designs with a result that break a constraint, bool (n,)."""
         return self.ok & ~self.kept
 
     @cached_property
     def round_off_sizes(self) -> dict[str, float]:
-        """Beside which size numbers of columns that symmetry can make zero are round-off, by medians of the others."""
-        beside = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in self.columns]
-        medians = [np.asarray(np.median(np.abs(values))) for values in self.with_answer(*beside)]
-        return {name: float(size) for name, size in sizes_of(dict(zip(beside, medians, strict=True))).items()}
+        """Reference size of each column that symmetry can make zero, by medians of other columns; for round-off."""
+        references = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in self.columns]
+        medians = [np.asarray(np.median(np.abs(values))) for values in self.with_results(*references)]
+        return {name: float(size) for name, size in sizes_of(dict(zip(references, medians, strict=True))).items()}
 
-    def with_answer(self, *names: str) -> list[Array]:
-        """Columns of the designs that have an answer."""
+    def with_results(self, *names: str) -> list[Array]:
+        """Return columns of the designs with a result."""
         return [self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names]
 
 
 def counted_warnings(reasons: Counter[str]) -> list[str]:
-    """Warnings on the designs with an answer, by what stands as their reason, and how many."""
+    """Return the warnings about results, which are their reasons, each with its number of designs."""
     return [f"{n:,} of {reasons.total():,} designs with an answer: {text}" for text, n in reasons.most_common() if text]
 
 
 class _Stored(dict[str, Array]):
-    """Columns of a Parquet file, read when they are asked for."""
+    """Columns of a Parquet file, read at each access."""
 
     def __init__(self, path: Path, names: Iterable[str]) -> None:
         super().__init__()
@@ -178,26 +178,23 @@ def read_table(path: Path) -> StudyTable:
     """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
     with _opened(path) as file:
         names = file.schema_arrow.names
-        found = file.read([name for name in ("design", *TEXTS, FEASIBLE) if name in names], use_threads=False)
+        table = file.read([name for name in ("design", *TEXTS, FEASIBLE) if name in names], use_threads=False)
     texts = list[AnyArray]()
     for name in TEXTS:
-        column = found[name].unify_dictionaries().combine_chunks()
+        column = table[name].unify_dictionaries().combine_chunks()
         texts.append(np.array(column.dictionary.to_pylist(), dtype=object)[column.indices.to_numpy()])
     feasible = None
     if FEASIBLE in names:
-        feasible = np.asarray(pc.fill_null(found[FEASIBLE], False).to_numpy(), dtype=bool)
+        feasible = np.asarray(pc.fill_null(table[FEASIBLE], False).to_numpy(), dtype=bool)
     status, reason = texts
-    return StudyTable(found["design"].to_numpy(), status, reason, _Stored(path, names), feasible)
+    return StudyTable(table["design"].to_numpy(), status, reason, _Stored(path, names), feasible)
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """A Parquet file to read from, opened here: pyarrow takes no name that is not UTF-8."""
+    """Open a Parquet file through Python, because pyarrow opens no file whose name is not UTF-8."""
     try:
-        with (
-            path.open("rb") as content,
-            pq.ParquetFile(content, read_dictionary=TEXTS, **READING) as file,
-        ):
+        with path.open("rb") as content, pq.ParquetFile(content, read_dictionary=TEXTS, **READING) as file:
             yield file
     except (OSError, ValueError, pa.ArrowException):
         raise BadInput(f"{path}: a damaged Parquet file; flexfem study collect writes it again") from None

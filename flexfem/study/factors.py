@@ -1,4 +1,4 @@
-"""The factors of a study, each a list, a range or a distribution, and the columns that they are."""
+"""Factors of a study, each a list, a range or a distribution, and their columns."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from flexfem.mechanism.keys import key_suggestion, keys, matching_keys
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
-MANY = 100_000  # values of one factor; more are a range
-MANY_KEYS = 100  # more than the format has
+MANY = 100_000  # most values or points of one factor
+MANY_KEYS = 100  # most keys of one factor
 Kind: TypeAlias = Literal["given", "values", "range", "normal", "uniform"]
-_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
+_KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # required and optional keys
     "given": ((), ()),
     "values": (("values",), ()),
     "range": (("from", "to"), ("scale", "points")),
@@ -26,12 +26,12 @@ _KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, pos
     "uniform": (("distribution", "lower", "upper"), ()),
 }
 WAYS = "a factor is values, or from and to, or a distribution"
-NAMED = ("key", "keys", "label")  # what a factor is of, whatever its kind
+NAMED = ("key", "keys", "label")  # keys that name a factor of any kind
 
 
-def _key_schema(others: str) -> dict[str, Any]:
-    """The key paths that there are, and those of a pattern: the names of actuators are those of the file."""
-    return {"anyOf": [{"enum": list(keys())}, {"pattern": others}]}
+def _key_schema(pattern: str) -> dict[str, Any]:
+    """Return the schema of the known key paths, and of a pattern for those with actuator names of the stage file."""
+    return {"anyOf": [{"enum": list(keys())}, {"pattern": pattern}]}
 
 
 Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
@@ -41,7 +41,7 @@ KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(overri
 
 
 class Factor(Table):
-    """One factor: a list, a range (`start` to `end`) or a distribution; with none of them a table of designs has it.
+    """One factor: a list, a range (`from` to `to`) or a distribution; without any of these, a column of your own table.
 
     All numbers are in the units of the stage file.
     """
@@ -49,37 +49,37 @@ class Factor(Table):
     named: ClassVar[tuple[str, ...]] = NAMED
 
     key: KeyPattern | None = Field(default=None, examples=["hinges.base.radius_mm"])
-    """A number of the stage file by its key path; of one of the nine hinges, whether or not the stage file overrides
-    it, as `override.2.elbow.neck_mm`, chain 2. A star, `override.*.*.neck_mm`, stands for as many independent factors.
-    A hinge with an override of its own in the stage file does not follow `hinges.elbow.neck_mm`"""
+    """Key path of a number of the stage file. `override.2.elbow.neck_mm` is that of one hinge, here in chain 2, even
+    where the stage file has no such override. A star stands for several independent factors: `override.*.*.neck_mm`.
+    A hinge with its own override in the stage file does not follow `hinges.elbow.neck_mm`"""
     keys: tuple[KeyName, ...] | None = Field(
         default=None, min_length=1, max_length=MANY_KEYS, examples=[["hinges.base.neck_mm", "hinges.elbow.neck_mm"]]
     )
-    """Instead of `key`: several that take one value"""
+    """Instead of `key`: several keys that take the same value"""
     label: Label | None = Field(default=None, examples=["neck of the base hinge"])
-    """Name of the column; by default the key"""
+    """Name of the column, by default the key"""
     values: tuple[Number, ...] | None = Field(default=None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]])
-    """A list: the points of a grid, else equally likely"""
+    """List of values: the points of a grid, otherwise equally likely"""
     start: Number | None = Field(default=None, alias="from", examples=[0.3])
-    """With `to`: where a range begins"""
+    """Start of a range, with `to`"""
     end: Number | None = Field(default=None, alias="to", examples=[1.0])
-    """Where the range ends"""
+    """End of the range"""
     scale: Literal["linear", "log"] = "linear"
-    """On which the range is uniform"""
+    """Scale on which the range is uniform"""
     points: int | None = Field(default=None, ge=2, le=MANY, examples=[5])
-    """Of a range in a grid, and of nothing else: how many"""
+    """Number of points of a range, in a grid only"""
     distribution: Literal["normal", "uniform"] | None = None
-    """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. A list or
-    range stays within the limits of its key; a distribution may leave them, and a design outside is a row `refused`
-    with its reason"""
+    """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. The values of
+    a list or range must be within the limits of the key; a distribution may exceed them, and a design outside is
+    `refused` with its reason"""
     mean: Number | None = Field(default=None, examples=[0.5])
-    """By default the base stage's own value"""
+    """Mean of a normal distribution, by default the value of the base stage"""
     sd: Step | None = Field(default=None, examples=[0.005])
     """Standard deviation"""
     lower: Number | None = Field(default=None, examples=[0.48])
-    """Least value of a distribution"""
+    """Lower bound of a distribution"""
     upper: Number | None = Field(default=None, examples=[0.52])
-    """Greatest value of a distribution"""
+    """Upper bound of a distribution"""
 
     @model_validator(mode="after")
     def _names_keys(self) -> Factor:
@@ -100,9 +100,9 @@ class Factor(Table):
 
     @model_validator(mode="after")
     def _is_one_kind(self) -> Factor:
-        needed, possible = _KEYS_OF[self.kind]
+        required, optional = _KEYS_OF[self.kind]
         choice = f"distribution = {shown(self.kind)}" if self.distribution else f"the {self.kind}"
-        require_keys(self, f"{choice} ({WAYS})", needed, (*self.named, *possible))
+        require_keys(self, f"{choice} ({WAYS})", required, (*self.named, *optional))
         return self
 
     @model_validator(mode="after")
@@ -125,7 +125,7 @@ class Factor(Table):
 
     @property
     def kind(self) -> Kind:
-        """What it is: given by a table, a list, a range, or which distribution."""
+        """Kind of the factor: given by a table, a list, a range, or the name of its distribution."""
         if self.distribution is not None:
             return self.distribution
         if self.values is not None:
@@ -134,19 +134,19 @@ class Factor(Table):
 
     @property
     def paths(self) -> tuple[str, ...]:
-        """All keys it names, stars expanded."""
+        """All keys of the factor, stars expanded."""
         return self.keys or (matching_keys(self.key) if self.key and "*" in self.key else (self.key or "",))
 
 
-def require_keys(table: Table, choice: str, needed: tuple[str, ...], possible: tuple[str, ...]) -> None:
-    """Refuse a table without a key that a choice in it needs, or with one that it has no use for."""
+def require_keys(table: Table, choice: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
+    """Refuse a table without a key that a choice in it requires, or with a key that the choice does not use."""
     fields = type(table).model_fields
     given = [field.alias or name for name, field in fields.items() if name in table.model_fields_set]
-    for name in needed:
+    for name in required:
         if name not in given:
             raise refusal(f"{name} with {choice}")
     for name in given:
-        if name not in (*needed, *possible):
+        if name not in (*required, *optional):
             raise refusal(f"no {name} with {choice}", name)
 
 
@@ -158,7 +158,7 @@ def _check_key(key: str, *at: str | int) -> None:
 
 
 class Column(NamedTuple):
-    """One independent factor: `name` of its column, the `keys` that take its value, `factor` mean filled in."""
+    """One independent factor: the `name` of its column, the `keys` that take its value, and `factor` with its mean."""
 
     name: str
     keys: tuple[str, ...]
@@ -166,35 +166,35 @@ class Column(NamedTuple):
 
 
 def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
-    """The columns of factors, stars expanded, in their order."""
-    found = list[Column]()
+    """Return the columns of factors in their order, stars expanded."""
+    columns = list[Column]()
     for factor in factors:
         if factor.key is not None and "*" in factor.key:
-            found += [Column(path, (path,), factor) for path in factor.paths]
+            columns += [Column(path, (path,), factor) for path in factor.paths]
         else:
-            found.append(Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor))
-    return tuple(found)
+            columns.append(Column(factor.label or factor.key or " = ".join(factor.paths), factor.paths, factor))
+    return tuple(columns)
 
 
 def columns_on(stage: Stage, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
-    """The columns of a factor of a base stage, whose own value is the mean where a normal distribution gives none.
+    """Yield the columns of a factor; a normal distribution without a mean takes the value of the base stage.
 
-    unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value of its
-    own, or one for each key; or nothing of it follows the keys.
+    unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value for the mean, or
+    several; or no output depends on the keys.
     """
     for column in columns_of([factor]):
-        named, found = ", ".join(column.keys), [keys()[path] for path in column.keys]
+        names, column_keys = ", ".join(column.keys), [keys()[path] for path in column.keys]
         if factor.kind == "normal" and factor.mean is None:
-            own = {key.value_in(stage) for key in found}
-            if len(own) != 1 or own == {None}:
-                raise BadInput(f"mean is missing, and the stage has no one value of {named}")
-            column = column._replace(factor=factor.model_copy(update={"mean": own.pop()}))
-        for key in found:
+            means = {key.value_in(stage) for key in column_keys}
+            if len(means) != 1 or means == {None}:
+                raise BadInput(f"mean is missing, and the stage has no one value of {names}")
+            column = column._replace(factor=factor.model_copy(update={"mean": means.pop()}))
+        for key in column_keys:
             if key.of_drive and not key.places_in(stage):
-                names = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
-                expected = f"a number that an actuator of the stage ({names}) states and that no override replaces"
+                actuators = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
+                expected = f"a number that an actuator of the stage ({actuators}) states and that no override replaces"
                 raise BadInput(f"key = {key.path}, expected {expected}")
-        if not any(key.places_in(stage) for key in found if key.path not in unused_keys):
+        if not any(key.places_in(stage) for key in column_keys if key.path not in unused_keys):
             expected = "a number that answers depend on: overrides stand in its place, or nothing asked for needs it"
-            raise BadInput(f"key = {named}, expected {expected}")
+            raise BadInput(f"key = {names}, expected {expected}")
         yield column

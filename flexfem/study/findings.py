@@ -1,4 +1,4 @@
-"""What the table of a study shows, as records for terminal, page, figures: maps, fronts, percentiles, Sobol indices."""
+"""Findings of a study as records for figures, page and terminal: maps, fronts, percentiles, Sobol indices."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, stage_of
-from flexfem.study.plan import Figure, Study, names_behind
+from flexfem.study.plan import Figure, Study, expanded_names
 from flexfem.units import unit_of, without_unit
 
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
 
-PER_CELL, MOST_CELLS = 12, 25  # designs in a cell of a map, about; cells along one side
-FEW = 3  # designs of a random sample, below which a mean says little
+PER_CELL, MOST_CELLS = 12, 25  # mean designs in a cell of a map; most cells along one side
+FEW = 3  # least number of random designs for a mean
 CONFIDENCE = 0.95
-LEAST = 100  # designs, for indices from one plain sample; of 60, an interval of 95 % held in 86 %
-MOST_BINS, FEW_LEVELS = 32, 12  # bins of a factor's range; values of a factor that are groups by themselves
-FLAT = 1e-9  # spread over size: round-off of a value that no factor changes
+LEAST = 100  # designs for indices from a plain sample; with 60, intervals of 95 % covered 86 %
+MOST_BINS, FEW_LEVELS = 32, 12  # most bins of the range of a factor; most values that are groups by themselves
+FLAT = 1e-9  # relative spread up to which a value is constant but for round-off
 MARKED = (2.5, 50.0, 97.5)  # percentiles
-ATTEMPTS = 2000  # designs of a front that are drawn to see whether they can be; some 10 ms each
+ATTEMPTS = 2000  # most designs of a front that are tested for drawing; some 10 ms each
 SIZE = "envelope_mm"
-TRUSTED = (5.0, 10.0)  # per cent of error: contours that are drawn heavier
-LARGEST = 1e100  # number that is drawn; squares of it, and of the least number, can be computed
+TRUSTED = (5.0, 10.0)  # per cent of error, whose contours are heavier
+LARGEST = 1e100  # largest drawn number, whose square and inverse square are finite
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
 
@@ -44,7 +44,7 @@ WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio
 
 
 class AxisText(NamedTuple):
-    """The text of an axis: name, unit or nothing; and whether it is logarithmic."""
+    """Name of an axis, its unit or "", and whether it is logarithmic."""
 
     name: str
     unit: str = ""
@@ -57,12 +57,12 @@ class AxisText(NamedTuple):
 
     @property
     def after(self) -> str:
-        """The unit as it follows a number, with a space that does not break."""
+        """The unit as text after a number, with spaces that do not break."""
         return SPACE + self.unit.replace(" ", SPACE) if self.unit else ""
 
 
 class Caption(NamedTuple):
-    """What stands above a figure: title, lines on how the numbers came about, key paths in doubt."""
+    """Text above a figure: title, lines on the origin of its numbers, key paths of assumed and not stated numbers."""
 
     title: str
     lines: Sequence[str]
@@ -71,7 +71,7 @@ class Caption(NamedTuple):
 
 
 def output(column: str, study: Study | None = None) -> AxisText:
-    """What an output column of a study is called, with the known error of a stress by finite elements."""
+    """Return the name of an output column, with the known error of a stress by finite elements."""
     name = LABELS.get(column, column)
     if column in STRESSES and study is not None and study.stress_below:
         name = f"{name} ({study.stress_below})"
@@ -79,20 +79,20 @@ def output(column: str, study: Study | None = None) -> AxisText:
 
 
 def factor(column: Column) -> AxisText:
-    """What a factor is called: by the label the study gives it, else in words by the keys it sets."""
+    """Return the name of a factor: its label in the study, or its keys in words."""
     units = {unit_of(key).name for key in column.keys}
     name = column.factor.label or " = ".join(words(without_unit(key)) for key in column.keys)
     return AxisText(name, units.pop() if len(units) == 1 else "", column.factor.scale == "log")
 
 
 def words(key: str) -> str:
-    """A key path, without its unit, in words: `override.2.elbow.neck` is `neck, chain 2 elbow`."""
+    """Return a key path without unit in words: `override.2.elbow.neck` is `neck, chain 2 elbow`."""
     *tables, last = path_of(key)
     leaf = str(last) if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
     leaf = WORDS.get(leaf := leaf.replace("_", " "), leaf)
     match tables:
-        case ["override", chain, *of]:
-            return f"{leaf}, chain {chain} {' '.join(map(str, of))}"
+        case ["override", chain, *part]:
+            return f"{leaf}, chain {chain} {' '.join(map(str, part))}"
         case ["actuator", name]:
             return f"{leaf} of actuator {name}"
         case ["hinges", hinge]:
@@ -103,7 +103,7 @@ def words(key: str) -> str:
 
 
 def model_words(loaded: LoadedStudy) -> str:
-    """What answered, in words."""
+    """Return a description of the model."""
     study, plane = loaded.study, loaded.stage.model
     analytic = f"{study.formula}, mobility {study.mobility or loaded.stage.mobility}{', elastic links' * study.links}"
     meshed = f"{study.resolution} triangles across every neck"
@@ -117,8 +117,8 @@ def model_words(loaded: LoadedStudy) -> str:
     return model if plane == "plane_stress" else f"{model}, {plane.replace('_', ' ')}"
 
 
-def drawn_words(loaded: LoadedStudy) -> str:
-    """How designs were drawn, in words."""
+def sampling_words(loaded: LoadedStudy) -> str:
+    """Return a description of the sampling."""
     if loaded.table is not None:
         return f"table {loaded.table.path.name}"
     sampling = loaded.study.sampling
@@ -128,30 +128,30 @@ def drawn_words(loaded: LoadedStudy) -> str:
 
 
 def counted(counts: Mapping[str, int]) -> str:
-    """How many designs have which status: `9 871 ok, 129 refused`."""
+    """Return the number of designs by status as text: `9 871 ok, 129 refused`."""
     return ", ".join(f"{thousands(count)} {status}" for status, count in counts.items() if count)
 
 
 def sentence(text: str) -> str:
-    """With a capital and a full stop."""
+    """Return a text with a capital and a full stop."""
     return f"{text[0].upper()}{text[1:]}."
 
 
 class Source(NamedTuple):
-    """What all figures are drawn from: the study, its table, and the base stage's factors and outputs by column.
+    """Data of all figures: the study, its table, and the factors and outputs of the base stage by column.
 
-    `unseen` : sentences on factors that nothing shown depends on.
+    `factor_warnings` : sentences on factors that change nothing shown.
     """
 
     loaded: LoadedStudy
     table: StudyTable
     nominal: Mapping[str, float]
-    unseen: Sequence[str] = ()
+    factor_warnings: Sequence[str] = ()
 
     def quantity(self, name: str) -> AxisText:
-        """What a column is called."""
+        """Return name and unit of a column."""
         columns = {column.name: column for column in self.loaded.columns}
-        derived = {each.name: each for each in self.loaded.study.output}
+        derived = {output.name: output for output in self.loaded.study.output}
         if name in columns:
             return factor(columns[name])
         if name in derived:
@@ -159,11 +159,11 @@ class Source(NamedTuple):
         return output(name, self.loaded.study)
 
     def column(self, name: str) -> Array:
-        """Numbers of a column of the table (n,), round-off as 0."""
+        """Return the numbers (n,) of a column of the table, round-off as 0."""
         return self._cleared(name, self.table.columns[name])
 
-    def own(self, name: str) -> float | None:
-        """The base stage's number of a column, round-off as 0; None where it is not known."""
+    def base_value(self, name: str) -> float | None:
+        """Return the number of the base stage in a column, round-off as 0; None where it is not known."""
         value = np.asarray(self.nominal.get(name, np.nan))
         return float(self._cleared(name, value)) if np.isfinite(value) else None
 
@@ -171,38 +171,38 @@ class Source(NamedTuple):
         return np.where(np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values)
 
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
-        """What stands above a figure, its own title where it has one."""
+        """Return the text above a figure, with the title of the study file where it has one."""
         loaded, study, table = self.loaded, self.loaded.study, self.table
         counts = table.counts | {"open": loaded.count - len(table.design)}
-        said = [
+        text = [
             f"Study: {study.name}. Base stage: {loaded.stage.name}.",
-            f"{model_words(loaded)}. {thousands(loaded.count)} designs ({drawn_words(loaded)}): {counted(counts)}.",
+            f"{model_words(loaded)}. {thousands(loaded.count)} designs ({sampling_words(loaded)}): {counted(counts)}.",
         ]
         if study.constraint:
-            limits = "; ".join(f"{one.said} {one.expected}" for one in study.constraint)
-            kept, answers = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
-            said.append(f"{kept} of {answers} designs with an answer keep the constraints: {limits}.")
-        said += [f"{text}." for text in table.warnings]
+            limits = "; ".join(f"{constraint.title} {constraint.expected}" for constraint in study.constraint)
+            kept, computed = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
+            text.append(f"{kept} of {computed} designs with an answer keep the constraints: {limits}.")
+        text += [f"{warning}." for warning in table.warnings]
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else life_columns(study.life.moved))}
-        if names_behind((name for name, _ in figure.columns.values()), study.output) & of_stress:
-            said.append(sentence(loaded.stress_accuracy))
-        return Caption(figure.title or sentence(title)[:-1], [*said, *lines], *loaded.assumptions)
+        if expanded_names((name for name, _ in figure.columns.values()), study.output) & of_stress:
+            text.append(sentence(loaded.stress_accuracy))
+        return Caption(figure.title or sentence(title)[:-1], [*text, *lines], *loaded.assumptions)
 
-    def base(self, x: str, y: str) -> tuple[float, float] | None:
-        """Where the base stage is among the designs, None where that is not known."""
-        found = self.own(x), self.own(y)
-        return None if found[0] is None or found[1] is None else (found[0], found[1])
+    def base_point(self, x: str, y: str) -> tuple[float, float] | None:
+        """Return two numbers of the base stage, None where they are not known."""
+        base_x, base_y = self.base_value(x), self.base_value(y)
+        return None if base_x is None or base_y is None else (base_x, base_y)
 
-    def refused(self, kind: str, name: str, reason: str) -> BadInput:
-        """Why a figure of a column cannot be drawn."""
+    def refusal(self, kind: str, name: str, reason: str) -> BadInput:
+        """Return the error that a figure of a column cannot be drawn."""
         return BadInput(f"{self.loaded.path}: {kind} of {name}: {reason}")
 
 
 # records
 
 
-class FoundTable(NamedTuple):
-    """What a figure shows as numbers: headings by key, and rows of texts and numbers; texts stand first."""
+class FigureTable(NamedTuple):
+    """Numbers of a figure: headings by key, and rows of texts followed by numbers."""
 
     caption: str
     head: Mapping[str, str]
@@ -210,19 +210,19 @@ class FoundTable(NamedTuple):
 
     @property
     def facts(self) -> list[dict[str, str | float | None]]:
-        """The rows as plain data; None for what is not finite."""
+        """The rows as plain data, None for numbers that are not finite."""
         plain = ([x if isinstance(x, str) or np.isfinite(x) else None for x in row] for row in self.rows)
         return [dict(zip(self.head, row, strict=True)) for row in plain]
 
 
-NOTHING = FoundTable("", {}, [])
+NO_TABLE = FigureTable("", {}, [])
 
 
 class Cells(NamedTuple):
-    """Points (n, 2) of a map with values (n,), nan where there is none; `missing`, (n,) by why, says which are.
+    """Points (n, 2) of a map with values (n,), nan where there is none; `missing` marks these points (n,) by reason.
 
-    grid : whether the points are all pairs of some values.   averaged : columns that the values are means over.
-    scatter, size : median standard deviation of the designs about the mean of their cell, and median designs in one.
+    grid : whether the points are all pairs of some values.   averaged : columns over which the values are means.
+    scatter, size : median over the cells of the standard deviation in a cell, and of its number of designs.
     """
 
     points: Array
@@ -235,7 +235,7 @@ class Cells(NamedTuple):
 
 
 class StudyMap(NamedTuple):
-    """A value over two factors; `marks` are contours that matter, `base` is x and y of the base stage."""
+    """A value over two factors; `marks` are emphasised contours, `base` is x and y of the base stage."""
 
     caption: Caption
     x: AxisText
@@ -244,11 +244,11 @@ class StudyMap(NamedTuple):
     cells: Cells
     marks: tuple[float, ...] = ()
     base: tuple[float, float] | None = None
-    table: FoundTable = NOTHING
+    table: FigureTable = NO_TABLE
 
 
 class Percentile(NamedTuple):
-    """A percentile of a sample and its confidence interval; an end is infinite where the sample is too small for it."""
+    """A percentile of a sample and its confidence interval, with an infinite end where the sample is too small."""
 
     percent: float
     value: float
@@ -257,7 +257,7 @@ class Percentile(NamedTuple):
 
 
 class Scatter(NamedTuple):
-    """How one value (n,) scatters: percentiles from low to high, and the value of the base stage where known."""
+    """Scatter of one quantity (n,): percentiles from low to high, and the value of the base stage where known."""
 
     quantity: AxisText
     values: Array
@@ -266,16 +266,16 @@ class Scatter(NamedTuple):
 
 
 class Distribution(NamedTuple):
-    """How several values scatter."""
+    """Scatter of several quantities."""
 
     caption: Caption
     scatters: Sequence[Scatter]
-    table: FoundTable = NOTHING
+    table: FigureTable = NO_TABLE
 
 
 class Indices(NamedTuple):
-    """Sobol indices (k,) of one value in the order of the factors, and half-widths of their confidence intervals;
-    total ones where the sample tells them."""
+    """Sobol indices (k,) of one quantity in the order of the factors, and half-widths of their confidence intervals;
+    total indices where the sampling gives them."""
 
     first: Array
     first_band: Array
@@ -284,23 +284,23 @@ class Indices(NamedTuple):
 
 
 class Share(NamedTuple):
-    """One value and the indices of every factor."""
+    """One quantity and the indices of every factor."""
 
     quantity: AxisText
     indices: Indices
 
 
 class Sensitivity(NamedTuple):
-    """Which factor causes how much of several values; what the factors are called, in the order of the indices."""
+    """Sobol indices of several quantities, and names of the factors in the order of the indices."""
 
     caption: Caption
     shares: Sequence[Share]
     factors: Sequence[str]
-    table: FoundTable = NOTHING
+    table: FigureTable = NO_TABLE
 
 
 class Chosen(NamedTuple):
-    """A design of a front to draw: its `place` among the points, its stage, and the numbers to write below it."""
+    """A drawn design of a front: its `place` among the points, its stage, and the numbers below it."""
 
     place: int
     stage: Stage
@@ -308,13 +308,13 @@ class Chosen(NamedTuple):
 
 
 class ParetoFront(NamedTuple):
-    """The designs that no other beats in two values.
+    """Pareto front of two quantities.
 
-    points : (n, 2), x and y of every design that counts.   front : (m,), places of the best, in order.
-    undrawable : (k,), places of designs that would be on the front or beyond it, but cannot be drawn.
-    left_out : what is not drawn, one line each.   base : x and y of the base stage.
-    power : slope of log y over log x along the front.   gain : y over the base stage's y, of the best design no worse
-    in x and no larger.
+    points : (n, 2), x and y of every feasible design.   front : (m,), places of the designs on the front, in order.
+    undrawable : (k,), places of designs on the front or better that cannot be drawn.
+    left_out : designs that are not shown, one line for each kind.   base : x and y of the base stage.
+    power : slope of log y over log x along the front.   gain : ratio of y to that of the base stage, for the best
+    design no worse in x and no larger.
     """
 
     caption: Caption
@@ -329,11 +329,11 @@ class ParetoFront(NamedTuple):
     base: tuple[float, float] | None = None
     power: float | None = None
     gain: float | None = None
-    table: FoundTable = NOTHING
+    table: FigureTable = NO_TABLE
 
 
 class Refused(NamedTuple):
-    """A figure that cannot be drawn from this table: why, in one line."""
+    """The reason, in one line, why a figure cannot be drawn from this table."""
 
     reason: str
 
@@ -342,77 +342,74 @@ Record: TypeAlias = StudyMap | Distribution | Sensitivity | ParetoFront
 
 
 def findings(source: Source) -> dict[str, Record | Refused]:
-    """What every figure of a study file shows, by the name of its files; `Refused` where it cannot be drawn.
+    """Return the record of every figure of a study file by the name of its image; `Refused` where it cannot be drawn.
 
-    Raises BadInput: nothing has an answer.
+    Raises BadInput: no design has a result.
     """
     loaded, table = source.loaded, source.table
     if not table.ok.any():
         raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has an answer, expected some to draw")
-    made: dict[str, Callable[[Source, Figure], Record]]
-    made = {"map": map_of, "distribution": distribution_of, "sensitivity": sensitivity_of, "pareto": front_of}
-    found, seen = dict[str, Record | Refused](), Counter[str]()
+    makers: dict[str, Callable[[Source, Figure], Record]]
+    makers = {"map": map_of, "distribution": distribution_of, "sensitivity": sensitivity_of, "pareto": front_of}
+    records, used = dict[str, Record | Refused](), Counter[str]()
     for figure in loaded.study.figure:
         stem = "-".join(part for part in (loaded.stem, figure.kind, figure.value) if part)
-        seen[stem] += 1
+        used[stem] += 1
         try:
             for name, _ in figure.columns.values():
                 _require_drawable(source, figure.kind, name)
-            shown: Record | Refused = made[figure.kind](source, figure)
+            record: Record | Refused = makers[figure.kind](source, figure)
         except BadInput as error:
-            shown = Refused(str(error))
-        found[stem if seen[stem] == 1 else f"{stem}-{seen[stem]}"] = shown
-    return found
+            record = Refused(str(error))
+        records[stem if used[stem] == 1 else f"{stem}-{used[stem]}"] = record
+    return records
 
 
 def _require_drawable(source: Source, kind: str, name: str) -> None:
     table, sizes = source.table, np.abs(source.column(name))
     bad = np.flatnonzero(table.ok & (sizes != 0) & ~((sizes >= 1 / LARGEST) & (sizes <= LARGEST)))
     if len(bad):
-        of = f"{len(bad)} of {int(table.ok.sum())} designs with an answer, expected one for each"
+        designs = f"{len(bad)} of {int(table.ok.sum())} designs with an answer, expected one for each"
         number = f"no finite number, 0 or {1 / LARGEST:g} to {LARGEST:g} in size,"
-        raise source.refused(kind, name, f"{number} for {of}; the first is design {table.design[bad[0]]}")
+        raise source.refusal(kind, name, f"{number} for {designs}; the first is design {table.design[bad[0]]}")
 
 
 # maps
 
 
 def map_of(source: Source, figure: Figure) -> StudyMap:
-    """A value over two factors, or its mean over the others where they vary too. Raises BadInput."""
+    """Return the map of an output over two factors, averaged over other factors that vary. Raises BadInput."""
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
-    across, up, shown = (source.quantity(name) for name in (x, y, value))
+    x_axis, y_axis, value_axis = (source.quantity(name) for name in (x, y, value))
     cells, lines = cells_of(source, (x, y), value), list[str]()
-    known = np.isfinite(cells.values)
-    if not known.any():
-        raise source.refused("map", value, "no design to show keeps all constraints, expected some")
+    if not np.isfinite(cells.values).any():
+        raise source.refusal("map", value, "no design to show keeps all constraints, expected some")
     if cells.averaged:
         names = ", ".join(source.quantity(name).name for name in cells.averaged)
         lines.append(
             f"A cell is the mean over {names}: of {cells.size} designs (median), which scatter by "
-            f"{cells.scatter:.2g}{shown.after} (standard deviation in a cell, median)."
+            f"{cells.scatter:.2g}{value_axis.after} (standard deviation in a cell, median)."
         )
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
-        (found,) = source.table.with_answer(band)
-        lines.append(
-            f"Mesh band of the error: median {np.median(found):.2g}, largest {found.max():.2g} percentage points."
-        )
+        (bands,) = source.table.with_results(band)
+        median, largest = np.median(bands), bands.max()
+        lines.append(f"Mesh band of the error: median {median:.2g}, largest {largest:.2g} percentage points.")
     numbers = np.column_stack([cells.values, cells.points])
     ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
     rows = [(word, *numbers[place].tolist()) for word, place in ends]
     head = {"end": "", **{name: source.quantity(name).label for name in (value, x, y)}}
-    ends_of = FoundTable("Ends of the map", head, rows)
+    table = FigureTable("Ends of the map", head, rows)
     marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
-    caption = source.caption(figure, f"{shown.name} over {across.name} and {up.name}", *lines)
-    return StudyMap(caption, across, up, shown, cells, marks, source.base(x, y), ends_of)
+    caption = source.caption(figure, f"{value_axis.name} over {x_axis.name} and {y_axis.name}", *lines)
+    return StudyMap(caption, x_axis, y_axis, value_axis, cells, marks, source.base_point(x, y), table)
 
 
 def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
-    """The value over two factors; where other factors vary as well, its mean over them in cells of the two."""
+    """Return a column over two factors, as means in cells of these where other factors vary too."""
     loaded, table = source.loaded, source.table
-    others = tuple(
-        column.name for column in loaded.columns if column.name not in names and np.ptp(table.columns[column.name]) > 0
-    )
+    factors = (column.name for column in loaded.columns)
+    others = tuple(name for name in factors if name not in names and np.ptp(table.columns[name]) > 0)
     points, values = np.column_stack([table.columns[name] for name in names]), source.column(value)
     grid = loaded.study.sampling.method == "grid"
     if not others:
@@ -422,12 +419,12 @@ def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
     bins = len(points) if grid else int(np.clip(np.sqrt(len(points) / PER_CELL), 2, MOST_CELLS))
     log = {column.name: column.factor.scale == "log" for column in loaded.columns}
     (xs, i), (ys, j) = (_binned(v, bins, log[name]) for v, name in zip(points.T, names, strict=True))
-    cell, found = (i * len(ys) + j)[table.kept], values[table.kept]
+    cell, kept = (i * len(ys) + j)[table.kept], values[table.kept]
     count = np.bincount(cell, minlength=len(xs) * len(ys))
     enough = count >= (1 if grid else FEW)
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.bincount(cell, found, len(count)) / count
-        scatter = np.sqrt(np.bincount(cell, (found - mean[cell]) ** 2, len(count)) / (count - 1))
+        mean = np.bincount(cell, kept, len(count)) / count
+        scatter = np.sqrt(np.bincount(cell, (kept - mean[cell]) ** 2, len(count)) / (count - 1))
     several = enough & (count > 1)
     return Cells(
         np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2),
@@ -441,7 +438,7 @@ def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
 
 
 def _binned(column: Array, bins: int, log: bool) -> tuple[Array, Index]:
-    """Centres of the bins of a factor (n,), and in which each design is; single values where they are few."""
+    """Return the centres of the bins of a factor, or its values if few, and the bin of each design (n,)."""
     levels, group = np.unique(column, return_inverse=True)
     if len(levels) <= bins:
         return levels, np.asarray(group, dtype=np.int64)
@@ -456,58 +453,58 @@ def _binned(column: Array, bins: int, log: bool) -> tuple[Array, Index]:
 
 
 def front_of(source: Source, figure: Figure) -> ParetoFront:
-    """The designs that no other beats in two columns, and some of them to draw. Raises BadInput."""
+    """Return the Pareto front of two columns, with stages of some of its designs. Raises BadInput."""
     loaded, table, x, y = source.loaded, source.table, figure.x or "", figure.y or ""
     rows = np.flatnonzero(table.kept)
     if len(rows) == 0:
-        raise source.refused("pareto", y, "no design keeps all constraints, expected some")
+        raise source.refusal("pareto", y, "no design keeps all constraints, expected some")
     points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
     def stages_at(places: Index) -> Iterator[Stage | None]:
         values = np.column_stack([table.columns[column.name][rows[places]] for column in loaded.columns])
-        return (drawable(loaded, each) for each in values)
+        return (drawable(loaded, row) for row in values)
 
     larger = (figure.x_better == "larger", figure.y_better == "larger")
-    attempts = 0 if loaded.study.draws else ATTEMPTS  # what was drawn before it was answered can be drawn
+    attempts = 0 if loaded.study.draws else ATTEMPTS  # designs that were drawn before they were solved can be drawn
     front = drawable_front(points, larger, stages_at, attempts)
     best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
     along = np.stack([np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
-    called = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
-    x_name, y_name = (name._replace(log=name.log or is_wide(values)) for name, values in called)
+    axes = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
+    x_axis, y_axis = (axis._replace(log=axis.log or is_wide(values)) for axis, values in axes)
     names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
-    wanted = spread(along, figure.drawn)
+    selected = spread(along, figure.drawn)
     numbers = {name: source.column(name)[rows[front.places]] for name in names}
     chosen = [
-        Chosen(front.places[k], stage, [(source.quantity(name), float(found[k])) for name, found in numbers.items()])
-        for k, stage in zip(wanted, stages_at(front.places[wanted]), strict=True)
+        Chosen(front.places[k], stage, [(source.quantity(name), float(values[k])) for name, values in numbers.items()])
+        for k, stage in zip(selected, stages_at(front.places[selected]), strict=True)
         if stage is not None
     ]
-    without = {status: n for status, n in table.counts.items() if status != "ok"}
-    without["that break a constraint"] = int(table.infeasible.sum())
-    left_out = [f"not drawn: {counted(without)}"] if any(without.values()) else []
+    excluded = {status: n for status, n in table.counts.items() if status != "ok"}
+    excluded["that break a constraint"] = int(table.infeasible.sum())
+    left_out = [f"not drawn: {counted(excluded)}"] if any(excluded.values()) else []
     if attempts and front.unchecked:
         left_out.append(f"{front.unchecked} on the front are not known to be drawable")
     power, gain = power_of(best), _gain(source, figure, rows, front.undrawable, stages_at)
-    said = list[str]()
+    lines = list[str]()
     if power is not None:
-        said.append(f"Along the front {y_name.name} goes as {x_name.name} to the power {power:.3g} (least squares).")
+        lines.append(f"Along the front {y_axis.name} goes as {x_axis.name} to the power {power:.3g} (least squares).")
     if gain is not None:
-        best_of = f"The best design no worse in {x_name.name} and no larger than the base stage"
-        said.append(f"{best_of} has {gain:.3g} times its {y_name.name}.")
+        best_of = f"The best design no worse in {x_axis.name} and no larger than the base stage"
+        lines.append(f"{best_of} has {gain:.3g} times its {y_axis.name}.")
     head = {"design": "design", **{name: source.quantity(name).label for name in names}}
     designs = map(str, table.design[rows[front.places]])
-    columns = [found.tolist() for found in numbers.values()]
-    shown = FoundTable("Designs of the front", head, list(zip(designs, *columns, strict=True)))
-    caption = source.caption(figure, f"{y_name.name} against {x_name.name}", *said)
+    columns = [values.tolist() for values in numbers.values()]
+    listed = FigureTable("Designs of the front", head, list(zip(designs, *columns, strict=True)))
+    caption = source.caption(figure, f"{y_axis.name} against {x_axis.name}", *lines)
     better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
     return ParetoFront(
-        caption, x_name, y_name, better, points, *places, chosen, left_out, source.base(x, y), power, gain, shown
+        caption, x_axis, y_axis, better, points, *places, chosen, left_out, source.base_point(x, y), power, gain, listed
     )
 
 
 class Front(NamedTuple):
-    """Places (m,) of the best designs that can be drawn, from the best in x to the best in y; places of those that
-    would be on the front or beyond it but cannot be drawn; and how many of the first were not tried."""
+    """Places (m,) of the drawable designs on the front, from the best in x to the best in y; places of designs on the
+    front or better that cannot be drawn; and the number of designs on the front that were not tested."""
 
     places: Index
     undrawable: Index
@@ -515,38 +512,38 @@ class Front(NamedTuple):
 
 
 def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> Index:
-    """Places (m,) of the designs, x and y (n, 2), that no other beats, from the best in x to the best in y.
+    """Return the places (m,) of the designs, x and y (n, 2), on the Pareto front, from the best in x to the best in y.
 
-    One design beats another when it is no worse in both values and better in one; equal designs stay together. Sorted
+    A design dominates another when it is no worse in both values and better in one; equal designs stay together. Sorted
     from the best x on, a design is on the front when its y is better than all before (Kung, Luccio, Preparata 1975).
     """
     x, y = np.where(larger, points, -points).T
     order = np.lexsort((-y, -x))
     x, y = x[order], y[order]
     best = np.maximum.accumulate(np.concatenate([[-np.inf], y]))
-    opens = np.concatenate([[True], x[1:] != x[:-1]])[: len(order)]
-    group = np.maximum.accumulate(np.where(opens, np.arange(len(order)), 0))  # where designs of the same x begin
+    first = np.concatenate([[True], x[1:] != x[:-1]])[: len(order)]
+    group = np.maximum.accumulate(np.where(first, np.arange(len(order)), 0))  # index of the first design of equal x
     return np.asarray(order[(y > best[group]) & (y == y[group])], dtype=np.int64)
 
 
 def drawable_front(
-    points: Array, larger: tuple[bool, bool], drawn: Callable[[Index], Iterable[object]], attempts: int
+    points: Array, larger: tuple[bool, bool], stages_at: Callable[[Index], Iterable[object]], attempts: int
 ) -> Front:
-    """The front of the designs that can be drawn: those that cannot, `drawn` None, make room for the ones behind."""
+    """Return the front of the designs that can be drawn; `stages_at` yields None for a design that cannot."""
     possible, known = np.ones(len(points), dtype=bool), np.zeros(len(points), dtype=bool)
     while True:
-        left = np.flatnonzero(possible)
-        places = left[non_dominated(points[left], larger)]
-        fresh = places[~known[places]]
-        tried = fresh[: attempts - int(known.sum())]
-        if len(tried) == 0:
-            return Front(places, np.flatnonzero(~possible), len(fresh))
-        known[tried] = True
-        possible[tried] = [stage is not None for stage in drawn(tried)]
+        remaining = np.flatnonzero(possible)
+        places = remaining[non_dominated(points[remaining], larger)]
+        untested = places[~known[places]]
+        tested = untested[: attempts - int(known.sum())]
+        if len(tested) == 0:
+            return Front(places, np.flatnonzero(~possible), len(untested))
+        known[tested] = True
+        possible[tested] = [stage is not None for stage in stages_at(tested)]
 
 
 def spread(points: Array, count: int) -> Index:
-    """Places (at most `count`,) along a front (m, 2), ends included, about equally far apart, both spans taken as 1."""
+    """Return at most `count` places along a front (m, 2), ends included, about equidistant when both spans are 1."""
     spans = np.ptp(points, axis=0)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(points, axis=0) / np.where(spans > 0, spans, 1.0)).T))])
     targets = np.linspace(0.0, along[-1], count) if count > 1 else along[-1:] / 2
@@ -554,7 +551,7 @@ def spread(points: Array, count: int) -> Index:
 
 
 def drawable(loaded: LoadedStudy, values: Array) -> Stage | None:
-    """The stage of factor values (columns,), None when it cannot be made."""
+    """Return the stage of factor values (columns,), None where it cannot be made."""
     with suppress(BadInput, ValidationError):
         stage = stage_of(loaded, values)
         check_feasible(stage)
@@ -563,7 +560,7 @@ def drawable(loaded: LoadedStudy, values: Array) -> Stage | None:
 
 
 def power_of(points: Array) -> float | None:
-    """Slope of log y over log x (m, 2), by least squares; None for one x alone, or values that are not positive."""
+    """Return the least-squares slope of log y over log x (m, 2); None for a single x or for values not above zero."""
     if points.min() <= 0 or np.ptp(points[:, 0]) == 0:
         return None
     x, y = np.log(points).T
@@ -571,60 +568,60 @@ def power_of(points: Array) -> float | None:
 
 
 def _gain(
-    source: Source, figure: Figure, rows: Index, undrawable: Index, drawn: Callable[[Index], Iterable[Stage | None]]
+    source: Source, figure: Figure, rows: Index, undrawable: Index, stages_at: Callable[[Index], Iterable[Stage | None]]
 ) -> float | None:
-    """What the best design that can be drawn gains in y over the base stage, at no cost in x and size."""
+    """Return y over that of the base stage for the best drawable design that is no worse in x and no larger."""
     x, y, sign = figure.x or "", figure.y or "", {"larger": 1.0, "smaller": -1.0}
-    own_x, own_y, own_size = map(source.own, (x, y, SIZE))
-    if own_x is None or own_size is None or not own_y:
+    base_x, base_y, base_size = map(source.base_value, (x, y, SIZE))
+    if base_x is None or base_size is None or not base_y:
         return None
-    reached, gained, size = (source.column(name)[rows] for name in (x, y, SIZE))
-    fits = (sign[figure.x_better] * (reached - own_x) >= 0) & (size <= own_size)
-    fits[undrawable] = False
-    places = np.flatnonzero(fits)
-    ordered = places[np.argsort(-sign[figure.y_better] * gained[places], kind="stable")][:ATTEMPTS]
-    best = next((place for place, stage in zip(ordered, drawn(ordered), strict=True) if stage is not None), None)
-    return None if best is None else float(gained[best] / own_y)
+    x_values, y_values, size = (source.column(name)[rows] for name in (x, y, SIZE))
+    eligible = (sign[figure.x_better] * (x_values - base_x) >= 0) & (size <= base_size)
+    eligible[undrawable] = False
+    places = np.flatnonzero(eligible)
+    ordered = places[np.argsort(-sign[figure.y_better] * y_values[places], kind="stable")][:ATTEMPTS]
+    best = next((place for place, stage in zip(ordered, stages_at(ordered), strict=True) if stage is not None), None)
+    return None if best is None else float(y_values[best] / base_y)
 
 
 # percentiles
 
 
 def distribution_of(source: Source, figure: Figure) -> Distribution:
-    """How values scatter, with percentiles whose intervals hold for independent draws."""
+    """Return the scatter of outputs, with percentiles whose confidence intervals assume independent draws."""
     loaded, table, scatters, rows = source.loaded, source.table, [], list[Sequence[str | float]]()
-    saltelli = loaded.study.sampling.method == "saltelli"  # whose rows of one Sobol point are one draw
+    saltelli = loaded.study.sampling.method == "saltelli"  # its rows from one Sobol point are one draw
     draws = table.design[table.ok] // (len(loaded.columns) + 2) if saltelli else None
     for name in figure.values or ():
-        values, called, own = source.column(name)[table.ok], source.quantity(name), source.own(name)
-        scatters.append(Scatter(called, values, percentiles(values, MARKED, draws), own))
-        rows += [(called.name, called.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in scatters[-1].percentiles]
-        if own is not None:
-            rows.append((called.name, called.unit, "base stage", own, np.nan, np.nan))
+        values, axis, base = source.column(name)[table.ok], source.quantity(name), source.base_value(name)
+        scatters.append(Scatter(axis, values, percentiles(values, MARKED, draws), base))
+        rows += [(axis.name, axis.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in scatters[-1].percentiles]
+        if base is not None:
+            rows.append((axis.name, axis.unit, "base stage", base, np.nan, np.nan))
     line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
     if loaded.table is not None:
         line += " They hold if the designs of the table are independent draws."
     elif loaded.study.sampling.method != "monte_carlo":
         line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
     head = {"quantity": "value", "unit": "unit", "percent": "percentile", "value": "", "low": "from", "high": "to"}
-    found = FoundTable("Percentiles with 95 % confidence intervals", head, rows)
-    return Distribution(source.caption(figure, "How the values scatter", line), scatters, found)
+    listed = FigureTable("Percentiles with 95 % confidence intervals", head, rows)
+    return Distribution(source.caption(figure, "How the values scatter", line), scatters, listed)
 
 
 def percentiles(values: Array, percent: Sequence[float], draws: Index | None = None) -> list[Percentile]:
-    """Percentiles, between 0 and 100, of a sample (n,), and intervals that hold the true ones with a probability.
+    """Return percentiles, between 0 and 100, of a sample (n,) with their confidence intervals.
 
-    draws : (n,), number of the independent draw that each value belongs to, from 0; None when each is its own.
+    draws : (n,), index from 0 of the independent draw to which each value belongs; None where each is its own draw.
 
     The number of draws below the true percentile is binomial, so that it lies between two order statistics with a
     probability known for every continuous distribution (H. A. David, H. N. Nagaraja, Order Statistics, 3rd ed., Wiley
-    2003, section 7.1); half of what is left is allowed on each side. Where values share a draw, the share below the
-    percentile scatters from draw to draw (R. S. Woodruff, J. Am. Stat. Assoc. 47 (1952) 635).
+    2003, section 7.1); both tails are equal. Where values share a draw, the share below the percentile scatters from
+    draw to draw (R. S. Woodruff, J. Am. Stat. Assoc. 47 (1952) 635).
     """
     from scipy.stats import binom, norm
 
     ordered, n, tail = np.sort(values), len(values), (1 - CONFIDENCE) / 2
-    found = []
+    results = []
     for p in percent:
         middle, share = float(np.percentile(ordered, p)), p / 100
         if draws is None:
@@ -634,15 +631,15 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
             width = norm.ppf(1 - tail) * np.sqrt(m / (m - 1) * np.sum(excess**2)) if m > 1 else n
             first, last = int(np.floor(n * share - width)), int(np.ceil(n * share + width)) + 1
         low = -np.inf if first < 1 else float(ordered[first - 1])
-        found.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
-    return found
+        results.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
+    return results
 
 
 # Sobol indices
 
 
 def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
-    """Sobol indices of several values by every factor. Raises BadInput."""
+    """Return the Sobol indices of several outputs for every factor. Raises BadInput."""
     loaded = source.loaded
     shares = [Share(source.quantity(name), sensitivity(source, name)) for name in figure.values or ()]
     line = "Sobol indices; whiskers: 95 % confidence."
@@ -658,43 +655,43 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     if all(share.indices.total is not None for share in shares):
         parts |= {"total": "total: with its interactions", "total_band": "±"}
     rows: list[Sequence[str | float]] = [
-        (called, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in parts))
+        (factor_name, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in parts))
         for share in shares
-        for k, called in enumerate(factors)
+        for k, factor_name in enumerate(factors)
     ]
     head = {"factor": "factor", "quantity": "of the variance of", **parts}
-    caption = source.caption(figure, "Which factor causes the variance", line, *map(sentence, source.unseen))
-    return Sensitivity(caption, shares, factors, FoundTable("Sobol indices with 95 % confidence", head, rows))
+    caption = source.caption(figure, "Which factor causes the variance", line, *map(sentence, source.factor_warnings))
+    return Sensitivity(caption, shares, factors, FigureTable("Sobol indices with 95 % confidence", head, rows))
 
 
 def sensitivity(source: Source, value: str) -> Indices:
-    """Sobol indices of an output column: first order, and total where Saltelli's scheme was sampled.
+    """Return the Sobol indices of an output column: first order, and total with Saltelli's scheme.
 
-    Raises BadInput: a design of Saltelli's scheme has no answer (each belongs to as many differences as there are
-    factors, so that none can be left out); too few have one; or the value does not vary.
+    Raises BadInput: a design of Saltelli's scheme has no result (none can be left out, because each belongs to several
+    differences); too few designs have a result; or the value does not vary.
     """
     loaded, table = source.loaded, source.table
-    refused, saltelli = partial(source.refused, "sensitivity", value), loaded.study.sampling.method == "saltelli"
+    refusal, saltelli = partial(source.refusal, "sensitivity", value), loaded.study.sampling.method == "saltelli"
     if saltelli and (missing := loaded.count - len(table.design)):
-        raise refused(f"{missing} of {loaded.count} designs are not computed, expected all")
+        raise refusal(f"{missing} of {loaded.count} designs are not computed, expected all")
     if saltelli and not table.ok.all():
         bad = np.flatnonzero(~table.ok)
         first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
-        raise refused(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
-    (answers,) = table.with_answer(value)
-    if len(answers) < LEAST and not saltelli:
-        raise refused(f"{len(answers)} designs have an answer, expected at least {LEAST}")
-    if np.ptp(answers) <= FLAT * (table.round_off_sizes.get(value) or np.abs(answers).max()):
-        raise refused("no factor changes it, expected a value that varies")
+        raise refusal(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
+    (values,) = table.with_results(value)
+    if len(values) < LEAST and not saltelli:
+        raise refusal(f"{len(values)} designs have an answer, expected at least {LEAST}")
+    if np.ptp(values) <= FLAT * (table.round_off_sizes.get(value) or np.abs(values).max()):
+        raise refusal("no factor changes it, expected a value that varies")
     if saltelli:
-        return sobol_indices(answers, len(loaded.columns))
-    return first_order((table.with_answer(column.name)[0] for column in loaded.columns), answers)
+        return sobol_indices(values, len(loaded.columns))
+    return first_order((table.with_results(column.name)[0] for column in loaded.columns), values)
 
 
-def sobol_indices(answers: Array, factors: int) -> Indices:
-    """First-order and total indices of answers (base * (factors + 2),) in the order of Saltelli's scheme in `sample`:
+def sobol_indices(values: Array, factors: int) -> Indices:
+    """Return first-order and total indices of values (base * (factors + 2),) in the order of Saltelli's scheme:
     A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f)."""
-    groups = answers.reshape(-1, factors + 2)
+    groups = values.reshape(-1, factors + 2)
     groups = groups - groups[:, [0, -1]].mean()
     A, AB, B = groups[:, 0], groups[:, 1:-1].T, groups[:, -1]
     variance = np.var([A, B])
@@ -703,45 +700,45 @@ def sobol_indices(answers: Array, factors: int) -> Indices:
     return Indices(first, _half_widths(B * (AB - A), size, first), total, _half_widths((A - AB) ** 2 / 2, size, total))
 
 
-def first_order(factors: Iterable[Array], answers: Array) -> Indices:
-    """First-order indices from any sample: k `factors` (n,), of which one is held at a time, and answers (n,).
+def first_order(factors: Iterable[Array], values: Array) -> Indices:
+    """Return first-order indices from any sample of values (n,); k `factors` (n,), one in memory at a time.
 
-    What a smooth curve in one factor alone explains of the variance (given-data estimation: E. Plischke, E. Borgonovo,
-    C. L. Smith, Eur. J. Oper. Res. 226 (2013) 536; local polynomials: S. Da Veiga, F. Wahl, F. Gamboa, Technometrics 51
-    (2009) 452). The curve is a straight line in each of about n^(1/3) equally filled bins, or the mean of each value of
-    a list; `1 - s_r^2 / s^2`, both variances by their degrees of freedom, so that noise explains nothing on average.
-    Of factors that depend on one another the shares overlap: what a factor explains through the others counts too.
+    An index is the share of the variance that a smooth curve in the factor explains (given-data estimation:
+    E. Plischke, E. Borgonovo, C. L. Smith, Eur. J. Oper. Res. 226 (2013) 536; local polynomials: S. Da Veiga, F. Wahl,
+    F. Gamboa, Technometrics 51 (2009) 452). The curve is a straight line in each of about n^(1/3) equally filled bins,
+    or the mean for each value of a list. The share is `1 - s_r^2 / s^2`, both variances by their degrees of freedom,
+    so that noise has no share on average. Shares of dependent factors overlap, because they include common effects.
     """
-    n, size, found = len(answers), (answers - answers.mean()) ** 2, []
+    n, size, indices = len(values), (values - values.mean()) ** 2, []
     for column in factors:
-        residual, numbers = _residual(column, answers)
-        left = residual**2 * (n / (n - numbers))
-        share = np.asarray(1.0 - left.mean() / (size.sum() / (n - 1)))
-        found.append((float(share), float(_half_widths(size - left, size, share))))
-    return Indices(*(np.array(part) for part in zip(*found, strict=True)))
+        residual, parameters = _residual(column, values)
+        unexplained = residual**2 * (n / (n - parameters))
+        share = np.asarray(1.0 - unexplained.mean() / (size.sum() / (n - 1)))
+        indices.append((float(share), float(_half_widths(size - unexplained, size, share))))
+    return Indices(*(np.array(part) for part in zip(*indices, strict=True)))
 
 
 def _half_widths(parts: Array, size: Array, index: Array) -> Array:
-    """Half-widths (k,) of confidence intervals of indices (k,): means of parts (k, n) over that of size (n,).
+    """Return half-widths (k,) of confidence intervals of indices (k,): means of parts (k, n) over that of size (n,).
 
-    Normal, linearised: the variance of a ratio of means (W. G. Cochran, Sampling Techniques, 3rd ed., Wiley 1977).
+    Normal and linearised: the variance of a ratio of means (W. G. Cochran, Sampling Techniques, 3rd ed., Wiley 1977).
     """
     from scipy.special import ndtri
 
-    off = (parts - index[..., None] * size) / size.mean()
-    return np.asarray(ndtri((1 + CONFIDENCE) / 2) * off.std(axis=-1, ddof=1) / np.sqrt(len(size)))
+    deviation = (parts - index[..., None] * size) / size.mean()
+    return np.asarray(ndtri((1 + CONFIDENCE) / 2) * deviation.std(axis=-1, ddof=1) / np.sqrt(len(size)))
 
 
-def _residual(column: Array, answers: Array) -> tuple[Array, int]:
-    """What a curve in one factor (n,) leaves of the answers (n,), and how many numbers the curve has."""
+def _residual(column: Array, values: Array) -> tuple[Array, int]:
+    """Return the residual of values (n,) about a curve in one factor (n,), and the number of its parameters."""
     levels, group = np.unique(column, return_inverse=True)
-    lines = len(levels) > FEW_LEVELS
-    if lines:
+    piecewise_linear = len(levels) > FEW_LEVELS
+    if piecewise_linear:
         bins = min(MOST_BINS, max(2, round(len(column) ** (1 / 3))))
         group = np.searchsorted(np.quantile(column, np.linspace(0, 1, bins + 1)[1:-1]), column)
     counts = np.maximum(np.bincount(group), 1)
-    x, y = (v - (np.bincount(group, v) / counts)[group] for v in (column, answers))
-    if not lines:
+    x, y = (v - (np.bincount(group, v) / counts)[group] for v in (column, values))
+    if not piecewise_linear:
         return y, len(levels)
     square = np.bincount(group, x * x)
     slope = np.bincount(group, x * y) / np.where(square > 0, square, 1.0)

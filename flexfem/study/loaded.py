@@ -1,4 +1,4 @@
-"""A study with all that its file names, and its designs: their factor values, as arrays or as stages."""
+"""A study with its base stage and table of designs, and its designs: factor values, arrays or stages."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
-from flexfem.study.plan import EXTENSIBLE, Study, names_behind, names_in, normal_correlation, value_of
+from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, names_in, normal_correlation, value_of
 
 
 @dataclass(frozen=True)
 class LoadedStudy:
-    """A study with its base stage read and found feasible, and its columns; `stem` names its results.
+    """A study with its feasible base stage and its columns; `stem` names its results.
 
-    `table` : the user's own table of designs, where the study samples from one.
+    `table` : the user's own table of designs, where the study has one.
     """
 
     path: Path
@@ -58,35 +58,33 @@ class LoadedStudy:
 
     @property
     def assumptions(self) -> Assumptions:
-        """Key paths of the numbers of stage and study that are assumed or not stated; of the drive and of expansions
-        where they are asked."""
+        """Key paths of the numbers of stage and study that are assumed or not stated, with those of drive and expansion
+        where the study uses them."""
         study, stage = self.study, self.stage
-        asked = [stage.drive_assumptions] if study.driven else []
-        asked += [stage.heat_assumptions] if study.drift is not None else []
-        asked = asked or [Assumptions([*stage.assumed], [*stage.not_stated])]
-        of_stage = [dict.fromkeys(chain(*each)) for each in zip(*asked, strict=True)]
+        used = [stage.drive_assumptions] if study.driven else []
+        used += [stage.heat_assumptions] if study.drift is not None else []
+        used = used or [Assumptions([*stage.assumed], [*stage.not_stated])]
+        of_stage = [dict.fromkeys(chain(*paths)) for paths in zip(*used, strict=True)]
         of_study = [key for key, source in study.provenance.items() if is_assumed(source)], study.not_stated
         both = zip(of_stage, of_study, strict=True)
-        return Assumptions(
-            *([*(f"stage: {key}" for key in one), *(f"study: {key}" for key in own)] for one, own in both)
-        )
+        return Assumptions(*([*(f"stage: {key}" for key in a), *(f"study: {key}" for key in b)] for a, b in both))
 
     @property
     def stress_accuracy(self) -> str:
-        """How far the highest neck stress, and what is found from it, may be off, in words."""
+        """Text on the error of the highest neck stress and of quantities computed from it."""
         study, plane = self.study, self.stage.model
         if study.model != "analytic":
             return f"neck stress by finite elements of resolution {study.resolution} is {study.stress_below}"
-        said = accuracy.stress_accuracy(study.formula, study.links, plane)
+        stress = accuracy.stress_accuracy(study.formula, study.links, plane)
         driven = accuracy.driven_accuracy(study.formula, study.links, plane)
-        return f"{said}; in what the drive reaches, {driven}" if study.driven else said
+        return f"{stress}; in what the drive reaches, {driven}" if study.driven else stress
 
     @property
     def hash(self) -> str:
-        """SHA-256 of all that answers depend on: no title, figure, provenance, path, nor how long one may take.
+        """SHA-256 of all inputs of the rows: without titles, figures, provenance, paths and the time limit.
 
-        How many designs there are counts only where it changes the first ones too; derived outputs, and constraints on
-        outputs, are found from the answers.
+        The number of designs counts only where it changes the first designs too. Derived outputs, and constraints on
+        outputs, are computed from the rows and do not count.
         """
         study, stage = self.study, self.stage
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
@@ -95,21 +93,21 @@ class LoadedStudy:
             content["sampling"]["file"] = self.table.digest
         if study.sampling.method in EXTENSIBLE:
             content["sampling"] |= {"designs": None, "base": None}
-        # a hinge with an override does not follow the factor of its like, though it may be as the others are
-        followed = (o for o in stage.override if o.hinge or study.driven)
-        refusing = [each for each in study.constraint if study.needs_no_answer(each.value)]
-        used = names_behind((name for each in refusing for name in names_in(each.value)), study.output)
+        # a hinge with an override does not follow the factor of its kind, even if its numbers are those of the others
+        overrides = (o for o in stage.override if o.hinge or study.driven)
+        refusing = [constraint for constraint in study.constraint if study.uses_no_output(constraint.value)]
+        used = expanded_names((name for constraint in refusing for name in names_in(constraint.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
             "stage": stage.drive_hash if study.driven else stage.hash,
             "heat": stage.heat_hash if study.drift is not None else None,
             "draws": study.draws,
-            "override": sorted((*o.place, sorted(o.changes)) for o in followed),
+            "override": sorted((*o.place, sorted(o.changes)) for o in overrides),
             "columns": [
                 [name, paths, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
                 for name, paths, factor in self.columns
             ],
-            "refused": [[each.value, each.least, each.most, each.said] for each in refusing]
+            "refused": [[c.value, c.least, c.most, c.title] for c in refusing]
             + [[output.name, output.expression] for output in study.output if output.name in used]
             + [[name, keys()[name].value_in(stage)] for name in numbers],
         }
@@ -119,7 +117,7 @@ class LoadedStudy:
 def load_study(path: PathLike) -> LoadedStudy:
     """Read a study file and its base stage.
 
-    Raises BadInput as `toml.validate`, or where the base stage cannot be read or made: one line with file, line, key.
+    Raises BadInput as `toml.validate`, or for a base stage that cannot be read or made: one line with file, line, key.
     """
     study = validate(Study, path)
     stage = base_stage(path, study)
@@ -134,24 +132,24 @@ def load_study(path: PathLike) -> LoadedStudy:
 
 
 def base_stage(path: PathLike, study: Study) -> Stage:
-    """The stage that a study, or another file that asks as one, names. Raises BadInput where it is none for it."""
+    """Return the base stage that a study or requirements file names. Raises BadInput where it does not fit."""
     try:
         stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
         raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
-    said = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
+    problem = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
     if study.model in ("fe", "verify") and stage.model == "corrected":
-        raise bad_key(path, ("model",), f'{said} "analytic": the finite elements are plane')
+        raise bad_key(path, ("model",), f'{problem} "analytic": the finite elements are plane')
     if study.model == "three_dimensional" and stage.model != "plane_stress":
         why = "it says how a stage is made plane, and here its faces are free"
-        raise bad_key(path, ("model",), f"{said} a stage without one: {why}")
+        raise bad_key(path, ("model",), f"{problem} a stage without one: {why}")
     if study.driven and not stage.actuator:
         raise bad_key(path, ("drive", "actuators"), "drive.actuators = true, expected a base stage with [[actuator]]")
-    needs: dict[str, Callable[[], object]] = {
+    requirements: dict[str, Callable[[], object]] = {
         "life": lambda: required_law(stage.material),
         "drift": lambda: require_expansion(stage, frame=True),
     }
-    for key, require in needs.items():
+    for key, require in requirements.items():
         try:
             if getattr(study, key) is not None:
                 require()
@@ -163,7 +161,7 @@ def base_stage(path: PathLike, study: Study) -> Stage:
 def columns_of_file(
     path: PathLike, array: str, factors: Sequence[Factor], stage: Stage, unused_keys: frozenset[str]
 ) -> tuple[Column, ...]:
-    """The columns of the factors in an array of a file, as `columns_on`. Raises BadInput naming file, line and key."""
+    """Return the columns of the factors in an array of a file, as `columns_on`. BadInput names file, line and key."""
     columns = list[Column]()
     for index, factor in enumerate(factors):
         try:
@@ -176,7 +174,7 @@ def columns_of_file(
 def require_key_values(
     path: PathLike, expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage
 ) -> None:
-    """Raise BadInput where an expression of a file asks for a key that the stage leaves to a default."""
+    """Raise BadInput where an expression of a file uses a key that the stage leaves to a default."""
     for place, expression in expressions.items():
         for name in names_in(expression):
             if is_fixed(name, columns, stage) and keys()[name].value_in(stage) is None:
@@ -184,21 +182,21 @@ def require_key_values(
 
 
 def is_fixed(name: str, columns: Sequence[Column], stage: Stage) -> bool:
-    """Whether a name is a key that no column sets, nor, of a hinge or actuator of one chain, the key of all chains."""
+    """Return whether a name is a key that no column sets, directly or, for one chain, by the key of all chains."""
     set_by = [path for column in columns for path in column.keys]
     if name not in keys() or name in set_by:
         return False
-    followed = keys()[name].places_in(stage) if name.startswith("override.") else []
-    return not any(place in keys()[path].places_in(stage) for path in set_by for place in followed)
+    places = keys()[name].places_in(stage) if name.startswith("override.") else []
+    return not any(place in keys()[path].places_in(stage) for path in set_by for place in places)
 
 
-MOST_BYTES = {".csv": 2**26, ".parquet": 2**31}  # of a table of designs, which is held in memory
-BLOCK = 1024  # Monte Carlo designs drawn together, each block from a stream of its own
-INSIDE = 2.0**-53  # keeps quantiles off 0 and 1, where a normal distribution is infinite
+MOST_BYTES = {".csv": 2**26, ".parquet": 2**31}  # size of a table of designs, which is held in memory
+BLOCK = 1024  # Monte Carlo designs in a block, which has its own random stream
+INSIDE = 2.0**-53  # least distance of a quantile from 0 and 1, where a normal distribution is infinite
 
 
 class DesignTable(NamedTuple):
-    """A table of designs that was found sound: its file, the SHA-256 of what is in it, and how many rows it has."""
+    """A checked table of designs: its file, the SHA-256 of its content, and its number of rows."""
 
     path: Path
     digest: str
@@ -206,38 +204,38 @@ class DesignTable(NamedTuple):
 
 
 def design_table_of(path: Path, columns: Sequence[Column]) -> DesignTable:
-    """Read a table of designs, and check every value.
+    """Read a table of designs and check every value.
 
     Raises BadInput, one line with file, row, column, value and what was expected: the file is missing, not CSV or
-    Parquet, or without rows; a column is missing or there twice; a value is not finite or beyond the limits of its key.
+    Parquet, or has no rows; a column is missing or repeated; a value is not finite or outside the limits of its key.
     """
     path = Path(os.path.abspath(path))
     where = place_of(path)
     if path.suffix not in MOST_BYTES:
         raise BadInput(f"{where}, expected a file name that ends in {' or '.join(MOST_BYTES)}")
-    found, values = _read(path, columns)
+    sha256, values = _read(path, columns)
     if len(values) == 0:
         raise BadInput(f"{where}: no rows, expected one for each design")
-    for column, of in zip(columns, values.T, strict=True):
+    for column, numbers in zip(columns, values.T, strict=True):
         for key in (keys()[path] for path in column.keys):
-            bad = np.flatnonzero(~np.isfinite(of) | key.impossible(of))
+            bad = np.flatnonzero(~np.isfinite(numbers) | key.impossible(numbers))
             if len(bad):
-                value = float(of[bad[0]])
+                value = float(numbers[bad[0]])
                 expected = f"{key.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
                 at = f"row {bad[0] + 1}, column {shown(column.name)}"
                 raise BadInput(f"{where}: {at} = {value:g}, expected {expected}")
-    return DesignTable(path, found, len(values))
+    return DesignTable(path, sha256, len(values))
 
 
 def _read(path: Path, columns: Sequence[Column]) -> tuple[str, Array]:
-    """SHA-256 and values (rows, columns) of a table of designs, read again where the file was written since."""
-    written = os.stat(path) if path.exists() else None
-    changes = () if written is None else (written.st_ino, written.st_size, written.st_mtime_ns)
-    return _table(path, changes, tuple(column.name for column in columns))
+    """Return SHA-256 and values (rows, columns) of a table of designs, cached until the file changes."""
+    stat = os.stat(path) if path.exists() else None
+    version = () if stat is None else (stat.st_ino, stat.st_size, stat.st_mtime_ns)
+    return _table(path, version, tuple(column.name for column in columns))
 
 
 @lru_cache(maxsize=2)
-def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tuple[str, Array]:
+def _table(path: Path, version: tuple[int, ...], names: tuple[str, ...]) -> tuple[str, Array]:
     import pyarrow as pa
     import pyarrow.csv
     import pyarrow.parquet as pq
@@ -245,67 +243,67 @@ def _table(path: Path, changes: tuple[int, ...], names: tuple[str, ...]) -> tupl
     where, content = place_of(path), read_bytes(path, MOST_BYTES[path.suffix])
     try:
         if path.suffix == ".csv":
-            one_by_one = pyarrow.csv.ReadOptions(use_threads=False)  # so that errors name the row
+            one_thread = pyarrow.csv.ReadOptions(use_threads=False)  # so that errors name the row
             numbers = pyarrow.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.float64()), null_values=[])
-            found = pyarrow.csv.read_csv(pa.BufferReader(content), one_by_one, convert_options=numbers)
+            table = pyarrow.csv.read_csv(pa.BufferReader(content), one_thread, convert_options=numbers)
         else:
-            found = pq.read_table(pa.BufferReader(content))
-        there = found.column_names
+            table = pq.read_table(pa.BufferReader(content))
+        present = table.column_names
     except (pa.ArrowException, OSError, ValueError) as error:
         kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
     for name in names:
-        if name not in there:
-            close = suggestion(name, there) or f", found {one_line(', '.join(there), 160)}"
+        if name not in present:
+            close = suggestion(name, present) or f", found {one_line(', '.join(present), 160)}"
             raise BadInput(f"{where}: column {shown(name)} is missing, expected one for each factor{close}")
-        if there.count(name) > 1:
+        if present.count(name) > 1:
             raise BadInput(f"{where}: column {shown(name)} is there twice, expected one for each factor")
-        kind = found[name].type
+        kind = table[name].type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             raise BadInput(f"{where}: column {shown(name)} of {kind}, expected numbers")
-    values = [found[name].cast(pa.float64(), safe=False).to_numpy() for name in names]  # empty cells as nan
+    values = [table[name].cast(pa.float64(), safe=False).to_numpy() for name in names]  # empty cells are nan
     return hashlib.sha256(content).hexdigest(), np.column_stack(values)
 
 
 def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
-    """Factor values (stop - start, columns) of the designs from `start` up to `stop`, in file units.
+    """Return the factor values (stop - start, columns) of the designs from `start` up to `stop`, in file units.
 
-    A grid counts its last factor fastest. Samples of methods that are `EXTENSIBLE` begin alike however large they are.
+    The last factor of a grid varies fastest. A sample of an `EXTENSIBLE` method begins with every smaller one.
     """
     factors = [column.factor for column in loaded.columns]
     start, stop = max(start, 0), min(stop, loaded.count)
     if loaded.table is not None:
-        found, values = _read(loaded.table.path, loaded.columns)
-        if found != loaded.table.digest:
+        sha256, values = _read(loaded.table.path, loaded.columns)
+        if sha256 != loaded.table.digest:
             raise BadInput(f"{place_of(loaded.table.path)}: changed since the study was read: run again")
         return values[start:stop]
     if loaded.study.sampling.method == "grid":
         points = [grid_points(factor) for factor in factors]
-        places = np.unravel_index(np.arange(start, stop), [len(each) for each in points])
-        return np.stack([each[place] for each, place in zip(points, places, strict=True)], axis=-1)
+        places = np.unravel_index(np.arange(start, stop), [len(values) for values in points])
+        return np.stack([values[place] for values, place in zip(points, places, strict=True)], axis=-1)
     quantiles = correlated(loaded, np.clip(_quantiles(loaded, start, stop), INSIDE, 1.0 - INSIDE))
     return np.stack([at_quantile(factor, u) for factor, u in zip(factors, quantiles.T, strict=True)], axis=-1)
 
 
 def correlated(loaded: LoadedStudy, quantiles: Array) -> Array:
-    """Quantiles (n, columns) with the rank correlations of the study, from independent ones between 0 and 1.
+    """Return quantiles (n, columns) with the rank correlations of the study, from independent ones between 0 and 1.
 
     A Gaussian copula (R. B. Nelsen, An Introduction to Copulas, 2nd ed., Springer 2006): normal deviates `L z` with
     `L L' = R` of `plan.normal_correlation`; every factor keeps its own distribution.
     """
     names = [column.name for column in loaded.columns]
     pairs = loaded.study.correlation
-    among = sorted({names.index(name) for each in pairs for name in each.factors})
-    if not among or not len(quantiles):
+    dependent = sorted({names.index(name) for pair in pairs for name in pair.factors})
+    if not dependent or not len(quantiles):
         return quantiles
-    L = np.linalg.cholesky(normal_correlation([names[place] for place in among], pairs))
-    found = quantiles.copy()
-    found[:, among] = ndtr(ndtri(quantiles[:, among]) @ L.T)
-    return np.clip(found, INSIDE, 1.0 - INSIDE)
+    L = np.linalg.cholesky(normal_correlation([names[index] for index in dependent], pairs))
+    result = quantiles.copy()
+    result[:, dependent] = ndtr(ndtri(quantiles[:, dependent]) @ L.T)
+    return np.clip(result, INSIDE, 1.0 - INSIDE)
 
 
 def grid_points(factor: Factor) -> Array:
-    """Points (k,) of a factor in a grid."""
+    """Return the points (k,) of a factor in a grid."""
     if factor.values is not None:
         return np.array(factor.values)
     assert factor.start is not None and factor.end is not None and factor.points is not None
@@ -313,7 +311,7 @@ def grid_points(factor: Factor) -> Array:
 
 
 def at_quantile(factor: Factor, u: Array) -> Array:
-    """Values (n,) of a factor at quantiles `u` (n,) of its distribution, 0 < u < 1."""
+    """Return the values (n,) of a factor at quantiles `u` (n,) of its distribution, 0 < u < 1."""
     if factor.values is not None:
         return np.array(factor.values)[(u * len(factor.values)).astype(np.int64)]
     low, high = (factor.start, factor.end) if factor.kind == "range" else (factor.lower, factor.upper)
@@ -332,7 +330,7 @@ def at_quantile(factor: Factor, u: Array) -> Array:
 
 
 def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
-    """Independent quantiles (stop - start, columns) of the designs from `start` up to `stop`, 0 <= u < 1."""
+    """Return independent quantiles (stop - start, columns) of the designs from `start` up to `stop`, 0 <= u < 1."""
     blocks = range(start // BLOCK, -(-stop // BLOCK))
     streams = (np.random.Philox(np.random.SeedSequence(seed, spawn_key=(block,))) for block in blocks)
     drawn = [np.random.Generator(stream).random((BLOCK, columns)) for stream in streams]
@@ -340,7 +338,7 @@ def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
 
 
 def _quantiles(loaded: LoadedStudy, start: int, stop: int) -> Array:
-    """Quantiles (stop - start, columns) of a sample, 0 <= u < 1."""
+    """Return the quantiles (stop - start, columns) of a sample, 0 <= u < 1."""
     sampling, columns = loaded.study.sampling, len(loaded.columns)
     assert sampling.seed is not None
     match sampling.method:
@@ -355,27 +353,27 @@ def _quantiles(loaded: LoadedStudy, start: int, stop: int) -> Array:
 
 @lru_cache(maxsize=1)
 def _engine(seed: int, columns: int) -> Any:
-    """A scrambled Sobol sequence, kept as it is drawn from: parts mostly follow one another."""
+    """Return a scrambled Sobol sequence, cached with its position because most parts are drawn in their order."""
     from scipy.stats import qmc
 
     return qmc.Sobol(columns, scramble=True, rng=np.random.default_rng(seed))
 
 
 def _sobol(seed: int, columns: int, start: int, stop: int) -> Array:
-    """Points `start` up to `stop` of the sequence, whatever was drawn before."""
+    """Return the points `start` up to `stop` of the Sobol sequence."""
     engine = _engine(seed, columns)
     if engine.num_generated > start:
         engine.reset()
     if start > engine.num_generated:
         engine.fast_forward(start - engine.num_generated)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a number of points that is no power of two
+        warnings.simplefilter("ignore", UserWarning)  # warns of a number of points that is no power of two
         return np.asarray(engine.random(stop - start))
 
 
 def _saltelli(seed: int, columns: int, start: int, stop: int) -> Array:
-    """Rows of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: of every Sobol point (A, B) in turn the designs
-    A, A with one column of B at a time, and B."""
+    """Return rows of the scheme of A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259: for every Sobol point
+    (A, B) the designs A, A with one column of B at a time, and B."""
     group, k = columns + 2, np.arange(columns)
     first = start // group
     points = _sobol(seed, 2 * columns, first, -(-stop // group))
@@ -392,17 +390,17 @@ def _latin_hypercube(seed: int, columns: int, designs: int) -> Array:
 
 
 def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
-    """The designs whose factors take `values` (n, columns), file units; nothing is checked here."""
+    """Return the designs with factor values (n, columns), file units, unchecked."""
     designs = lower(loaded.stage).repeated(len(values))
     for key, column in _settings(loaded):
         for field, place in key.places_in(loaded.stage):
-            everywhere: tuple[slice | int, ...] = (slice(None), *place)
-            getattr(designs, field)[everywhere] = key.unit * values[:, column]
+            index: tuple[slice | int, ...] = (slice(None), *place)
+            getattr(designs, field)[index] = key.unit * values[:, column]
     return designs
 
 
 def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
-    """The design whose factors take `values` (columns,), file units, as a stage.
+    """Return the stage of the design with factor values (columns,), file units.
 
     Raises BadInput for a value that no stage file can give, one line that begins with its key.
     """
@@ -413,91 +411,90 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
         _set(changes, loaded.stage, key, key.check.validate_python(value))
-    held = loaded.stage.model_dump(exclude_unset=True, exclude={"provenance"})
-    return Stage(**merged_changes(held, changes))
+    content = loaded.stage.model_dump(exclude_unset=True, exclude={"provenance"})
+    return Stage(**merged_changes(content, changes))
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
-    """Every key set and the column that sets it, those of one chain after those of all three."""
-    found = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
-    return sorted(found, key=lambda setting: setting[0].table[:1] == ("override",))
+    """Return every key that a column sets with the index of the column, keys of one chain after those of all three."""
+    settings = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
+    return sorted(settings, key=lambda setting: setting[0].table[:1] == ("override",))
 
 
 def _set(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
-    """Set a number in changes as `Stage.replace` takes them; of an array all, those not set from the stage."""
-    table, held = _changed(changes, stage, key)
+    """Set a number in changes as `Stage.replace` takes them; the other elements of an array are those of the stage."""
+    table, current = _changed(changes, stage, key)
     if key.element is None:
         table[key.attribute] = value
     else:
-        members = list(table.get(key.attribute) or getattr(held, key.attribute))
+        members = list(table.get(key.attribute) or getattr(current, key.attribute))
         members[key.element] = value
         table[key.attribute] = members
 
 
 def _changed(changes: dict[str, Any], stage: Stage, key: Key) -> tuple[dict[str, Any], Any]:
-    """The table of the changes that a number is in, and what the stage has there."""
+    """Return the table of the changes that holds the number of a key, and the same table of the stage."""
     if key.table[:1] == ("override",):
         chain = int(key.table[1])
         row = actuators_of(stage)[chain - 1] if key.of_drive else ()
-        held = next((one for one in row if one.name == key.table[-1]), None)
-        return changes.setdefault("override", {}).setdefault((chain, *key.table[2:]), {}), held
+        current = next((actuator for actuator in row if actuator.name == key.table[-1]), None)
+        return changes.setdefault("override", {}).setdefault((chain, *key.table[2:]), {}), current
     if key.of_drive:
-        index = [one.name for one in stage.actuator].index(key.table[1])
-        every = changes.setdefault("actuator", [one.model_dump(exclude_unset=True) for one in stage.actuator])
-        return every[index], stage.actuator[index]
-    table, of = changes, stage
+        index = [actuator.name for actuator in stage.actuator].index(key.table[1])
+        unchanged = [actuator.model_dump(exclude_unset=True) for actuator in stage.actuator]
+        return changes.setdefault("actuator", unchanged)[index], stage.actuator[index]
+    table, member = changes, stage
     for name in key.table:
-        table, of = table.setdefault(name, {}), getattr(of, name)
-    return table, of
+        table, member = table.setdefault(name, {}), getattr(member, name)
+    return table, member
 
 
 class Judged(NamedTuple):
-    """Derived outputs (n,) by name, nan where there is no finite value, and whether a design keeps all constraints."""
+    """Derived outputs (n,) by name, nan where not finite, and which designs (n,) keep all constraints."""
 
     derived: dict[str, Array]
     feasible: AnyArray
 
 
 def judge(loaded: LoadedStudy, columns: Mapping[str, Array], ok: AnyArray) -> Judged:
-    """Derived outputs and constraints of designs.
+    """Evaluate the derived outputs and constraints of designs.
 
-    columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have an answer, bool (n,).
+    columns : factors and outputs of the model, (n,) each, by name, file units.   ok : which have a result, bool (n,).
     """
     known, feasible = dict(columns), np.array(ok, dtype=bool)
     for output in loaded.study.output:
-        found = evaluated(loaded, output.expression, known, len(ok))
-        known[output.name] = np.where(ok & np.isfinite(found), found, np.nan)
+        value = evaluated(loaded, output.expression, known, len(ok))
+        known[output.name] = np.where(ok & np.isfinite(value), value, np.nan)
     for constraint in loaded.study.constraint:
         feasible &= ~constraint.broken(evaluated(loaded, constraint.value, known, len(ok)))
     return Judged({output.name: known[output.name] for output in loaded.study.output}, feasible)
 
 
 def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
-    """Why designs whose factors take `values` (n, columns) are not worth an answer, text (n,), "" where they are.
+    """Return reasons (n,) to refuse designs with factor values (n, columns), "" where there is none.
 
-    A constraint that asks for factors and keys alone is decided here, before anything is solved.
+    Constraints on factors and keys only are evaluated here, before designs are solved.
     """
     study, reason = loaded.study, np.full(len(values), "", dtype=object)
     known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
-    for output in filter(lambda each: study.needs_no_answer(each.expression), study.output):
+    for output in filter(lambda output: study.uses_no_output(output.expression), study.output):
         known[output.name] = evaluated(loaded, output.expression, known, len(values))
-    for constraint in filter(lambda each: study.needs_no_answer(each.value), study.constraint):
-        found = evaluated(loaded, constraint.value, known, len(values))
-        for place in np.flatnonzero(constraint.broken(found) & (reason == "")):
-            reason[place] = f"constraint {constraint.said} = {found[place]:.6g}, expected {constraint.expected}"
+    for constraint in filter(lambda constraint: study.uses_no_output(constraint.value), study.constraint):
+        value = evaluated(loaded, constraint.value, known, len(values))
+        for index in np.flatnonzero(constraint.broken(value) & (reason == "")):
+            reason[index] = f"constraint {constraint.title} = {value[index]:.6g}, expected {constraint.expected}"
     return reason
 
 
 def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array], size: int) -> Array:
-    """Value (size,) of an expression of columns by name, and keys, in file units; nan where one is missing."""
-    named = {
-        name: columns[name] if name in columns else _of_key(loaded, name, columns) for name in names_in(expression)
-    }
-    return np.broadcast_to(value_of(expression, named), (size,))
+    """Return the value (size,) of an expression of columns and keys, in file units; nan where one is missing."""
+    names = names_in(expression)
+    values = {name: columns[name] if name in columns else _key_values(loaded, name, columns) for name in names}
+    return np.broadcast_to(value_of(expression, values), (size,))
 
 
-def _of_key(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) -> Array:
-    """Values (n,) or (1,) of a key of the stage file, file units: what a factor sets, else the stage's own."""
+def _key_values(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) -> Array:
+    """Return the values (n,) of a key that a factor sets, or the value (1,) of the base stage, in file units."""
     if path not in keys():
         return np.full(1, np.nan)
     for column in loaded.columns:

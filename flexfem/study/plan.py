@@ -1,4 +1,4 @@
-"""What a study file says: base stage, factors, sampling, model, outputs, constraints and figures."""
+"""Contents of a study file: base stage, factors, sampling, model, outputs, constraints and figures."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobi
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.factors import WAYS, Column, Factor, columns_of, require_keys
 
-LONGEST = 400  # characters, which also limits how deep operations stand one inside the other
+LONGEST = 400  # characters, which also limits the depth of nesting
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sqrt": np.sqrt,
     "exp": np.exp,
     "log": np.log,
     "log10": np.log10,
-    "min": lambda *each: reduce(np.minimum, each),
-    "max": lambda *each: reduce(np.maximum, each),
+    "min": lambda *values: reduce(np.minimum, values),
+    "max": lambda *values: reduce(np.maximum, values),
 }
 _OPERATIONS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: np.add,
@@ -53,12 +53,12 @@ _ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """Names that an expression uses, each once. Raises ValueError, saying what was expected, where it is none."""
+    """Return the names in an expression, each once. Raises ValueError, which says what was expected, for other text."""
     return _parsed(text)[1]
 
 
 def value_of(text: str, values: Mapping[str, Array]) -> Array:
-    """Value of an expression, in the shape of the named values; not finite where it has none."""
+    """Return the value of an expression, in the shape of the named values; not finite where it is not defined."""
     tree, names = _parsed(text)
     with np.errstate(all="ignore"):
         known = {f"_{k}": np.asarray(values[name], np.float64) for k, name in enumerate(names)}
@@ -67,18 +67,18 @@ def value_of(text: str, values: Mapping[str, Array]) -> Array:
 
 @lru_cache(maxsize=256)
 def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
-    """The tree of an expression of arithmetic alone, and the names that stand in it as `_0`, `_1`."""
+    """Return the syntax tree of an arithmetic expression, and its names, which the tree holds as `_0`, `_1`."""
     if len(text) > LONGEST:
         raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
     names = list[str]()
 
-    def numbered(found: re.Match[str]) -> str:
-        name = found["quoted"] or found["name"]
-        if found["other"]:
+    def numbered(word: re.Match[str]) -> str:
+        name = word["quoted"] or word["name"]
+        if word["other"]:
             raise ValueError(_ALLOWED)
         if name and name not in names:
             names.append(name)
-        return f" _{names.index(name)} " if name else found["function"]
+        return f" _{names.index(name)} " if name else word["function"]
 
     try:
         tree = ast.parse(" ".join(_WORD.sub(numbered, text).split()), mode="eval").body
@@ -92,39 +92,37 @@ def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
 
 
 def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
-    """Value of a tree; a number is one of numpy, of which no power takes for ever or raises."""
+    """Return the value of a tree. Numbers are of numpy, whose powers neither raise nor take for ever."""
     match node:
         case ast.Constant(value=float() | int() as number):
             return np.float64(number)
         case ast.Name(id=name):
             return known[name]
-        case ast.UnaryOp(op=sign, operand=inner):
-            return _OPERATIONS[type(sign)](_value(inner, known))
-        case ast.BinOp(left=left, op=sign, right=right):
-            return _OPERATIONS[type(sign)](_value(left, known), _value(right, known))
-        case ast.Call(func=ast.Name(id=name), args=[_, *others] as given, keywords=[]) if bool(others) == (
+        case ast.UnaryOp(op=operator, operand=operand):
+            return _OPERATIONS[type(operator)](_value(operand, known))
+        case ast.BinOp(left=left, op=operator, right=right):
+            return _OPERATIONS[type(operator)](_value(left, known), _value(right, known))
+        case ast.Call(func=ast.Name(id=name), args=[_, *others] as arguments, keywords=[]) if bool(others) == (
             name in ("min", "max")
         ):
-            return _FUNCTIONS[name](*(_value(each, known) for each in given))
+            return _FUNCTIONS[name](*(_value(argument, known) for argument in arguments))
     raise ValueError(_ALLOWED)
 
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
-MOST = 10**9  # designs; a design and 100 columns are a kilobyte
-MOST_HELD = 200_000  # designs of a Latin hypercube, which is held in memory as a whole
-EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # more designs begin with the same ones
+MOST = 10**9  # designs; one design with 100 columns takes a kilobyte
+MOST_HELD = 200_000  # designs of a Latin hypercube, which is held in memory
+EXTENSIBLE: tuple[Method, ...] = ("sobol", "monte_carlo", "saltelli")  # a larger sample begins with the smaller one
 FigureKind: TypeAlias = Literal["map", "distribution", "sensitivity", "pareto"]
 Better: TypeAlias = Literal["larger", "smaller"]
 NAME = r"^[A-Za-z][A-Za-z0-9_]{0,59}$"
-_KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # needed, possible
+_KEYS_OF: dict[FigureKind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # required and optional keys
     "map": (("x", "y", "value"), ()),
     "distribution": (("values",), ()),
     "sensitivity": (("values",), ()),
     "pareto": (("x", "y"), ("x_better", "y_better", "drawn")),
 }
-
-
-_WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it; it takes no others
+_SAMPLING_KEYS: dict[Method, tuple[str, ...]] = {  # required keys of a method; it takes no others
     "grid": (),
     "table": ("file",),
     "saltelli": ("base", "seed"),
@@ -133,27 +131,27 @@ _WANTED: dict[Method, tuple[str, ...]] = {  # keys that a method needs beside it
 
 
 class Sampling(Table):
-    """How designs are drawn: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, from a `seed`; or
-    taken from a `file`."""
+    """How designs are sampled: `designs` of them, or `base` * (factors + 2) for Saltelli's scheme, drawn from a `seed`;
+    or all designs of a `file`."""
 
     method: Method = Field(examples=["sobol"])
-    """`grid`, of which the last factor counts fastest; `latin_hypercube`; `sobol`; `monte_carlo`; `saltelli`, for
+    """`grid`, in which the last factor varies fastest; `latin_hypercube`; `sobol`; `monte_carlo`; `saltelli`, for
     sensitivity; or `table`, your own designs"""
     file: Label | None = Field(default=None, examples=["designs.csv"])
-    """With `table`: your own designs, CSV (commas, points, at most 64 MiB) or Parquet (at most 2 GiB),
-    beside the study file; one row a design, one column a factor, named by its label or key, in file units. Factors then
-    have a key alone. An edited table is another study"""
+    """With `table`: file of your own designs, CSV (commas, decimal points, at most 64 MiB) or Parquet (at most 2 GiB),
+    relative to the study file. One row a design; one column a factor, named by its label or key, in file units. Factors
+    then have neither values nor a range or distribution. An edited table makes another study"""
     designs: int | None = Field(default=None, ge=1, le=MOST, examples=[256])
-    """How many, drawn by their number wherever that is; of a `latin_hypercube`, held in memory, at most 200000. More
-    designs of `sobol`, `monte_carlo` or `saltelli` begin with the same ones, and keep their parts. A grid has none"""
+    """Number of designs; at most 200000 of a `latin_hypercube`, which is held in memory. A larger number with `sobol`,
+    `monte_carlo` or `saltelli` begins with the same designs, so finished parts stay valid. Not with a grid"""
     base: int | None = Field(default=None, ge=2, le=MOST, examples=[64])
-    """With `saltelli`, instead: a power of two; there are base × (factors + 2) designs"""
+    """With `saltelli`, instead of `designs`: a power of two; there are base × (factors + 2) designs"""
     seed: int | None = Field(default=None, ge=0, lt=2**63, examples=[1])
-    """What designs are drawn from"""
+    """Seed of the random numbers"""
 
     @model_validator(mode="after")
-    def _keys_of_its_method(self) -> Sampling:
-        require_keys(self, f'method = "{self.method}"', _WANTED[self.method], ("method",))
+    def _keys_fit_method(self) -> Sampling:
+        require_keys(self, f'method = "{self.method}"', _SAMPLING_KEYS[self.method], ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
         if self.method == "latin_hypercube" and (self.designs or 0) > MOST_HELD:
@@ -173,21 +171,21 @@ Expression = Annotated[str, AfterValidator(_expression), keywords(minLength=1)]
 
 
 class Output(Table):
-    """A derived output: a column `name`, arithmetic on other columns and keys, shown with `label` and `unit`."""
+    """A derived output: a column computed from other columns and keys, shown with `label` and `unit`."""
 
     name: str = Field(pattern=NAME, examples=["kxx_over_ktt"])
-    """Of its column"""
+    """Name of its column"""
     expression: Expression = Field(examples=["kxx_n_per_mm / ktt_n_mm_per_rad"])
     """Arithmetic on columns and keys, with + - * / ** and brackets, abs, sqrt, exp, log, log10, min, max; names with
-    blanks in backticks"""
+    spaces in backticks"""
     label: Label | None = Field(default=None, examples=["Kxx over Ktt"])
-    """In figures"""
+    """Name in figures"""
     unit: Label | None = Field(default=None, examples=["rad/mm²"])
-    """In figures"""
+    """Unit in figures"""
 
 
 def require_ends(table: Table, least: str, most: str) -> None:
-    """Refuse a table without either of two ends, or with a greatest value below the least one."""
+    """Refuse a table without any of two limits, or with an upper limit below the lower one."""
     low, high = getattr(table, least), getattr(table, most)
     if low is None and high is None:
         raise refusal(f"{least}, {most} or both")
@@ -196,18 +194,18 @@ def require_ends(table: Table, least: str, most: str) -> None:
 
 
 class Constraint(Table):
-    """Ends between which an expression of columns and keys must lie for a design to count."""
+    """Limits of an expression of columns and keys that a feasible design must keep."""
 
     value: Expression = Field(examples=["hinges.base.neck_mm / hinges.base.radius_mm"])
-    """An expression. Of factors and keys alone: a design beyond the ends is `refused` before anything is solved (not
-    with `saltelli`). Of outputs: it is answered, `feasible` is false in the table, and fronts and maps leave it out and
-    count it"""
+    """An expression. If it uses factors and keys only, a design outside the limits is `refused` before it is solved
+    (not with `saltelli`). If it uses outputs, the design is solved, `feasible` is false in the table, and fronts and
+    maps leave it out and state the number of such designs"""
     least: float | None = Field(default=None, examples=[0.05], json_schema_extra=OF_THE_KEY)
-    """The lower end"""
+    """Lower limit"""
     most: float | None = Field(default=None, examples=[0.2], json_schema_extra=OF_THE_KEY)
-    """The upper end"""
+    """Upper limit"""
     label: Label | None = Field(default=None, examples=["t/R of the base hinges"])
-    """In messages"""
+    """Name in messages"""
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Constraint:
@@ -215,49 +213,49 @@ class Constraint(Table):
         return self
 
     @property
-    def said(self) -> str:
-        """What it limits, in the words of the study."""
+    def title(self) -> str:
+        """The label, by default the expression."""
         return self.label or self.value
 
     @property
     def expected(self) -> str:
-        """Between which ends, in words."""
-        ends = (("at least", self.least), ("at most", self.most))
-        return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
+        """The limits as text."""
+        limits = (("at least", self.least), ("at most", self.most))
+        return " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
 
     def broken(self, values: Array) -> AnyArray:
-        """Which values (n,) are outside, those that are no finite number among them."""
+        """Return which values (n,) are outside the limits or not finite."""
         low = -np.inf if self.least is None else self.least
         high = np.inf if self.most is None else self.most
         return np.asarray(~(np.isfinite(values) & (values >= low) & (values <= high)))
 
 
 class Correlation(Table):
-    """Two factors, by their columns, and the rank correlation (Spearman's) that they are drawn with."""
+    """Spearman's rank correlation with which two factors are drawn."""
 
     factors: tuple[Label, Label] = Field(
         examples=[["neck of base", "radius of base"]], json_schema_extra={"uniqueItems": True}
     )
-    """Two columns"""
+    """Columns of the two factors"""
     coefficient: float = Field(gt=-1, lt=1, examples=[0.6], json_schema_extra=COUNT)
-    """Their rank correlation (Spearman's)"""
+    """Rank correlation (Spearman's)"""
 
     @model_validator(mode="after")
-    def _of_two(self) -> Correlation:
+    def _factors_differ(self) -> Correlation:
         if self.factors[0] == self.factors[1]:
             raise refusal("another factor than the first", "factors", 1)
         return self
 
 
 def normal_correlation(columns: list[str], given: tuple[Correlation, ...]) -> Array:
-    """Correlation matrix of the normal deviates whose ranks are correlated as `given`; the others are independent.
+    """Return the correlation matrix of the normal deviates of columns; their ranks have the `given` correlations.
 
     `r = 2 sin(pi rho / 6)` for a rank correlation: K. Pearson, On further methods of determining correlation (1907).
     """
     matrix = np.eye(len(columns))
-    for each in given:
-        one, other = (columns.index(name) for name in each.factors)
-        matrix[one, other] = matrix[other, one] = 2.0 * np.sin(np.pi * each.coefficient / 6.0)
+    for correlation in given:
+        i, j = (columns.index(name) for name in correlation.factors)
+        matrix[i, j] = matrix[j, i] = 2.0 * np.sin(np.pi * correlation.coefficient / 6.0)
     return matrix
 
 
@@ -265,16 +263,16 @@ class Figure(Table):
     """One figure: a map of `value` over `x` and `y`, `values` as histograms or Sobol indices, or a Pareto front."""
 
     kind: FigureKind = Field(examples=["pareto"])
-    """`map` of an output over two factors, in whose cells means over the other factors are; `distribution` and
-    `sensitivity` of outputs, not of a grid; or `pareto`, the front of two columns"""
+    """`map` of an output over two factors, averaged in cells if other factors vary too; `distribution` or `sensitivity`
+    of outputs, not with a grid; or `pareto`, the front of two columns"""
     title: Label | None = Field(default=None, examples=["Stiffness against range"])
-    """Of the figure"""
+    """Title of the figure"""
     x: Label | None = Field(default=None, examples=["range_x_um"])
-    """Column, of a map a factor"""
+    """Column on the x axis; a factor in a map"""
     y: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
-    """Another, of a map a factor"""
+    """Another column, on the y axis; a factor in a map"""
     value: Label | None = Field(default=None, examples=["kxx_n_per_mm"])
-    """Of a map: the output"""
+    """The output of a `map`"""
     values: tuple[Label, ...] | None = Field(
         default=None,
         min_length=1,
@@ -282,18 +280,18 @@ class Figure(Table):
         examples=[["kxx_n_per_mm", "range_x_um"]],
         json_schema_extra={"uniqueItems": True},
     )
-    """Of a `distribution` or `sensitivity`: outputs"""
+    """Outputs of a `distribution` or `sensitivity`"""
     x_better: Better = "larger"
-    """Of a front: which `x` is wanted"""
+    """Which `x` is better, in a `pareto`"""
     y_better: Better = "larger"
-    """Of a front: which `y` is wanted"""
+    """Which `y` is better, in a `pareto`"""
     drawn: int = Field(default=4, ge=1, le=12)
-    """Of a front: how many designs are drawn beside it"""
+    """How many designs of the front are drawn beside a `pareto`"""
 
     @model_validator(mode="after")
-    def _keys_of_its_kind(self) -> Figure:
-        needed, possible = _KEYS_OF[self.kind]
-        require_keys(self, f'kind = "{self.kind}"', needed, ("kind", "title", *possible))
+    def _keys_fit_kind(self) -> Figure:
+        required, optional = _KEYS_OF[self.kind]
+        require_keys(self, f'kind = "{self.kind}"', required, ("kind", "title", *optional))
         if self.x is not None and self.x == self.y:
             raise refusal("another column than x", "y")
         if self.values is not None and len(set(self.values)) < len(self.values):
@@ -302,35 +300,35 @@ class Figure(Table):
 
     @property
     def columns(self) -> dict[tuple[str | int, ...], tuple[str, bool]]:
-        """Columns it shows by their key in the file, each with whether it must be an output (else a factor will do)."""
-        found: dict[tuple[str | int, ...], tuple[str, bool]] = {}
+        """Columns of the figure by their key path in its table, each with whether it must be an output."""
+        columns: dict[tuple[str | int, ...], tuple[str, bool]] = {}
         for name in ("x", "y", "value"):
             column = getattr(self, name)
             if column is not None:
-                found[(name,)] = (column, name == "value")
-        return found | {("values", index): (column, True) for index, column in enumerate(self.values or ())}
+                columns[(name,)] = (column, name == "value")
+        return columns | {("values", index): (column, True) for index, column in enumerate(self.values or ())}
 
 
 Amplitude: TypeAlias = Annotated[float, *quantities.either_sign(quantities.AMPLITUDE)]
 
 
 class DriveQuestion(Table):
-    """Which drive a study asks about: the base stage's own actuators, or a stroke that turns the base hinges alone."""
+    """Drive of the study: the actuators of the base stage, or a stroke that rotates the base hinges only."""
 
     actuators: bool = False
-    """Not with `three_dimensional`: asks about the base stage's own `[[actuator]]` tables, outputs `drive_range_x_um`
-    and `engaged_kxx_n_per_mm` and their like. Their numbers are then keys, too: `actuator.base.arm_mm`, and on one
-    chain `override.2.actuator.base.preload_n` (a star for the chain); a number that the actuator does not state is
-    none. The drive is part of such a study's identity. Contacts on straight links are placed for all designs at once;
-    on a bent link, or by `point_mm`, every geometry is drawn, 6 ms each"""
+    """Adds outputs such as `drive_range_x_um` and `engaged_kxx_n_per_mm`, from the `[[actuator]]` tables of the base
+    stage; not with `three_dimensional`. Factors can then set the numbers that an actuator states:
+    `actuator.base.arm_mm`, or `override.2.actuator.base.preload_n` on one chain (a star for the chain). A change of the
+    drive makes another study. Contacts on straight links are placed for all designs at once; with a bent link, or with
+    `point_mm`, every geometry is drawn, 6 ms each"""
     stroke_um: Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)] | None = Field(
         default=None, examples=[17.4]
     )
-    """Of a piezo: gives the travels, which count the base hinges alone and are no range of a drive"""
+    """Stroke of a piezo, for the travels. They depend on the base hinges only and are not the range of a drive"""
     lever_arm_mm: Annotated[float, *quantities.above_zero(quantities.LENGTH)] | None = Field(
         default=None, examples=[10.0]
     )
-    """From the base hinge to where that piezo pushes link 1"""
+    """Distance from the base hinge to the contact of this piezo on link 1"""
 
     @model_validator(mode="after")
     def _asks_something(self) -> DriveQuestion:
@@ -348,36 +346,36 @@ class DriveQuestion(Table):
 
 
 class Frequencies(Table):
-    """Natural frequencies of the platform in the plane are asked for, with a payload on it or without."""
+    """Natural frequencies of the platform in the plane, with or without a payload."""
 
     payload_kg: Annotated[float, *quantities.from_zero(quantities.MASS)] = Field(default=0.0, examples=[0.2])
-    """Mass on the platform at its centre"""
+    """Mass of the payload, at the centre of the platform"""
     payload_kg_mm2: Annotated[float, *quantities.from_zero(quantities.INERTIA)] = Field(default=0.0, examples=[40.0])
-    """Its moment of inertia about that"""
+    """Moment of inertia of the payload about the centre of the platform"""
 
 
 class DriftTable(Table):
-    """Pose by a change of temperature, and the largest by its gradients, are asked for; it has no keys."""
+    """Drift of the pose by a uniform change of temperature and by its gradients; the table has no keys."""
 
 
 class LifeTable(Table):
-    """Fatigue lives are asked for, at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
+    """Fatigue life at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
 
     amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
-    """Of the pose in x; one of the three or more"""
+    """Amplitude of the pose in x; at least one of the three amplitudes is needed"""
     amplitude_y_um: Amplitude = Field(default=0.0, examples=[20.0])
-    """Of the pose in y"""
+    """Amplitude of the pose in y"""
     amplitude_theta_mrad: Amplitude = Field(default=0.0, examples=[0.5])
-    """Of the pose in theta"""
+    """Amplitude of the pose in theta"""
     ratio: float = Field(default=-1.0, ge=-1, le=0.99, json_schema_extra=COUNT)
-    """Least over greatest displacement"""
+    """Ratio of the least to the greatest displacement"""
     cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(default=1e6, json_schema_extra=COUNT)
     """The wanted life"""
     notch_sensitivity: float = Field(default=1.0, ge=0, le=1, json_schema_extra=COUNT)
-    """What of the stress concentration counts: 0 nothing, 1 all of it"""
+    """Share of the stress concentration that counts: 0 none, 1 all"""
 
     @model_validator(mode="after")
-    def _moves(self) -> LifeTable:
+    def _has_an_amplitude(self) -> LifeTable:
         if not any(self.moved):
             raise refusal("amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero")
         return self
@@ -389,8 +387,8 @@ class LifeTable(Table):
 
     @property
     def moved(self) -> tuple[bool, ...]:
-        """Which directions the amplitude has."""
-        return tuple(each != 0 for each in self.amplitude)
+        """Which directions have an amplitude."""
+        return tuple(component != 0 for component in self.amplitude)
 
 
 QUESTIONS = ("budget", "converge", "drift", "gravity", "large", "modes", "reach", "stiffness", "summary")  # of a stage
@@ -399,8 +397,8 @@ UNCORRELATED: dict[Method, str] = {
     "grid": "a grid holds all pairs of values alike",
     "table": "its rows are taken as they are",
 }
-SINGULAR = 1e-9  # least eigenvalue of a correlation matrix, as of round-off
-APPLIES = {  # keys that not every model takes
+SINGULAR = 1e-9  # eigenvalue of a correlation matrix, below which it is singular
+APPLIES = {  # models of the keys that not every model takes
     "formula": ("analytic", "verify"),
     "mobility": ("analytic", "verify"),
     "links": ("analytic",),
@@ -415,68 +413,67 @@ APPLIES = {  # keys that not every model takes
 
 
 class Study(Sourced):
-    """What a study file says."""
+    """Contents of a study file."""
 
     kind: ClassVar[str] = "study file"
 
     name: Label = Field(examples=["Stiffness against range at yield"])
-    """Title of figures"""
+    """Name of the study, shown above figures"""
     stage: Label = Field(examples=["stage.toml"])
-    """File of the base stage, relative to the study's"""
+    """File of the base stage, relative to the study file"""
     model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
-    """What answers: `analytic`; `fe`, finite elements in the stage's plane model; `three_dimensional`, of the stage
-    extruded; `verify`, the error percentages of the one against the other"""
+    """`analytic`; `fe`, finite elements in the plane model of the stage; `three_dimensional`, finite elements of the
+    extruded stage; or `verify`, the error percentages of `analytic` against `fe`"""
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=f"{FORMULA}; with `analytic` and `verify`")
     mobility: Mobility | None = Field(
         default=None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6]
     )
-    links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; one design after the other, slower")
+    links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; slower, one design after the other")
     resolution: int = Field(default=4, ge=4, le=FINEST)
-    """Triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
+    """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
     layers: int = Field(default=2, ge=1, le=MOST_LAYERS)
-    """In half the thickness, with `three_dimensional`: 2 is 0.2 % off on the reference stages, 2 s a design with alike
-    chains, 6 s with unlike ones; 3 is 0.1 % off, 4 s and 10 s"""
+    """Layers of elements in half the thickness, with `three_dimensional`. Two have an error of 0.2 % on the reference
+    stages and take 2 s a design with identical chains, 6 s with different ones; three 0.1 %, 4 s and 10 s"""
     bands: bool = True
-    """Whether `verify` finds the mesh band of each percentage, from three meshes"""
+    """Whether `verify` also computes the mesh band of each percentage, from three meshes"""
     check: Literal["closed_form", "drawing"] | None = None
-    """Whether every design is drawn to see that no bodies overlap; by default `closed_form` with `analytic`, and what
-    is meshed is always drawn"""
+    """How designs are checked for overlapping bodies: `drawing` draws every design. By default `closed_form` with
+    `analytic`; designs that are meshed are always drawn"""
     time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(default=60.0, alias="time_limit_s")
-    """For one design of `fe`, `verify`, `three_dimensional` (meshing only); a worker that takes 10 s longer is killed
-    and replaced. Counted from when the worker has loaded the design; time in which it, or the whole run, is stopped
-    does not count"""
+    """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the worker has loaded
+    it, without time in which the worker or the whole run is suspended. A worker that takes 10 s longer is killed and
+    replaced"""
     sampling: Sampling
-    """Which designs. At most 10^9 of them"""
+    """Which designs are computed, at most 10^9"""
     factor: tuple[Factor, ...] = Field(min_length=1, max_length=100)
-    """What differs between designs; numbers in the unit of the key"""
+    """A number that differs between designs, in the unit of its key"""
     correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
-    """Two factors that go together, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
+    """Rank correlation of two factors, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
     (Sobol indices split the variance among independent factors), `grid` or `table`"""
     drive: DriveQuestion | None = None
-    """Asks how far a drive goes"""
+    """Requests the range of a drive"""
     frequencies: Frequencies | None = None
-    """Asks for natural frequencies in the plane, with a payload or without; the table may be empty.
-    `material.density_kg_m3` is then a key that factors can set. Every design is drawn, some 5 ms each. Not with
-    `three_dimensional`"""
+    """Requests natural frequencies in the plane, with or without a payload; the table may be empty. Factors can then
+    set `material.density_kg_m3`. Every design is drawn, some 5 ms each. Not with `three_dimensional`"""
     life: LifeTable | None = None
-    """Asks for fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
+    """Requests fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
     set. Not with `three_dimensional`"""
     drift: DriftTable | None = None
-    """Asks for the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
+    """Requests the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
     which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
-    drawn, up to 0.15 s a design more. Not with `three_dimensional`"""
+    drawn, which takes up to 0.15 s more a design. Not with `three_dimensional`"""
     ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
-    """Other numbers by their paths in the JSON of a command, such as `drift.pose.uniform.analytic.x`: columns of these
-    names, found for one design after the other by the study's model"""
+    """Other numbers by their paths in the JSON output of a command, such as `drift.pose.uniform.analytic.x`. Each is a
+    column of that name, computed for one design after the other by the model of the study"""
     output: tuple[Output, ...] = Field(default=(), max_length=50)
-    """A derived output, found from the answers when the table is collected"""
+    """A derived output, computed when the table is collected"""
     constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
-    """Ends for an expression, between which a design counts"""
+    """Limits of an expression for a feasible design"""
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
-    """What `flexfem study plot` draws"""
+    """A figure of `flexfem study plot`"""
 
     @model_validator(mode="after")
-    def _keys_of_its_model(self) -> Study:
+    def _keys_fit_model(self) -> Study:
         for name, field in type(self).model_fields.items():
             key = field.alias or name
             if name in self.model_fields_set and self.model not in APPLIES.get(key, (self.model,)):
@@ -499,7 +496,7 @@ class Study(Sourced):
         return paths
 
     @model_validator(mode="after")
-    def _drive_is_of_its_model(self) -> Study:
+    def _drive_fits_model(self) -> Study:
         if self.driven and self.model == "three_dimensional":
             expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane'
             raise refusal(expected, "drive", "actuators")
@@ -510,7 +507,7 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
-    def _factors_are_as_sampled(self) -> Study:
+    def _factors_fit_sampling(self) -> Study:
         method = self.sampling.method
         grid, table = method == "grid", method == "table"
         for index, factor in enumerate(self.factor):
@@ -528,8 +525,8 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
-    def _names_are_unlike(self) -> Study:
-        """Two columns of one name, and a key that two factors set, are refused; expressions name what there is."""
+    def _names_are_unique(self) -> Study:
+        """Refuse columns of the same name, a key that two factors set, and unknown names in expressions."""
         set_by = dict[str, int]()
         for index, factor in enumerate(self.factor):
             for path in factor.paths:
@@ -539,7 +536,7 @@ class Study(Sourced):
         known = require_own_names("factor", self.factor, self.output, self.outputs, (*RESERVED, FEASIBLE))
         for index, constraint in enumerate(self.constraint):
             require_known(constraint.value, known, "constraint", index, "value")
-            if self.sampling.method == "saltelli" and self.needs_no_answer(constraint.value):
+            if self.sampling.method == "saltelli" and self.uses_no_output(constraint.value):
                 expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
                 raise refusal(expected, "constraint", index, "value")
         return self
@@ -550,16 +547,16 @@ class Study(Sourced):
         pairs, method = set[frozenset[str]](), self.sampling.method
         if self.correlation and method in UNCORRELATED:
             raise refusal(f'none with method = "{method}": {UNCORRELATED[method]}', "correlation")
-        for index, each in enumerate(self.correlation):
-            for place, name in enumerate(each.factors):
+        for index, correlation in enumerate(self.correlation):
+            for place, name in enumerate(correlation.factors):
                 at = ("correlation", index, "factors", place)
                 if name not in factors:
                     raise refusal(f"a factor by its column{suggestion(name, factors)}", *at)
                 if factors[name].kind == "values":
                     raise refusal("a range or distribution: ranks of a list have ties", *at)
-            if frozenset(each.factors) in pairs:
+            if frozenset(correlation.factors) in pairs:
                 raise refusal("each pair once", "correlation", index, "factors")
-            pairs.add(frozenset(each.factors))
+            pairs.add(frozenset(correlation.factors))
         if np.linalg.eigvalsh(normal_correlation(list(factors), self.correlation)).min() < SINGULAR:
             raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
         return self
@@ -571,16 +568,16 @@ class Study(Sourced):
         for index, figure in enumerate(self.figure):
             if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
                 raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
-            for place, (column, output) in figure.columns.items():
-                known = outputs if output else factors if figure.kind == "map" else (*factors, *outputs)
+            for place, (column, is_output) in figure.columns.items():
+                known = outputs if is_output else factors if figure.kind == "map" else (*factors, *outputs)
                 if column not in known:
-                    what = "an output of this study" if output else "a column of this study"
-                    raise refusal(f"{what}{suggestion(column, known)}", "figure", index, *place)
+                    expected = "an output of this study" if is_output else "a column of this study"
+                    raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
         return self
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of the numbers that need a source, not those that only set up the computation."""
+        """Key paths of the numbers that need a source, without settings of the computation."""
         return tuple(path for path in super().numbers if path != "time_limit_s")
 
     @property
@@ -599,80 +596,80 @@ class Study(Sourced):
 
     @property
     def rotation(self) -> float | None:
-        """How far a base hinge may turn, rad; None without a drive."""
+        """Largest rotation of a base hinge, rad; None without a stroke."""
         return None if self.drive is None else self.drive.rotation
 
     @property
     def driven(self) -> bool:
-        """Whether it asks about the actuators of the base stage."""
+        """Whether the actuators of the base stage drive the designs."""
         return self.drive is not None and self.drive.actuators
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of the output columns in the table of columns that it asks for."""
-        asked = {
+        """Names of the requested output columns, without numbers of other questions."""
+        requested = {
             "travel": self.rotation is not None,
             "drive": self.driven,
             "verify": self.model == "verify",
             "bands": self.model == "verify" and self.bands,
         }
-        asked |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
+        requested |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
         moved = (True, True, True) if self.life is None else self.life.moved
-        return outputs_of(*(name for name, is_asked in asked.items() if is_asked), moved=moved)
+        return outputs_of(*(name for name, included in requested.items() if included), moved=moved)
 
     @property
     def outputs(self) -> tuple[str, ...]:
-        """Names of the output columns, in their order: of the table of columns, then numbers of questions."""
+        """Names of all output columns in their order: `columns`, then the numbers of other questions."""
         return (*self.columns, *self.ask)
 
     @property
     def unused_keys(self) -> frozenset[str]:
-        """Key paths of material and frame that none of its answers depends on."""
-        asked = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
-        return frozenset(path for path, key in keys().items() if asked.get(key.attribute, self) is None)
+        """Key paths of material and frame on which no output depends."""
+        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
+        return frozenset(path for path, key in keys().items() if used_by.get(key.attribute, self) is None)
 
     @property
     def stress_below(self) -> str:
-        """By how much, at most, the highest neck stress is low by the mesh, in words; "" without one."""
+        """Text on the largest mesh error of the highest neck stress; "" without a mesh."""
         return "" if self.model == "analytic" else warning.stress_below(self.resolution)
 
     @property
     def expressions(self) -> dict[KeyPath, str]:
         """Expressions by their key paths."""
-        found: dict[KeyPath, str] = {("output", k, "expression"): each.expression for k, each in enumerate(self.output)}
-        return found | {("constraint", k, "value"): each.value for k, each in enumerate(self.constraint)}
+        derived: dict[KeyPath, str] = {("output", k, "expression"): o.expression for k, o in enumerate(self.output)}
+        return derived | {("constraint", k, "value"): c.value for k, c in enumerate(self.constraint)}
 
-    def needs_no_answer(self, expression: str) -> bool:
-        """Whether an expression needs no answer of the model: factors and keys alone."""
-        return names_behind(names_in(expression), self.output).isdisjoint(self.outputs)
+    def uses_no_output(self, expression: str) -> bool:
+        """Return whether an expression uses factors and keys only, and no output of the model."""
+        return expanded_names(names_in(expression), self.output).isdisjoint(self.outputs)
 
     @property
     def draws(self) -> bool:
-        """Whether the bodies of every design are drawn, to see that none overlap."""
+        """Whether the bodies of every design are drawn to check that they do not overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
 
 
-def names_behind(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:
-    """Some names, and those that the derived outputs among them are made of, each after those that it uses."""
-    found = set(names)
-    for output in reversed(outputs):
-        if output.name in found:
-            found |= {*names_in(output.expression)}
-    return frozenset(found)
+def expanded_names(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:
+    """Return names together with those on which the derived outputs among them depend."""
+    expanded = set(names)
+    for output in reversed(outputs):  # an output uses only those before it
+        if output.name in expanded:
+            expanded |= {*names_in(output.expression)}
+    return frozenset(expanded)
 
 
 def require_own_names(
-    array: str, factors: Sequence[Factor], outputs: Sequence[Output], columns: Iterable[str], taken: Iterable[str]
+    array: str, factors: Sequence[Factor], outputs: Sequence[Output], columns: Iterable[str], reserved: Iterable[str]
 ) -> set[str]:
-    """Names that expressions may use beside keys: `columns`, those of factors, and of derived outputs.
+    """Return the names, besides keys, that expressions may use: columns, factors and derived outputs.
 
-    Refuses, at its key path, a factor in an `array` or a derived output whose name is there before, `taken` or a key,
-    and one whose expression names what is not there before it.
+    Refuses, at its key path, a factor of the `array` or a derived output whose name is used before, `reserved` or the
+    path of another key, and a derived output whose expression uses a name not defined before it.
     """
-    known, taken = set(columns), {*taken}
+    known, reserved = set(columns), {*reserved}
 
-    def add(name: str, own: tuple[str, ...], *at: str | int) -> None:
-        if name in known or name in taken or (name in keys() and name not in own):
+    def add(name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
+        if name in known or name in reserved or (name in keys() and name not in own_keys):
             raise refusal(f"a name of its own, not {shown(name)} again", *at)
         known.add(name)
 
@@ -686,8 +683,8 @@ def require_own_names(
 
 
 def require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
-    """Refuse an expression, at a key path, with a name that is neither known nor a key of the stage file."""
+    """Refuse an expression, at its key path, with a name that is neither known nor a key of the stage file."""
     names = {*known, *keys()}
     for name in names_in(expression):
-        if name not in names and name not in keys():  # those of actuators are not among the listed ones
+        if name not in names and name not in keys():  # keys of actuators are valid but not listed
             raise refusal(f"columns and keys by name, not {shown(name)}{key_suggestion(name, sorted(names))}", *at)

@@ -1,7 +1,7 @@
-"""A study on disk and the run that writes it: whole parts, named after their inputs and the versions that decide them.
+"""A study on disk and the run that writes its parts.
 
-A part is a Parquet file of some designs. Its name holds a hash of the study, the range of designs and the versions, so
-that a part that exists is done, and rows of other inputs or versions are never taken for it.
+A part is a Parquet file of some designs. Its name contains a hash of the study, the range of designs and the versions
+of software. A part that exists is therefore complete, and parts of other inputs or versions are never used for it.
 """
 
 from __future__ import annotations
@@ -26,23 +26,27 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, drawn_one_by_one, unseen
+from flexfem.study.answer import answer, factor_warnings, needs_stages
 from flexfem.study.columns import Rows, failed_row
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
-ABOUT = b"flexfem.study"  # metadata: what a part belongs to
+ABOUT = b"flexfem.study"  # key of the metadata of a part
 TEXTS = ["status", "reason"]
 PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": TEXTS, "write_page_checksum": True}
-# a thread of Arrow that reads ahead would abort a process that ends meanwhile
+# a read-ahead thread of Arrow would abort a process that ends while it reads
 READING: Mapping[str, Any] = {"page_checksum_verification": True, "pre_buffer": False}
-SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs a part: some seconds of work, which a stop may lose
-LINKED, DRAWN, BROADCAST = 32, 512, 8192  # analytic ones: with links or questions, drawn, all at once
+SIZES = {
+    "fe": 4,
+    "verify": 4,
+    "three_dimensional": 2,
+}  # designs in a part: a stop loses some seconds
+LINKED, DRAWN, BROADCAST = 32, 512, 8192  # the same, analytic: with links or other questions, with stages, by arrays
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
-RETRIED = ("time limit", "crashed", "failed")  # statuses that another run may change
-FILE = "study.json"  # names the study file in its folder
-ANALYTIC_LIMIT, SLACK = 600.0, 10.0  # s, for a part of analytic designs; for a meshed design beyond the limit of gmsh
-OLD = 3600.0  # s, after which the temporary file of a killed run is removed
+RETRIED = ("time limit", "crashed", "failed")  # statuses that may change in another run
+FILE = "study.json"  # in the folder of a study: the path of its study file
+ANALYTIC_LIMIT, SLACK = 600.0, 10.0  # s: for a part of analytic designs; added to the time limit of a meshed design
+OLD = 3600.0  # s: age at which the temporary file of a killed run is removed
 WHOLE = slice(None)
 Counts: TypeAlias = Counter[tuple[str, str]]  # designs by status and kind of reason
 Solve: TypeAlias = Callable[[LoadedStudy, int, int], Rows]
@@ -50,7 +54,7 @@ Solve: TypeAlias = Callable[[LoadedStudy, int, int], Rows]
 
 @dataclass(frozen=True)
 class Parts:
-    """Where the parts of a study lie and what each is called; `size` designs a part, which is a range of designs."""
+    """Folder and names of the parts of a study, each a range of `size` designs."""
 
     loaded: LoadedStudy
     folder: Path
@@ -58,18 +62,18 @@ class Parts:
 
     @cached_property
     def meshed(self) -> bool:
-        """Whether finite elements take part."""
+        """Whether the study uses finite elements."""
         return self.loaded.study.model != "analytic"
 
     @cached_property
     def versions(self) -> dict[str, str]:
-        """Versions of what decides the results."""
+        """Versions of the software on which results depend."""
         return dict(versions_of(self.meshed))
 
     @cached_property
-    def unseen(self) -> list[str]:
-        """Warnings on factors that change nothing of what the study shows."""
-        return unseen(self.loaded)
+    def factor_warnings(self) -> list[str]:
+        """Warnings on factors that change no output which the study shows."""
+        return factor_warnings(self.loaded)
 
     @cached_property
     def _key(self) -> str:
@@ -77,7 +81,7 @@ class Parts:
 
     @cached_property
     def schema(self) -> Any:
-        """Columns of the table, with what it belongs to as metadata."""
+        """Columns of the table, with the study and versions as metadata."""
         loaded = self.loaded
         factors = [column.name for column in loaded.columns]
         fields = [pa.field("design", pa.int64(), False), *(pa.field(name, pa.string(), False) for name in TEXTS)]
@@ -89,25 +93,25 @@ class Parts:
         return pa.schema(fields, metadata={ABOUT: json.dumps(about, sort_keys=True).encode()})
 
     def chunks(self, shard: slice = WHOLE) -> list[range]:
-        """The designs of each part of a shard, in their order."""
+        """Return the designs of each part of a shard, in their order."""
         designs = range(self.loaded.count)
         return [designs[start : start + self.size] for start in designs[:: self.size][shard]]
 
     def path(self, chunk: range) -> Path:
-        """Where the part of a chunk lies, once it is written."""
+        """Return the path of the part of a chunk."""
         digits = hashlib.sha256(f"{self._key} {chunk.start} {chunk.stop}".encode()).hexdigest()[:16]
         return self.folder / f"part-{chunk.start:010d}-{digits}.parquet"
 
 
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
-    """The parts of a study in an output folder, by default of some seconds of work each."""
+    """Return the parts of a study in an output folder, by default some seconds of work each."""
     study = loaded.study
-    analytic = LINKED if study.links or study.ask else DRAWN if drawn_one_by_one(study) or study.driven else BROADCAST
+    analytic = LINKED if study.links or study.ask else DRAWN if needs_stages(study) or study.driven else BROADCAST
     return Parts(loaded, output / loaded.stem / "parts", size or SIZES.get(study.model, analytic))
 
 
 def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
-    """The Arrow table of designs: design, status, reason, factors, outputs (null where there is no answer)."""
+    """Return the Arrow table of designs: design, status, reason, factors, outputs (null without a result)."""
     missing = np.asarray(rows.status != "ok")
     columns = [pa.array(np.array(designs)), pa.array(rows.status), pa.array(rows.reason)]
     columns += [pa.array(column) for column in sample(parts.loaded, designs.start, designs.stop).T]
@@ -116,7 +120,7 @@ def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
 
 
 def read_part(path: Path, columns: list[str] | None = None) -> Any:
-    """The Arrow table of a part. Raises FileNotFoundError, or BadInput where it is damaged: pages have checksums."""
+    """Return the Arrow table of a part. Raises FileNotFoundError, or BadInput where its checksums show damage."""
     try:
         with path.open("rb") as content, pq.ParquetFile(content, **READING) as file:
             return file.read(columns=columns, use_threads=False)
@@ -127,24 +131,24 @@ def read_part(path: Path, columns: list[str] | None = None) -> Any:
 
 
 def counts_of(table: Any) -> Counts:
-    """Designs of each status and kind of reason."""
-    found: Counts = Counter()
+    """Return the number of designs by status and kind of reason."""
+    counts: Counts = Counter()
     for (status, reason), n in Counter(zip(*(table[name].to_pylist() for name in TEXTS), strict=True)).items():
-        found[status, kind_of(reason)] += n
-    return found
+        counts[status, kind_of(reason)] += n
+    return counts
 
 
 def kind_of(reason: str) -> str:
-    """A reason without the numbers of its design: the text before its value, or else dots for every number."""
-    before, found, _ = reason.partition(" = ")
-    return before if found or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
+    """Return a reason without the numbers of its design: the text before " = ", else with dots for every number."""
+    name, separator, _ = reason.partition(" = ")
+    return name if separator or not reason else re.sub(r"[-+]?\d+(\.\d*)?(e[-+]?\d+)?", "...", reason)
 
 
 class Survey(NamedTuple):
-    """What lies in the folder of a study.
+    """Contents of the folder of a study.
 
-    counts : designs by status and kind of reason, by chunk.   damaged : chunks whose parts cannot be read.
-    stale : parts of other inputs or versions.   elsewhere : designs of other shards that have parts.
+    counts : by chunk, the number of designs by status and kind of reason.   damaged : chunks with unreadable parts.
+    stale : parts of other inputs or versions.   elsewhere : number of designs in parts of other shards.
     """
 
     counts: dict[range, Counts]
@@ -154,30 +158,30 @@ class Survey(NamedTuple):
 
     @property
     def total(self) -> Counts:
-        """Designs by status and kind of reason."""
+        """Number of designs by status and kind of reason."""
         return sum(self.counts.values(), Counter())
 
 
 def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
-    """Look at the parts of a shard: at what became of their designs, or, where `whole`, at every byte."""
+    """Read the status of all designs in the parts of a shard; with `whole` read every byte."""
     names = set(os.listdir(parts.folder)) if parts.folder.is_dir() else set[str]()
-    mine, found = set(parts.chunks(shard)), Survey({}, [], [], 0)
-    there = [chunk for chunk in parts.chunks() if parts.path(chunk).name in names]
-    for chunk in there:
+    of_shard, found = set(parts.chunks(shard)), Survey({}, [], [], 0)
+    present = [chunk for chunk in parts.chunks() if parts.path(chunk).name in names]
+    for chunk in present:
         try:
-            if chunk in mine:
+            if chunk in of_shard:
                 found.counts[chunk] = counts_of(read_part(parts.path(chunk), None if whole else TEXTS))
         except BadInput:
             found.damaged.append(chunk)
         except FileNotFoundError:  # removed meanwhile
             pass
-    stale = sorted(names - {parts.path(chunk).name for chunk in there})
-    elsewhere = sum(len(chunk) for chunk in there if chunk not in mine)
-    return found._replace(stale=[parts.folder / each for each in stale if PART.fullmatch(each)], elsewhere=elsewhere)
+    stale = sorted(names - {parts.path(chunk).name for chunk in present})
+    elsewhere = sum(len(chunk) for chunk in present if chunk not in of_shard)
+    return found._replace(stale=[parts.folder / name for name in stale if PART.fullmatch(name)], elsewhere=elsewhere)
 
 
 class Progress(NamedTuple):
-    """How far a run is: `designs` in all, `known` were there before, `counts` by status and kind of reason."""
+    """Progress of a run: `designs` in all, `known` before the run, `counts` done by status and kind of reason."""
 
     designs: int
     known: int
@@ -193,18 +197,18 @@ def run_parts(
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
 ) -> Progress:
-    """Compute the parts of a study that are missing; several runs may work on one folder at once.
+    """Compute the missing parts of a study; several runs may work in the same folder at the same time.
 
     Parameters
     ----------
-    solve : answers a range of designs; importable by workers.
-    retry : also compute again the parts that hold designs out of time, crashed or failed.
-    watch, say : receive the progress after every part, and lines for the user.
+    solve : computes the rows of a range of designs; importable by workers.
+    retry : also compute parts again whose designs ran out of time, crashed or failed.
+    watch, say : called with the progress after every part, and with lines for the user.
 
     Raises
     ------
-    BadInput : the folder takes no file, or a worker has another flexfem.
-    ComputationFailed : workers cannot start. Parts that are written stay.
+    BadInput : no file can be written in the folder, or a worker has another flexfem.
+    ComputationFailed : workers cannot start. Written parts are kept.
     """
     found, chunks = survey(parts, shard, whole=True), parts.chunks(shard)
     for chunk in found.damaged:
@@ -214,56 +218,56 @@ def run_parts(
     again = set(found.damaged)
     again |= {chunk for chunk, counts in found.counts.items() if retry and any(kind[0] in RETRIED for kind in counts)}
     todo = deque(chunk for chunk in chunks if chunk not in found.counts or chunk in again)
-    todo.rotate(random.randrange(len(todo) or 1))  # runs on one folder begin at different places
+    todo.rotate(random.randrange(len(todo) or 1))  # runs in the same folder start with different parts
     counts: Counts = sum((n for chunk, n in found.counts.items() if chunk not in again), Counter())
     designs, known = sum(map(len, chunks)), counts.total()
-    pieces, ahead = dict[range, dict[int, Any]](), deque[Any]()
+    pieces, halves = dict[range, dict[int, Any]](), deque[Any]()
     watch(Progress(designs, known, counts))
     if todo:
-        named = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
-        write_atomically(parts.folder.parent / FILE, lambda file: file.write(json.dumps(named).encode()), again=True)
+        content = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
+        write_atomically(parts.folder.parent / FILE, lambda file: file.write(json.dumps(content).encode()), again=True)
 
     def next_task() -> tuple[Any, ...] | None:
-        while not ahead and todo:
+        while not halves and todo:
             chunk = todo.popleft()
             try:
                 if chunk in again:
                     raise FileNotFoundError
-                counts.update(counts_of(read_part(parts.path(chunk), TEXTS)))  # another run has written it meanwhile
+                counts.update(counts_of(read_part(parts.path(chunk), TEXTS)))  # written by another run since
             except (FileNotFoundError, BadInput):
                 return solve, parts, chunk, chunk
-        return ahead.popleft() if ahead else None
+        return halves.popleft() if halves else None
 
     def limit(task: tuple[Any, ...]) -> float:
         return len(task[-1]) * (parts.loaded.study.time_limit + SLACK) if parts.meshed else ANALYTIC_LIMIT
 
     for (_, _, chunk, piece), result in workers.results(solve_task, next_task, limit):
-        if isinstance(result, Failure) and len(piece) > 1:  # find the design at fault
+        if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
             middle = len(piece) // 2
-            ahead += [(solve, parts, chunk, half) for half in (piece[:middle], piece[middle:])]
+            halves += [(solve, parts, chunk, half) for half in (piece[:middle], piece[middle:])]
             continue
         if isinstance(result, Failure):
             result = table_of(parts, piece, failed_row(len(parts.loaded.outputs), *result))
         if isinstance(result, pa.Table):
-            each = pieces.setdefault(chunk, {})
-            each[piece.start] = result
-            if sum(map(len, each.values())) < len(chunk):
+            tables = pieces.setdefault(chunk, {})
+            tables[piece.start] = result
+            if sum(map(len, tables.values())) < len(chunk):
                 continue
-            result = write_part(parts, chunk, pa.concat_tables(each[start] for start in sorted(each)))
+            result = write_part(parts, chunk, pa.concat_tables(tables[start] for start in sorted(tables)))
         counts.update(result)
         watch(Progress(designs, known, counts))
     return Progress(designs, known, counts)
 
 
 def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
-    """Write the part of a chunk; returns what is in it."""
+    """Write the part of a chunk and return its counts."""
     write_atomically(parts.path(chunk), lambda file: pq.write_table(table, file, **PARQUET), again=True)
     return counts_of(table)
 
 
 def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
-    """In a worker: write the part of a whole chunk and return its counts, or return the table of a piece of it; a
-    `Failure` where the answer of a design raises an error."""
+    """In a worker, solve a piece of a chunk: write the part and return its counts where the piece is the whole chunk,
+    else return its table; return a `Failure` where solving raises an error."""
     require_same_versions(parts.versions, parts.meshed)
     try:
         rows = solve(parts.loaded, piece.start, piece.stop)
@@ -275,7 +279,7 @@ def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
 
 
 def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:
-    """Remove parts of other inputs or versions, and what killed runs left; how many parts, of how many bytes."""
+    """Remove parts of other inputs or versions, and old temporary files; return number and bytes of the parts."""
     stale = survey(parts).stale
     size = sum(path.stat().st_size for path in stale)
     for path in stale if not dry_run else ():

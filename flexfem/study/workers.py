@@ -1,4 +1,4 @@
-"""Worker processes of this machine by loky or of a cluster by Dask, their tasks, and versions that decide results."""
+"""Worker processes on this machine by loky or on a cluster by Dask, and versions of the software they use."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.sources import ONE_THREAD, PACKAGE, manifest, own_hash
 
 LOADING = 300.0  # s, for the first worker to start on a busy machine
-CONNECT = 10.0  # s, for a scheduler to answer
+CONNECT = 10.0  # s, for a scheduler to respond
 POLL = 0.25  # s
 HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
 
 class Failure(NamedTuple):
-    """A task without a result: "time limit"; "crashed", it ended its worker; or "failed", an error of its own."""
+    """A task without a result: "time limit"; "crashed", its worker died; or "failed", it raised an error."""
 
     status: str
     reason: str
 
 
 class Workers:
-    """So many processes that compute tasks; those that die or exceed a limit are replaced, the task at fault named.
+    """A number of processes that compute tasks; processes that die or exceed a limit are replaced.
 
-    With the address of a Dask scheduler its workers compute; they have a folder in common with this machine. Raises
-    BadInput where none answers, or a worker has other versions.
+    With the address of a Dask scheduler, its workers compute; they share a folder with this machine. Raises BadInput
+    where no scheduler responds, or a worker has other versions.
     """
 
     def __init__(self, count: int, scheduler: str | None = None) -> None:
@@ -55,7 +55,7 @@ class Workers:
     def __exit__(self, *_: object) -> None:
         self._kill()
         if self._client is not None:
-            with suppress(Exception):  # a scheduler that is gone
+            with suppress(Exception):  # the scheduler may have ended
                 self._client.close(timeout=CONNECT)
 
     def results(
@@ -69,17 +69,17 @@ class Workers:
         Parameters
         ----------
         function : importable by the workers.
-        next_task : the arguments of the next task, or None; asked after every result, so that tasks may be added.
+        next_task : returns the arguments of the next task, or None; called after every result, when tasks may be added.
         limit : seconds that a task may take.
 
         Raises
         ------
-        BadInput, ComputationFailed : the function raises it; or workers cannot start.
+        BadInput, ComputationFailed : raised by the function; or workers cannot start.
 
         Notes
         -----
-        A worker that dies breaks the pool. The tasks that were computed then are tried again one at a time; a task
-        that breaks the pool a second time, alone, has failed.
+        A worker that dies breaks the pool. The tasks that were running are repeated one at a time; a task that breaks
+        the pool alone has crashed.
         """
         running: dict[Future[Any], tuple[tuple[Any, ...], float]] = {}
         suspects, again = deque[tuple[Any, ...]](), deque[tuple[Any, ...]]()
@@ -91,25 +91,25 @@ class Workers:
                 running[self._submit(function, task)] = task, time.monotonic() + limit(task)
             if not running:
                 return
-            found, broken = list[tuple[tuple[Any, ...], Any]](), list[tuple[Any, ...]]()
+            finished, broken = list[tuple[tuple[Any, ...], Any]](), list[tuple[Any, ...]]()
             for future in wait(running, POLL, FIRST_COMPLETED).done:
                 task, _ = running.pop(future)
                 try:
-                    found.append((task, future.result()))
+                    finished.append((task, future.result()))
                 except BrokenProcessPool:
                     broken.append(task)
                 except (BadInput, ComputationFailed):
                     raise
                 except Exception as error:
                     if type(error).__name__ == "KilledWorker":
-                        found.append((task, Failure("crashed", "the worker died")))
+                        finished.append((task, Failure("crashed", "the worker died")))
                         continue
                     reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
                     raise ComputationFailed(f"a worker cannot answer: {reason}") from None
             late = [future for future, (_, end) in running.items() if time.monotonic() > end]
             for future in late:
                 task, _ = running.pop(future)
-                found.append((task, Failure("time limit", f"no answer in {limit(task):g} s")))
+                finished.append((task, Failure("time limit", f"no answer in {limit(task):g} s")))
             if broken or late:
                 lost = [*broken, *(task for task, _ in running.values())]
                 running.clear()
@@ -117,12 +117,12 @@ class Workers:
                 if late:
                     again.extend(lost)
                 elif suspects:
-                    found += [(task, Failure("crashed", "the worker died")) for task in lost]
+                    finished += [(task, Failure("crashed", "the worker died")) for task in lost]
                 else:
                     suspects.extend(lost)
-            if suspects and any(task is suspects[0] for task, _ in found):
+            if suspects and any(task is suspects[0] for task, _ in finished):
                 suspects.popleft()
-            yield from found
+            yield from finished
 
     def _submit(self, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
         try:
@@ -136,7 +136,7 @@ class Workers:
             raise ComputationFailed(f"worker processes cannot be started: {one_line(str(error), 200)}") from None
 
     def _start(self) -> Any:
-        """Start the processes, and wait until one of them answers."""
+        """Start the processes, and wait until one of them responds."""
         if self._client is not None:
             self._pool = self._client.get_executor(pure=False, retries=0)
             return self._pool
@@ -152,7 +152,7 @@ class Workers:
         return self._pool
 
     def _kill(self) -> None:
-        """End all processes, with those that they have started."""
+        """End all processes and their children."""
         pool, self._pool = self._pool, None
         if pool is not None and self._client is not None:
             with suppress(Exception):  # nannies start new workers
@@ -162,7 +162,7 @@ class Workers:
 
 
 def client_of(address: str) -> Any:
-    """A client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
+    """Return a client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
     if not isinstance(address, str) or ":" not in address:
         raise BadInput(f"--scheduler {one_line(str(address), 200)}: expected host:port of one with workers")
     try:
@@ -184,7 +184,7 @@ def client_of(address: str) -> Any:
 
 
 def _begin(parent: int) -> None:
-    """In a worker: leave Ctrl-C to the parent, print nothing, and end with the parent."""
+    """Initialise a worker: it ignores Ctrl-C, prints nothing and ends when its parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, HELD)
@@ -202,7 +202,7 @@ def _end_with(parent: int) -> None:
 
 @contextmanager
 def signals_held() -> Iterator[None]:
-    """Hold back Ctrl-C and the like while processes start: they ignore it a moment later, and their pool is whole."""
+    """Block Ctrl-C and similar signals while processes start, until they ignore them and the pool is complete."""
     if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -215,30 +215,30 @@ def signals_held() -> Iterator[None]:
 
 @lru_cache
 def versions_of(meshed: bool) -> Mapping[str, str]:
-    """Versions by name of what decides results, `meshed` when finite elements take part.
+    """Return the versions of the software on which results depend, with that of finite elements where `meshed`.
 
-    Those of flexfem and the libraries; of a checkout or an editable installation of flexfem also a hash of its files;
-    and a hash of the file that the user gives by `--with`.
+    These are versions of flexfem and the libraries, a hash of the files of flexfem in a checkout or an editable
+    installation, and a hash of the file that the user gives by `--with`.
     """
-    found = {"python": ".".join(map(str, sys.version_info[:2]))}
+    versions = {"python": ".".join(map(str, sys.version_info[:2]))}
     for name in ("flexfem", "numpy", "scipy", "shapely", *(("gmsh", "scikit-fem", "cvxopt") if meshed else ())):
         try:
-            found[name] = version(name)
+            versions[name] = version(name)
         except PackageNotFoundError:
-            found[name] = "none"
+            versions[name] = "none"
     if (PACKAGE.parent / "pyproject.toml").is_file():
-        found["sources"] = digest(dict(manifest()))[:16]
+        versions["sources"] = digest(dict(manifest()))[:16]
     if own_hash():
-        found["with"] = own_hash()[:16]
-    return MappingProxyType(found)
+        versions["with"] = own_hash()[:16]
+    return MappingProxyType(versions)
 
 
 def require_same_versions(expected: Mapping[str, str], meshed: bool) -> None:
-    """In a worker: raise BadInput where it has another flexfem, or other libraries, than the one who asks."""
-    own = versions_of(meshed)
-    for name in sorted({*own, *expected}):
-        if own.get(name) != expected.get(name):
+    """Raise BadInput in a worker whose versions of flexfem or libraries are not those of the runner."""
+    actual = versions_of(meshed)
+    for name in sorted({*actual, *expected}):
+        if actual.get(name) != expected.get(name):
             raise BadInput(
-                f"a worker has {name} {own.get(name, 'none')}, the runner {expected.get(name, 'none')}, "
+                f"a worker has {name} {actual.get(name, 'none')}, the runner {expected.get(name, 'none')}, "
                 "expected the same versions everywhere"
             )

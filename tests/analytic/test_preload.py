@@ -155,7 +155,7 @@ def test_without_forces_it_is_the_stage_with_its_drive_engaged_and_disengaged(na
     drive, one = drive_of(stage), commanding(ModelChoice(stage, *choice))
     found = loaded(serial(stage, one.result, drive.stacks, "pushed"), np.zeros(12), np.zeros(3))
     np.testing.assert_array_equal(found.pose, 0.0)
-    for stiff, C in ((drive.stiffness, one.of.engaged), (0 * drive.stiffness, one.of.C[:3, :3])):
+    for stiff, C in ((drive.stiffness, one.system.engaged), (0 * drive.stiffness, one.system.C[:3, :3])):
         np.testing.assert_allclose(found.stiffness(stiff) @ C, np.eye(3), atol=1e-8)
 
 

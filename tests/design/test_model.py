@@ -18,7 +18,7 @@ SOFTEST = best("minimise", "kxx_n_per_mm")
 
 
 def test_mass_is_area_times_thickness_times_density(load):
-    found = Model(load(NECK, RADIUS, best("minimise", "mass_kg"))).found(BASE)[:, 0]
+    found = Model(load(NECK, RADIUS, best("minimise", "mass_kg"))).evaluate(BASE)[:, 0]
     assert found[0] == pytest.approx(0.0892, abs=5e-5)  # as `flexfem modes` says of the reference stage
     assert found[1] != found[0]
 
@@ -29,7 +29,7 @@ def test_what_cannot_be_drawn_has_no_mass_and_says_why(load, monkeypatch):
 
     monkeypatch.setattr(design_model, "drawn_inertia", refused)
     model = Model(load(NECK, RADIUS, best("minimise", "mass_kg")))
-    assert model.columns(BASE)[1].tolist() == ["links overlap"] * 2 and np.isnan(model.found(BASE)).all()
+    assert model.columns(BASE)[1].tolist() == ["links overlap"] * 2 and np.isnan(model.evaluate(BASE)).all()
 
 
 def test_errors_along_each_direction_are_of_the_whole_stiffness_of_a_stage_without_symmetry(load):
@@ -40,7 +40,7 @@ def test_errors_along_each_direction_are_of_the_whole_stiffness_of_a_stage_witho
     paper, calibrated = (model.stiffness for model in models)
     expected = 100 * (np.diag(np.linalg.solve(calibrated, paper)) - 1)
     for name, error in zip(("error_x_percent", "error_y_percent", "error_theta_percent"), expected, strict=True):
-        found = Model(load(wide, best("minimise", name))).found(np.array([[1.0]]))
+        found = Model(load(wide, best("minimise", name))).evaluate(np.array([[1.0]]))
         assert found[0, 0] == pytest.approx(error, rel=1e-6)
     assert abs(expected[0] - expected[1]) > 0.05
 
@@ -48,8 +48,8 @@ def test_errors_along_each_direction_are_of_the_whole_stiffness_of_a_stage_witho
 def test_a_derived_output_is_corrected_through_the_columns_that_it_uses(load):
     output = '[[output]]\nname = "both"\nexpression = "kxx_n_per_mm + kyy_n_per_mm"\n'
     loaded = load(NECK, RADIUS, output, best("maximise", "both ** 2"), best("maximise", "kyy_n_per_mm"))
-    plain = Model(loaded).found(BASE)
-    found = Model(loaded, corrections={"kyy_n_per_mm": Correction(1.5, -4.0)}).found(BASE)
+    plain = Model(loaded).evaluate(BASE)
+    found = Model(loaded, corrections={"kyy_n_per_mm": Correction(1.5, -4.0)}).evaluate(BASE)
     kyy = plain[:, 1]
     assert found[:, 1] == pytest.approx(1.5 * kyy - 4)
     assert found[:, 0] == pytest.approx((plain[:, 0] ** 0.5 + 0.5 * kyy - 4) ** 2)
@@ -65,7 +65,7 @@ def test_ends_of_both_sides_and_bounds_of_zero_have_a_size(load):
     ends = require("kxx_n_per_mm", 30, 50), require("coupling_xy", -1, 0)
     model = Model(load(NECK, RADIUS, *ends, best("minimise", "envelope_mm")))
     assert model.sizes.tolist() == [50.0, 1.0]
-    q = model.found(BASE)
+    q = model.evaluate(BASE)
     assert model.violations(q)[:, 0] == pytest.approx(np.maximum(0, q[:, 1] - 50) / 50)
 
 
@@ -73,7 +73,7 @@ def test_an_objective_goes_the_way_that_is_asked_and_a_miss_is_worse_than_any_va
     designs = np.array([[7.0], [9.0], [11.0]])
     for objective, order in ((STIFFEST, [1, 0, 2]), (SOFTEST, [0, 1, 2])):
         model = Model(load(THICKNESS, require("thickness_mm", None, 10.0), objective))
-        merit = model.merit(model.found(designs))
+        merit = model.merit(model.evaluate(designs))
         assert np.argsort(merit).tolist() == order
         assert merit[2] == pytest.approx(1.1 * MISSED) and np.all(np.abs(merit[:2]) < MISSED)
 

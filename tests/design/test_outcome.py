@@ -11,7 +11,7 @@ import pytest
 import flexfem
 from flexfem.design import outcome
 from flexfem.design.model import Correction, Model
-from flexfem.design.proof import ProposedElements, Store, proof
+from flexfem.design.proof import ElementSolver, Store, proof
 from flexfem.design.requirements import load_requirements
 from flexfem.mechanism.stage import Stage
 
@@ -21,10 +21,10 @@ DRIVE, DRIFT = "[drive]\nactuators = true\n", "[drift]\n"
 NECK_MM, RADIUS_MM = "hinges.elbow.neck_mm", "hinges.elbow.radius_mm"
 
 
-class Softer(ProposedElements):
+class Softer(ElementSolver):
     """Finite elements 3 % softer than the model on the finest mesh, and 20 % farther from yield."""
 
-    def of(self, values):
+    def solve(self, values):
         self.counts["finite elements"] += 3
         columns, _ = Model(self.loaded).columns(values[None])
         own = {name: float(columns[name][0]) for name in self.loaded.study.outputs}
@@ -47,7 +47,7 @@ def softer(tmp_path_factory):
 def test_the_design_is_the_best_by_finite_elements_and_no_other_step_of_it_is_better(softer):
     loaded, found = softer
     grid = np.array([[0.3 + 0.005 * i, 1.5 + 0.25 * j] for i in range(81) for j in range(11)])
-    quantities = Model(loaded).found(grid) * [1.2, 0.97, 1.0]
+    quantities = Model(loaded).evaluate(grid) * [1.2, 0.97, 1.0]
     allowed = quantities[:, 1] >= 60.0 + 0.9 * found.requirements[0].band
     assert found.objectives[0].value == pytest.approx(quantities[allowed, 0].max(), rel=1e-9)
     assert found.agreed and found.feasible and found.evaluations["finite elements"] <= 9
@@ -79,12 +79,12 @@ def test_the_stage_file_reads_back_and_says_what_was_designed(softer, tmp_path):
 
 def test_an_array_that_is_designed_in_part_goes_on_being_assumed(load):
     free = LINK.replace("[0]", "[1]").replace('"l1"', '"l2"'), LINK
-    stage = outcome.made(load(*free, RANGE), np.array([33.0, 34.0]))
+    stage = outcome.designed_stage(load(*free, RANGE), np.array([33.0, 34.0]))
     assert stage.chain.link_lengths == (34.0, 33.0, 24.0)
     text = stage.provenance["chain.link_lengths_mm"]
     assert text.startswith("assumed in part: [0, 1] designed: a test, seed 7; the others assumed")
     assert "chain.link_lengths_mm" in stage.assumed
-    long = outcome.made(load(*free, RANGE, head=HEAD.replace("a test", 500 * "x")), np.array([33.0, 34.0]))
+    long = outcome.designed_stage(load(*free, RANGE, head=HEAD.replace("a test", 500 * "x")), np.array([33.0, 34.0]))
     assert Stage.model_validate(tomllib.loads(long.to_toml())).assumed == stage.assumed
 
 
@@ -122,7 +122,7 @@ def test_ends_nearer_than_guards_leave_the_best_design_between_them(load):
 def test_a_model_agrees_with_an_objective_of_zero_that_it_misses_by_less_than_its_band(load, factor, agrees):
     """Finite elements say 0.97 times the stiffness, with a band above 0.1 %; the model so far `factor` times."""
     at = np.array([0.5])
-    stiffness = Model(load(NECK, STIFFEST)).found(at[None])[0, 0]
+    stiffness = Model(load(NECK, STIFFEST)).evaluate(at[None])[0, 0]
     loaded = load(NECK, best("minimise", f"abs(kxx_n_per_mm - {0.97 * stiffness})"))
     of = proof(Model(loaded, corrections={"kxx_n_per_mm": Correction(factor)}), Softer(loaded, Counter()), at)
     assert of.elements[0] < 1e-9 < 1e-3 * stiffness < of.bands[0]
@@ -143,7 +143,7 @@ def test_a_record_warns_of_a_life_beyond_the_cycles_of_its_law(load):
 def test_what_is_assumed_of_stage_drive_frame_and_requirements_is_listed(load, piece, own):
     source = '[provenance]\n"require[0]" = "assumed: a wish"\n"free[0]" = "measured"\n'
     loaded = load(NECK, piece, *WANTED, RANGE, source)
-    assumed = outcome.assumptions_of(loaded, outcome.made(loaded, np.array([0.6])))[0]
+    assumed = outcome.assumptions_of(loaded, outcome.designed_stage(loaded, np.array([0.6])))[0]
     assert "requirements: require[0]" in assumed and "requirements: free[0]" not in assumed
     stage = [key.removeprefix("stage: ") for key in assumed if key.startswith("stage: ")]
     assert len(stage) == len({*stage}) and "hinges.elbow.neck_mm" not in stage and "chain.link_lengths_mm" in stage

@@ -11,7 +11,7 @@ import pytest
 from flexfem.design import proof as module
 from flexfem.design.model import MISSED, Correction, Model
 from flexfem.design.outcome import checked_by
-from flexfem.design.proof import Proof, ProposedElements, Store, mapped, proof, quantity_band
+from flexfem.design.proof import ElementSolver, Proof, Store, proof, quantity_band, space_mapping
 from flexfem.design.search import BestDesign
 from flexfem.refused import ComputationFailed
 from flexfem.study.workers import Failure
@@ -36,7 +36,7 @@ def solved(monkeypatch):
 
 def test_a_design_is_solved_on_three_meshes_up_to_the_resolution_coarse_to_fine(load, solved):
     loaded = load(NECK, RADIUS, require("error_x_percent", None, 20), STIFFEST, head=HEAD + "resolution = 13\n")
-    found = ProposedElements(loaded, Counter()).of(OWN)
+    found = ElementSolver(loaded, Counter()).solve(OWN)
     assert [columns["kxx_n_per_mm"] for columns in found] == [7.0, 10.0, 13.0]
     for study, stage in solved:
         assert (stage.hinges.elbow.neck, stage.hinges.platform.radius, stage.hinges.base.radius) == (0.55, 2.0, 4.0)
@@ -47,7 +47,7 @@ def test_a_stage_corrected_for_its_thickness_is_solved_as_it_is_on_two_meshes(lo
     base, counts = tmp_path / "base.toml", Counter()
     base.write_text('model = "corrected"\n' + REFERENCE.read_text())
     loaded = load(NECK, RADIUS, STIFFEST, head=HEAD.replace(str(REFERENCE), base.name))
-    ProposedElements(loaded, counts).of(OWN)
+    ElementSolver(loaded, counts).solve(OWN)
     meshes = [(study.model, study.resolution, study.layers) for study, _ in solved]
     assert meshes == [("three_dimensional", 4, 2), ("three_dimensional", 6, 3)]
     assert {stage.model for _, stage in solved} == {"plane_stress"}
@@ -65,10 +65,10 @@ class InOrder:
 @pytest.mark.parametrize("parallel", [False, True])
 def test_what_is_known_is_neither_solved_nor_counted_again(load, solved, parallel):
     counts = Counter()
-    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), counts, InOrder() if parallel else None)
-    first, again = proposed.of(OWN), proposed.of(OWN)
+    proposed = ElementSolver(load(NECK, RADIUS, STIFFEST), counts, InOrder() if parallel else None)
+    first, again = proposed.solve(OWN), proposed.solve(OWN)
     assert first == again and len(solved) == 3 and counts == {"finite elements": 3}
-    proposed.of(OWN + 0.01)
+    proposed.solve(OWN + 0.01)
     assert len(solved) == 6 and counts == {"finite elements": 6}
 
 
@@ -81,23 +81,23 @@ def test_scattered_stages_are_solved_with_their_own_nine_necks_for_couplings_xy_
         return [stage.hinge(*names[n]).neck if n in names else study.study.resolution for n in study.outputs]
 
     monkeypatch.setattr(module, "solved", solve)
-    coarse, fine = ProposedElements(loaded, Counter()).scattered(OWN, off)
+    coarse, fine = ElementSolver(loaded, Counter()).solve_scattered(OWN, off)
     assert np.array_equal(coarse, fine)
     assert pytest.approx(np.array([[0.55, 0.55, 0.5] + each[[0, 1, 2], [1, 2, 0]] for each in off])) == coarse.T
 
 
 def test_a_solution_that_fails_says_why_and_is_not_kept(load, monkeypatch):
-    proposed = ProposedElements(load(NECK, RADIUS, STIFFEST), Counter())
+    proposed = ElementSolver(load(NECK, RADIUS, STIFFEST), Counter())
     with monkeypatch.context() as patched, pytest.raises(ComputationFailed, match="proposed design: the mesh folds"):
         patched.setattr(module, "solved", lambda *task: Failure("failed", "the mesh folds"))
-        proposed.of(OWN)
+        proposed.solve(OWN)
     monkeypatch.setattr(module, "solved", lambda study, stage: [4.0] * len(study.outputs))
-    assert proposed.of(OWN)[0]["kxx_n_per_mm"] == 4.0
+    assert proposed.solve(OWN)[0]["kxx_n_per_mm"] == 4.0
 
 
 def test_what_is_kept_survives_a_torn_file_and_a_search_is_counted_as_when_it_was_made(tmp_path):
     store, made = Store(tmp_path / "found"), []
-    store.keep("a", [1.5, None])
+    store.put("a", [1.5, None])
 
     def search():
         made.append(1)
@@ -106,13 +106,13 @@ def test_what_is_kept_survives_a_torn_file_and_a_search_is_counted_as_when_it_wa
 
     for each in (store, Store(tmp_path / "found")):
         counts = Counter(analytic=10)
-        assert each.searched("b", counts, search) == [3.0] and counts["analytic"] == 1244
+        assert each.cached("b", counts, search) == [3.0] and counts["analytic"] == 1244
     assert made == [1]
     torn = sorted((tmp_path / "found").iterdir())[0]
     torn.write_bytes(torn.read_bytes()[:-4])
     again = Store(tmp_path / "found")
-    assert sorted([again.answer("a") is None, again.answer("b") is None]) == [False, True]
-    again.forget()
+    assert sorted([again.get("a") is None, again.get("b") is None]) == [False, True]
+    again.remove()
     assert list(tmp_path.iterdir()) == []
 
 
@@ -138,7 +138,7 @@ def loop(load, monkeypatch):
         monkeypatch.setattr(module, "searched", searched)
         monkeypatch.setattr(module, "proof", lambda model, elements, values: proof_of(values, *next(each)))
         loaded = load(free, require("kxx_n_per_mm", 60.0, 80.0), RANGE, head=HEAD + "accuracy_percent = 0.4\n")
-        return *mapped(Model(loaded), SimpleNamespace(store=None)), starts
+        return *space_mapping(Model(loaded), SimpleNamespace(store=None)), starts
 
     return run
 
@@ -191,7 +191,7 @@ def test_what_finite_elements_do_not_answer_rests_on_the_model_alone(load, solid
 
 def test_a_band_follows_the_unit_in_which_a_quantity_is_asked(load, solved):
     loaded = load(NECK, require("kxx_n_per_mm / 1e9", 1e-7), best("minimise", "1 / kxx_n_per_mm"), STIFFEST)
-    of = proof(Model(loaded), ProposedElements(loaded, Counter()), OWN[:1])
+    of = proof(Model(loaded), ElementSolver(loaded, Counter()), OWN[:1])
     inverse, stiffness, small = of.bands / of.elements
     assert small == pytest.approx(stiffness) and inverse > 0 and of.round_off.tolist() == [0, 0, 0]
 

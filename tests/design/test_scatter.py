@@ -11,7 +11,7 @@ from scipy.special import ndtr
 import flexfem
 from flexfem.design import outcome
 from flexfem.design.model import Model
-from flexfem.design.proof import ProposedElements, proof, scattered_stages
+from flexfem.design.proof import ElementSolver, proof, scattered_stages
 from flexfem.design.scatter import OTHERS, REFUSED, stated
 
 from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, best, require, tolerance
@@ -38,7 +38,7 @@ def test_coupling_under_tolerance_is_that_of_stages_made_one_by_one(load, sd, ab
     model = Model(load(NECK, RADIUS, tolerance(sd, 80), *goals, head=head))
     stage = flexfem.load(REFERENCE)
     size = np.abs([couplings(stage, off, *about) for off in model.scatter.searched])
-    found = model.found(OWN)[0]
+    found = model.evaluate(OWN)[0]
     assert found[0] == pytest.approx(np.quantile(size.max(axis=1), 0.95), rel=2e-6)
     assert found[1] == pytest.approx(np.quantile(size[:, 1], 0.95), rel=2e-6)
     assert not np.isin(model.scatter.searched, model.scatter.others).any()
@@ -51,7 +51,7 @@ def test_couplings_of_a_small_scatter_are_gaussian_with_the_slopes_of_nine_necks
     ways = step * np.eye(9).reshape(9, 3, 3)
     slopes = np.array([(couplings(stage, way) - couplings(stage, -way)) / (2 * step) for way in ways])
     expected = 1.959964 * 0.05e-3 * np.sqrt(np.sum(slopes**2, axis=0))
-    found = scattered_stages(Model(loaded), ProposedElements(loaded, Counter()), OWN[0])
+    found = scattered_stages(Model(loaded), ElementSolver(loaded, Counter()), OWN[0])
     assert found.others[:3] == pytest.approx(expected, rel=0.01)
     assert np.all((found.low[:3] < expected) & (expected < found.high[:3]))
     assert found.others[3] > found.others[:3].max()
@@ -78,15 +78,15 @@ def test_a_quantile_is_off_by_no_more_than_the_misfit():
     assert np.all(np.abs(off) <= found.misfit[:3])
 
 
-class Uneven(ProposedElements):
+class Uneven(ElementSolver):
     """Finite elements that say what the model says, but of couplings 4 % less on the finest mesh, give or take 2e-5."""
 
-    def of(self, values):
+    def solve(self, values):
         columns, _ = Model(self.loaded).columns(values[None])
         own = {name: float(columns[name][0]) for name in self.loaded.study.outputs}
         return [own, own, own]
 
-    def scattered(self, values, off):
+    def solve_scattered(self, values, off):
         stage = self.loaded.stage.replace(neck={"elbow": values[0], "platform": values[0]})
         found = np.array([couplings(stage, each) for each in off]).T
         return [by * (found + 2e-5 * np.sign(found) * (-1.0) ** np.arange(len(off))) for by in (0.97, 0.96)]
@@ -131,4 +131,4 @@ def test_the_share_of_stages_that_keep_a_requirement_is_that_of_a_normal_distrib
 def test_a_neck_that_scatters_off_its_chart_or_by_half_of_itself_has_no_coupling(load):
     model, designs = Model(load(NECK, tolerance(45.0, 72), LEAST)), np.array([[0.3], [0.5]])
     assert model.columns(designs)[1].tolist() == [REFUSED, ""]
-    assert np.isnan(model.found(designs)).ravel().tolist() == [True, False]
+    assert np.isnan(model.evaluate(designs)).ravel().tolist() == [True, False]

@@ -27,7 +27,7 @@ def test_a_thin_neck_at_its_rotational_stiffness_has_the_largest_radius_and_the_
     head = HEAD + 'formula = "paros-weisbord"\nmobility = 3\n'
     start = np.array([[0.002, 1.0]])
     model = Model(load(neck, radius, require("ktt_n_mm_per_rad", 1.0), RANGE, head=head))
-    reach, K0 = model.found(start)[0]
+    reach, K0 = model.evaluate(start)[0]
     model = Model(load(neck, radius, require("ktt_n_mm_per_rad", K0), RANGE, head=head))
     found = optimum(model)
     assert found.relaxed == pytest.approx([0.002 * 2**0.2, 2.0], rel=1e-3)
@@ -40,7 +40,7 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load):
     model, points = Model(load(NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE)), 150
     axes = np.linspace(model.space.low, model.space.high, points).T
     values = np.array(np.meshgrid(*axes)).reshape(2, -1).T
-    merits = model.merit(model.found(values))
+    merits = model.merit(model.evaluate(values))
     least = int(np.argmin(merits))
     found = optimum(model)
     assert merits[least] < MISSED
@@ -58,9 +58,9 @@ def test_a_seed_decides_what_is_searched_and_the_same_one_finds_the_same_again(l
     pieces, searched = (NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE), []
 
     class Recording(Model):
-        def found(self, values):
+        def evaluate(self, values):
             searched[-1].append(values.copy())
-            return super().found(values)
+            return super().evaluate(values)
 
     for seed in (5, 5, 6):
         searched.append([])
@@ -76,7 +76,7 @@ def test_a_design_that_cannot_be_drawn_is_never_the_answer(load, monkeypatch):
     monkeypatch.setattr(Model, "drawable", lambda self, values: not (values[1] > 2.3 and values[1] % 0.25 == 0))
     found = optimum(model)
     grid = np.array([[0.3 + 0.005 * i, 1.5 + 0.25 * j] for i in range(81) for j in range(4)])
-    merits = model.merit(model.found(grid))
+    merits = model.merit(model.evaluate(grid))
     assert found.values[1] == 2.25 and found.merit == pytest.approx(merits.min(), rel=1e-12)
 
 
@@ -86,7 +86,7 @@ def test_what_cannot_be_met_is_missed_least_and_each_requirement_says_how_much_i
     found = optimum(model)
     assert found.merit >= MISSED
     assert found.values == pytest.approx([0.7, 1.5], rel=1e-3)
-    q = model.found(found.values[None])
+    q = model.evaluate(found.values[None])
     envelope, stiffness = relaxations(model, found.values)
     assert model.violations(q)[0, 0] == 0 and (envelope.relax_to, envelope.percent) == (None, None)
     assert stiffness.relax_to == pytest.approx(q[0, 2], rel=1e-6)

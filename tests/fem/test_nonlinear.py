@@ -48,7 +48,7 @@ def bent(mesh, pose, plate=PLATE, seed=29):
 def moved(model, state, change):
     """The state after a change (2f + 3,) of the unknowns."""
     field = state.field.copy()
-    field[model.of.free] += change[:-3].reshape(-1, 2)
+    field[model.structure.free] += change[:-3].reshape(-1, 2)
     return model.at(state.pose + change[-3:], field)
 
 
@@ -73,11 +73,11 @@ def test_an_end_moment_bends_a_cantilever_into_an_arc_and_2_pi_EI_over_L_into_a_
 @pytest.mark.parametrize("pose", [np.zeros(3), np.array([0.7, -1.1, 0.9]), np.array([-9.0, 4.0, -2.6])])
 def test_forces_are_the_gradient_of_the_energy_and_the_tangent_that_of_the_forces(eccentric, pose):
     model, state = bent(eccentric, pose)
-    step, size = 1e-5, model.of.size
-    ends = [[model.held(moved(model, state, sign * step * unit)) for sign in (1.0, -1.0)] for unit in np.eye(size)]
+    step, size = 1e-5, model.structure.size
+    ends = [[model.internal(moved(model, state, sign * step * unit)) for sign in (1.0, -1.0)] for unit in np.eye(size)]
     gradient = np.array([ahead.energy - behind.energy for ahead, behind in ends]) / (2 * step)
     stiffness = np.array([ahead.forces - behind.forces for ahead, behind in ends]).T / (2 * step)
-    forces, lower = model.held(state).forces, model.tangent(state)
+    forces, lower = model.internal(state).forces, model.tangent(state)
     np.testing.assert_allclose(gradient, forces, rtol=0, atol=DIFFERENCE * np.abs(forces).max())
     whole = (lower + sp.tril(lower, -1).T).toarray()
     scale = np.abs(whole).max(axis=1, keepdims=True)

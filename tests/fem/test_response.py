@@ -12,7 +12,7 @@ from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
 from flexfem.fem.fields import load_case, neck_maxima
 from flexfem.fem.mesh import ordered
-from flexfem.fem.response import neck_wrenches, platform_response, settle
+from flexfem.fem.response import neck_wrenches, platform_response, refined_solution
 from flexfem.fem.structure import NONE, plate_of, structure
 from flexfem.mechanism.designs import chain_rotation, stage_frames, turned
 from flexfem.mechanism.stage import load_stage
@@ -83,7 +83,7 @@ def test_energy_that_is_not_the_work_to_a_billionth_is_refused(off, refused, mon
     exact, loads = factorise(of.lower()), np.eye(of.size, 3, 3 - of.size)
     monkeypatch.setattr(flexfem.fem.response, "MOST_SOLVES", 1)
     with pytest.raises(ComputationFailed, match="refused") if refused else nullcontext():
-        settle(of, lambda b: (1 + off) * exact(b), loads)
+        refined_solution(of, lambda b: (1 + off) * exact(b), loads)
 
 
 def test_reactions_that_do_not_balance_are_refused(monkeypatch):

@@ -41,7 +41,7 @@ def bar_compliance(mesh, z, stress, hold):
     force = np.pad(flat[:, None] * along[:, None], [(0, 0), (0, 0), (0, 1)])
     held = np.zeros(force.shape, dtype=bool)
     hold(held, nodes_on(mesh, "left"), nodes_on(mesh, "bottom"))
-    return 2 * np.sum(force * of.settled(of.lower(), force, held)) / along.sum()
+    return 2 * np.sum(force * of.solve(of.lower(), force, held)) / along.sum()
 
 
 def pulled(held, neck, axis):

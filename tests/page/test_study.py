@@ -13,7 +13,7 @@ from markupsafe import Markup
 from flexfem.page.section import html_of
 from flexfem.page.study import study_parts
 from flexfem.studies import run_study
-from flexfem.study.answer import own_values
+from flexfem.study.answer import base_factor_values
 from flexfem.study.findings import Source, findings
 from flexfem.study.loaded import LoadedStudy
 
@@ -41,7 +41,7 @@ STATUS = {"designs": 12, "ok": 10, "refused": 2, "failed": 0, "open": 0, "warnin
 
 def source_of(loaded: LoadedStudy, **changed: np.ndarray) -> Source:
     """A study with its answers, some columns replaced."""
-    return Source(loaded, answered(loaded, **changed), own_values(loaded))
+    return Source(loaded, answered(loaded, **changed), base_factor_values(loaded))
 
 
 def page_of(source: Source, **status: list[str]) -> str:
@@ -75,7 +75,7 @@ def test_what_symmetry_makes_zero_is_zero_on_the_page(tmp_path):
 def test_the_ends_of_a_map_are_below_it(tmp_path):
     """Stiffnesses from 50 to 61 in no order: 50 at the first design, 61 at the sixth."""
     source = source_of(study(tmp_path, GRID + MAP), kxx_n_per_mm=50.0 + 7 * np.arange(12) % 12)
-    html = page_of(source._replace(unseen=["nothing follows it"]), warnings=["nothing follows it"])
+    html = page_of(source._replace(factor_warnings=["nothing follows it"]), warnings=["nothing follows it"])
     assert rows_of(html)["least"] == ["50.000", "2.0000", "0.40000"] and html.count("nothing follows it") == 1
     assert rows_of(html)["most"] == ["61.000", "2.5000", "0.80000"]
 

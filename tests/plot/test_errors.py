@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from flexfem.plot.errors import HONEST, budget_figure, convergence_figure, error_figure
+from flexfem.plot.errors import ROUND_OFF_AXIS, budget_figure, convergence_figure, error_figure
 from flexfem.units import DIRECTIONS
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}
@@ -56,7 +56,7 @@ def test_round_off_is_not_drawn_to_full_scale(made, direction):
     for freedom, axes in zip(DIRECTIONS, figure.axes, strict=True):
         assert not axes.collections
         comparable = (21.0 if direction == "theta" else 1.0) / (21.0 if freedom == "theta" else 1.0)
-        half = HONEST * 0.05 * comparable / made.size_in(axes.get_ylabel())
+        half = ROUND_OFF_AXIS * 0.05 * comparable / made.size_in(axes.get_ylabel())
         assert axes.get_ylim() == pytest.approx((-half, half))
         (said,) = [text.get_text() for text in axes.texts]
         assert said.startswith("round-off only: largest ") and f"({said.split()[-1]})" in axes.get_ylabel()

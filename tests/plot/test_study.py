@@ -22,7 +22,7 @@ from flexfem.plot.study import (
 )
 from flexfem.refused import BadInput
 from flexfem.results import SPACE
-from flexfem.study.answer import nominal, own_values
+from flexfem.study.answer import base_factor_values, nominal
 from flexfem.study.collect import StudyTable
 from flexfem.study.findings import (
     AxisText,
@@ -275,12 +275,12 @@ def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_thos
     table = answered(loaded)
     source = source_of(loaded, table)
     shown = front_of(source, loaded.study.figure[1])
-    x, y = table.with_answer("envelope_mm", "kxx_n_per_mm")
+    x, y = table.with_results("envelope_mm", "kxx_n_per_mm")
     drawable = ~np.isin(np.arange(len(x)), shown.undrawable)
     for place in shown.front:
         assert not (drawable & (x <= x[place]) & (y >= y[place]) & ((x < x[place]) | (y > y[place]))).any()
     assert 1 <= len(shown.chosen) <= 2 and {one.place for one in shown.chosen} <= set(shown.front)
-    (radius,) = table.with_answer("hinges.base.radius_mm")
+    (radius,) = table.with_results("hinges.base.radius_mm")
     for one in shown.chosen:
         assert {q.name: v for q, v in one.numbers}["radius of base hinges"] == radius[one.place]
     assert shown.left_out == [f"not drawn: {table.counts['refused']} refused"]
@@ -318,10 +318,11 @@ def test_the_base_stage_is_answered_as_a_design_with_its_own_values(tmp_path: Pa
     table, found = answered(loaded), nominal(loaded)
     for name in loaded.outputs:
         assert found[name] == pytest.approx(table.columns[name][0], rel=1e-12, abs=1e-12)
-    assert own_values(loaded) == {"hinges.base.radius_mm": 4.0, "the other necks": 0.5}
+    assert base_factor_values(loaded) == {"hinges.base.radius_mm": 4.0, "the other necks": 0.5}
 
 
 def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
     necks = '"hinges.elbow.neck_mm", "hinges.platform.neck_mm"'
     unlike = (necks, '"hinges.elbow.radius_mm", "hinges.base.neck_mm"')
-    assert set(own_values(study(tmp_path, GRID, unlike, ('"the other necks"', '"mixed"')))) == {"hinges.base.radius_mm"}
+    mixed = study(tmp_path, GRID, unlike, ('"the other necks"', '"mixed"'))
+    assert set(base_factor_values(mixed)) == {"hinges.base.radius_mm"}

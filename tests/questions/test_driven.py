@@ -62,7 +62,7 @@ def test_ae0505d16_on_14_3_newtons_per_micrometre_travels_13_74_micrometres():
 def test_what_is_stored_is_the_work_done(stage):
     """Strokes and load grow together: half of stroke times force and of load times pose."""
     drive, x = drive_of(stage), 1e-3 * np.array([3.0, -2.0, 1.0, 5.0, -4.0, 2.5])
-    of = model(stage).of
+    of = model(stage).system
     found = moved(of, drive, x, LOAD)
     work = (found.force @ (drive.differential @ x) + LOAD @ found.pose) / 2
     assert found.stage + found.stacks == pytest.approx(work, rel=1e-10)
@@ -74,7 +74,7 @@ def test_what_is_stored_is_the_work_done(stage):
 def test_pose_to_strokes_to_pose(stage, criterion, load):
     drive = drive_of(stage)
     for choice in ((3, DEFAULT_FORMULA, False), (6, DEFAULT_FORMULA, False), (None, CALIBRATED, True)):
-        of = model(stage, *choice).of
+        of = model(stage, *choice).system
         for pose in (POSE, 1e-13 * POSE, 1e-28 * POSE) if load is not LOAD else (POSE,):
             x = commands_for(of, drive, pose, load, LEVER, criterion)
             np.testing.assert_allclose(moved(of, drive, x, load).pose, pose, rtol=1e-12)
@@ -84,12 +84,12 @@ def test_least_energy_turns_the_joints_as_29_says(stage):
     """Six sets command the six independent joints of mobility six, whatever their stiffness."""
     drive = drive_of(stage)
     one = model(stage, 6, DEFAULT_FORMULA, False)
-    motion = moved(one.of, drive, commands_for(one.of, drive, POSE, np.zeros(3), LEVER, "least energy"), np.zeros(3))
+    motion = moved(one.system, drive, commands_for(one.system, drive, POSE, NONE, LEVER, "least energy"), NONE)
     of = assemble(stage, 6)
     joints = inverse_kinematics(of, stiffness(of), POSE).joints
     turning = joints[of.joints.kind == 0].reshape(3, 3)
     np.testing.assert_allclose(one.rotations(motion, NONE), turning, rtol=1e-7, atol=1e-12)
-    assert motion.stage == pytest.approx(POSE @ np.linalg.inv(one.of.C[:3, :3]) @ POSE / 2, rel=1e-9)
+    assert motion.stage == pytest.approx(POSE @ np.linalg.inv(one.system.C[:3, :3]) @ POSE / 2, rel=1e-9)
 
 
 def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
@@ -99,12 +99,12 @@ def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
     free = drive_of(stage)._replace(stiffness=np.where(np.arange(12) < 2, 1e9, 0.0))
     of = driven(one.model.compliance, free)
     found = moved(of, free, 1e-3 * np.eye(6)[0], np.zeros(3))
-    turned = one._replace(of=of).rotations(found, NONE)
+    turned = one._replace(system=of).rotations(found, NONE)
     assert turned[0, 0] == pytest.approx(-1e-3 / 10.0, rel=1e-3)  # upwards left of the hinge: clockwise
 
 
 def test_no_strokes_have_a_smaller_largest_one(stage):
-    drive, of = drive_of(stage), model(stage).of
+    drive, of = drive_of(stage), model(stage).system
     least = commands_for(of, drive, POSE, np.zeros(3), LEVER, "least stroke")
     free = np.linalg.svd(of.poses * np.array([[1], [1], [LEVER]]))[2][3:]
     rng = np.random.default_rng(5)
@@ -118,7 +118,7 @@ def test_no_strokes_have_a_smaller_largest_one(stage):
 
 def test_the_limits_of_every_stack_count(stage):
     """Strokes to half of 17.4 um on either side at base and at elbow, and contacts to their preload."""
-    drive, of = drive_of(stage), model(stage).of
+    drive, of = drive_of(stage), model(stage).system
     for command in range(6):
         x = 8.7e-3 * np.eye(6)[command]
         assert max(shares(of, drive, x, np.zeros(3))["stroke"]) == pytest.approx(1.0)
@@ -144,17 +144,17 @@ def test_one_direction_of_pushing_does_not_hold_three(stage):
 
 def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike_drive):
     best, metal = model(unlike_drive), driven_elements(unlike_drive, 4)
-    C, F = best.of.C, metal.of.C
+    C, F = best.system.C, metal.system.C
     size = np.sqrt(np.diag(F))
     assert np.max(np.abs(C - F) / np.outer(size, size)) < MESH
     drive, lever = drive_of(unlike_drive), unlike_drive.chain.link_lengths[2]
-    x = commands_for(best.of, drive, POSE, np.zeros(3), lever, "least energy")
-    reached = moved(metal.of, drive, x, np.zeros(3)).pose
+    x = commands_for(best.system, drive, POSE, np.zeros(3), lever, "least energy")
+    reached = moved(metal.system, drive, x, np.zeros(3)).pose
     scale = np.array([1.0, 1.0, lever])
     assert np.linalg.norm((reached - POSE) * scale) < 1e-3 * np.linalg.norm(POSE * scale)
-    full = calibration(metal.of, best.of, drive, lever)
-    x = commands_for(best.of, drive, full @ POSE, np.zeros(3), lever, "least energy")
-    np.testing.assert_allclose(moved(metal.of, drive, x, np.zeros(3)).pose, POSE, rtol=1e-9)
+    full = calibration(metal.system, best.system, drive, lever)
+    x = commands_for(best.system, drive, full @ POSE, np.zeros(3), lever, "least energy")
+    np.testing.assert_allclose(moved(metal.system, drive, x, np.zeros(3)).pose, POSE, rtol=1e-9)
 
 
 def test_necks_of_finite_elements_carry_what_balances_and_what_the_model_says(unlike_drive):
@@ -175,12 +175,12 @@ def test_the_half_spaces_of_yield_are_the_stresses_of_the_necks(stage):
     )
     drive, one, frames = drive_of(stage), model(stage), stage_frames(stage)
     sections = sections_of(lower(stage))[:, 0]
-    rest = np.concatenate([LOAD, moved(one.of, drive, np.zeros(6), LOAD).force])
+    rest = np.concatenate([LOAD, moved(one.system, drive, np.zeros(6), LOAD).force])
     at_rest = neck_forces(frames, (one.model.necks @ rest)[..., None])[..., 0]
-    limits = limits_of_necks(sections, per_command(one.of, frames, one.model.necks), at_rest, 503.0)
+    limits = limits_of_necks(sections, per_command(one.system, frames, one.model.necks), at_rest, 503.0)
     assert limits.rows.shape == (9 * 141 * 4, 6)
     for command in 1e-3 * np.random.default_rng(3).normal(size=(5, 6)):
         found = limits.rows @ command - limits.offsets
-        wanted = one.stress(LOAD, moved(one.of, drive, command, LOAD).force)
+        wanted = one.stress(LOAD, moved(one.system, drive, command, LOAD).force)
         np.testing.assert_allclose(np.max(found.reshape(3, 3, -1), axis=-1), wanted, rtol=1e-10)
     np.testing.assert_array_equal(limits.sizes, 503.0)

@@ -84,15 +84,15 @@ def test_bands_by_both_witnesses(stage):
     stage = rough(stage, {"friction": 0.1, "pair": False}, {"friction": 0.3, "arm": 7.0})
     drive, metal = drive_of(stage), driven_elements(stage, 3)
     assert metal.across.shape == (3 + 9, 9)
-    elements = left_open(metal.of, metal.across, drive, drive.preload)
+    elements = left_open(metal.system, metal.across, drive, drive.preload)
     np.testing.assert_allclose(at_rest(stage, None, CALIBRATED, True), elements, rtol=6e-3)
 
 
 def test_a_contact_that_would_have_to_pull_holds_nothing(stage):
     stage = rough(stage, {"friction": 0.2, "pair": False, "preload": 1.0})
     drive, one = drive_of(stage), commanding(ModelChoice(stage, *MODEL))
-    pulled = left_open(one.of, one.across, drive, np.array([2.0, -3.0, -1.0]))
-    only = left_open(one.of, one.across, drive, np.array([2.0, 0.0, 0.0]))
+    pulled = left_open(one.system, one.across, drive, np.array([2.0, -3.0, -1.0]))
+    only = left_open(one.system, one.across, drive, np.array([2.0, 0.0, 0.0]))
     np.testing.assert_array_equal(pulled, only)
     assert min(only) > 0
 

@@ -52,7 +52,7 @@ def preloaded(of, stacks, force, follows):
         field[of.free] = motion[:-3].reshape(-1, 2)
         state = model.at(motion[-3:], field)
         g, H = openings(stacks, ends, reads.T @ motion, follows)
-        held = model.held(state)
+        held = model.internal(state)
         missing = reads @ (g @ force) - held.forces
         Z = Factoriser()(model.tangent(state))(np.column_stack([missing, hub, reads]))
         Q = -block_diag(*(N * each for N, each in zip(force, H, strict=True)))
@@ -135,9 +135,9 @@ def changes(stage, forces, follows, resolution):
         of = loaded(joints, force, NONE)
         for j, stiff in enumerate((0 * drive.stiffness, drive.stiffness)):
             engaged = drive._replace(stiffness=stiff)
-            K, K_rest = (np.diag(np.linalg.inv(driven(each, engaged).engaged)) for each in (C, metal.of.C))
+            K, K_rest = (np.diag(np.linalg.inv(driven(each, engaged).engaged)) for each in (C, metal.system.C))
             found[0, i, j] = K / K_rest - 1
-            rest = np.diag(np.linalg.inv(driven(model.of.C, engaged).engaged))
+            rest = np.diag(np.linalg.inv(driven(model.system.C, engaged).engaged))
             found[1, i, j] = np.diag(of.stiffness(stiff)) / rest - 1
     return found
 

@@ -68,7 +68,7 @@ def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **oth
 
 
 def pose_set(stage: Stage, one: Commanding, drive: StageDrive, load: np.ndarray = NONE) -> PoseSet:
-    return PoseSet(one.of, drive, limits_of_commands(one, one.of, drive, load), load)
+    return PoseSet(one.system, drive, limits_of_commands(one, one.system, drive, load), load)
 
 
 @pytest.fixture(scope="module")
@@ -108,14 +108,14 @@ def test_strokes_alone_reach_a_zonotope(stage):
     """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
     one, drive = modelled(stage)
     found = pose_set(stage, one, drive).solid(LEVER)
-    G = one.of.poses * 8.7e-3
+    G = one.system.poses * 8.7e-3
     assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
     determinants = [abs(np.linalg.det(G[:, list(three)])) for three in combinations(range(6), 3)]
     assert found.volume == pytest.approx(8 * sum(determinants), rel=1e-9)
     for n in np.random.default_rng(4).normal(size=(40, 3)) / SCALE[::-1]:
         assert np.max(found.vertices @ n) == pytest.approx(np.sum(np.abs(n @ G)), rel=1e-9)
     np.testing.assert_allclose(found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=1e-9)
-    moved_to = [moved(one.of, drive, x, NONE).pose for x in found.commands]
+    moved_to = [moved(one.system, drive, x, NONE).pose for x in found.commands]
     np.testing.assert_allclose(moved_to, found.vertices, rtol=1e-9, atol=1e-15)
 
 
@@ -146,8 +146,8 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     assert np.all(normals @ V.T <= supports[:, None] + 1e-12)
 
     def share(pose: np.ndarray) -> float:
-        x = commands_for(one.of, drive, pose, LOAD, LEVER, "within limits")
-        return max(float(np.max(each)) for each in shares(one.of, drive, x, LOAD).values())
+        x = commands_for(one.system, drive, pose, LOAD, LEVER, "within limits")
+        return max(float(np.max(each)) for each in shares(one.system, drive, x, LOAD).values())
 
     @settings(max_examples=8, deadline=None, database=None, derandomize=True)
     @given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda n: np.linalg.norm(n) > 0.1))
@@ -168,7 +168,7 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
     for each in (own, weak):
         one, drive = modelled(each)
         many = drive.at(None)
-        of = Driven(one.of.C[None], one.of.Y[None], one.of.T)
+        of = Driven(one.system.C[None], one.system.Y[None], one.system.T)
         studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
         found, stops = pose_set(each, one, drive).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
@@ -184,11 +184,11 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
     assert np.all(elements[0, 1] != model[0, 1])
     one, drive = modelled(own)
-    limits, X = limits_of_commands(one, one.of, drive, load), found.commands
+    limits, X = limits_of_commands(one, one.system, drive, load), found.commands
     assert np.max(X @ limits.rows.T - limits.bounds) < 1e-9
-    np.testing.assert_allclose([moved(one.of, drive, x, load).pose for x in X], found.vertices, atol=1e-12)
+    np.testing.assert_allclose([moved(one.system, drive, x, load).pose for x in X], found.vertices, atol=1e-12)
     assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
-    rest = one.of.engaged @ load
+    rest = one.system.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
     edges = found.fields.section
     section = np.array([edge.start for edge in edges])
@@ -206,10 +206,10 @@ def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage,
     assert said.startswith("single stacks have no partner to bear their preload: the necks do, with up to 40.19 MPa")
     assert reached.warnings == []
     one, drive = modelled(stage)
-    free = limits_of_commands(one, one.of, drive, NONE).bounds[-1]
+    free = limits_of_commands(one, one.system, drive, NONE).bounds[-1]
     assert free == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
     one, drive = modelled(alone)
-    at_rest = limits_of_commands(one, one.of, drive, NONE).bounds[24:]
+    at_rest = limits_of_commands(one, one.system, drive, NONE).bounds[24:]
     assert 497.97 - np.min(at_rest) == pytest.approx(40.19, rel=1e-3)
 
 
@@ -261,11 +261,11 @@ def test_round_off_is_no_radius_about_rest(stage):
 
 def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
     """Where contacts bind, forces by the model would let the metal go elsewhere."""
-    found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).of
+    found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).system
     first, drive = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False)), drive_of(light)
     own, other = (
         PoseSet(elements, drive, limits_of_commands(first, of, drive, LOAD), LOAD).ranges()[0]
-        for of in (elements, first.of)
+        for of in (elements, first.system)
     )
     np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=1e-9)
     assert np.max(np.abs(own[1, 1] / other[1, 1] - 1)) > 1e-4

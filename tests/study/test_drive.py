@@ -79,7 +79,7 @@ def ranges(stage: Stage, choice: tuple[int | None, str, bool], resolution: int |
     resolution : of finite elements that push and move; what their necks carry is then the model's.
     """
     one, drive = commanding(ModelChoice(stage, *choice)), drive_of(stage)
-    of = one.of if resolution is None else driven_elements(stage, resolution).of
+    of = one.system if resolution is None else driven_elements(stage, resolution).system
     limits = limits_of_commands(one, of, drive, np.zeros(3))
     rows, ends = limits.rows, limits.bounds
     norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from flexfem.commands.study import app
 from flexfem.studies import status_facts
-from flexfem.study.answer import answer, unseen
+from flexfem.study.answer import answer, factor_warnings
 from flexfem.study.loaded import sample
 from flexfem.study.run import parts_of, table_of, write_part
 
@@ -65,7 +65,7 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
 )  # fmt: skip
 def test_a_factor_that_nothing_shown_depends_on_is_named(studies, head: str, tail: str, said: list[str]) -> None:
     loaded = studies.of(FEW, NECK, WIDTH, STRENGTH, head=f'model = "analytic"{head}', tail=tail)
-    found = unseen(loaded)
+    found = factor_warnings(loaded)
     assert len(found) == len(said) and all(text in one for text, one in zip(said, found, strict=True)), found
 
 
@@ -74,6 +74,6 @@ def test_what_a_table_of_designs_never_varies_is_not_blamed(studies) -> None:
     (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.0\n")
     factors = 'key = "hinges.base.neck_mm"', 'label = "w"\nkey = "chain.link_width_mm"'
     table = 'method = "table"\nfile = "d.csv"'
-    assert unseen(studies.of(table, *factors, tail=KXX)) == []
+    assert factor_warnings(studies.of(table, *factors, tail=KXX)) == []
     (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.1\n")
-    assert ["factor w" in text for text in unseen(studies.of(table, *factors, tail=KXX))] == [True]
+    assert ["factor w" in text for text in factor_warnings(studies.of(table, *factors, tail=KXX))] == [True]

@@ -42,7 +42,7 @@ def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Suppor
     of, field, held = structure(mesh, plate, held=NONE), np.zeros_like(force), np.zeros(force.shape, dtype=bool)
     for nodes, axis, values in supports:
         field[nodes, axis], held[nodes, axis] = values, True
-    field = field + of.settled(of.lower(), force - of.forces(field[None])[0], held)
+    field = field + of.solve(of.lower(), force - of.forces(field[None])[0], held)
     reactions = np.where(held, of.forces(field[None])[0] - force, 0.0)
     return Solution(field, reactions, int(np.sum(~held)))
 

@@ -149,11 +149,11 @@ def remainders() -> Remainders:
     for at in (state, unstressed):
         half = model.tangent(at)
         slopes.append(half @ way + sp.tril(half, -1).T @ way)
-    forces, changes = model.held(state).forces, []
+    forces, changes = model.internal(state).forces, []
     for step in STEPS:
         field = state.field.copy()
         field[of.free] += step * way[:-3].reshape(-1, 2)
-        changes.append(model.held(model.at(state.pose + step * way[-3:], field)).forces - forces)
+        changes.append(model.internal(model.at(state.pose + step * way[-3:], field)).forces - forces)
     left = [np.linalg.norm(np.array(changes) - STEPS[:, None] * slope, axis=1) for slope in slopes]
     scale = np.linalg.norm(slopes[0])
     return Remainders(left[0] / scale, left[1] / scale, len(way))

@@ -11,7 +11,7 @@ from scipy.special import iv, ivp, jv, jvp, kv, kvp, yv, yvp
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
-from flexfem.fem.mesh import Sector, StageMesh, mapped, nodes_on, outwards
+from flexfem.fem.mesh import Sector, StageMesh, by_radius, mapped, nodes_on
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
 from flexfem.fem.structure import structure
 from flexfem.mechanism.designs import CHAIN_TURN
@@ -119,7 +119,7 @@ def third(columns: int, rows: int, twist: float = 0.0) -> Sector:
     names = {"left": "hub", "right": "ground", "bottom": "cut behind", "top": "cut ahead"}
     mesh = mesh._replace(edges={names[side]: edge for side, edge in mesh.edges.items()})
     ends = np.concatenate([mesh.edges["hub"], mesh.edges["ground"]])
-    behind, ahead = (outwards(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead"))
+    behind, ahead = (by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead"))
     return Sector(mesh, behind[~np.isin(behind, ends)], ahead[~np.isin(ahead, ends)])
 
 
