@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem.analytic.model import lowered
+from flexfem.analytic.model import network_of
 from flexfem.analytic.network import stiffness as at_output
 from flexfem.analytic.paper import freedoms_of
 from flexfem.hinges.formulas import FORMULAS
@@ -46,7 +46,7 @@ def stiffness(d: dict[str, Any]) -> Any:
         0.33,
         block_height=d["width"][spread],
     )
-    return at_output(lowered(frames(d["lengths"], d["angles"]), hinges, freedoms_of(21))).matrix
+    return at_output(network_of(frames(d["lengths"], d["angles"]), hinges, freedoms_of(21))).matrix
 
 
 def main() -> None:

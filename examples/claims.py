@@ -36,7 +36,7 @@ from flexfem.analytic.model import (
     at_rest,
     hinge_compliances,
     in_range,
-    without_answer,
+    invalid_hinges,
 )
 from flexfem.analytic.paper import (
     AXIAL,
@@ -254,7 +254,7 @@ def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
 def answered(designs: Designs, formula: str) -> Array:
     """Which designs (n,) a formula is meant for and has positive compliances for."""
     with np.errstate(all="ignore"):
-        broken = [each.where for each in without_answer(designs, formula, hinge_compliances(designs, formula))]
+        broken = [each.where for each in invalid_hinges(designs, formula, hinge_compliances(designs, formula))]
         return np.all(in_range(designs, formula), axis=(1, 2)) & ~np.any(broken, axis=0)
 
 

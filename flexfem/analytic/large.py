@@ -18,7 +18,7 @@ from flexfem.analytic.elastic_bodies import platform_compliance
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.network import freedom_motions
 from flexfem.analytic.paper import KINDS, PaperModel, apply, first_order, resting, stiffness
-from flexfem.analytic.responses import beyond, link_pieces
+from flexfem.analytic.responses import distal_share, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
 from flexfem.mechanism.contacts import Follows, Push, Stack
 from flexfem.mechanism.designs import Frames, chain_rotation, stage_frames
@@ -260,7 +260,7 @@ def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]
     for link in range(3):  # the pad or a link, then the hinge at its end
         for _, c, at in (each for each in pieces if each.link == link):
             twists.append(np.concatenate(list(R @ np.linalg.cholesky(c)), axis=1))
-            past = np.array([beyond(push, link, at) for push in pushes]).reshape(len(pushes), len(at))
+            past = np.array([distal_share(push, link, at) for push in pushes]).reshape(len(pushes), len(at))
             shares.append(np.repeat(past, 3, axis=1))
             of_links.append(np.ones(3 * len(at), dtype=bool))
         twists.append((G[link] * root[link])[:, allowed[link]])

@@ -195,8 +195,8 @@ class Stack(NamedTuple):
     def across(self) -> Stack:
         """The friction force of the contact, as a stack whose force is rotated by 90 degrees counter-clockwise."""
         wrench = wrench_of(self.point, 1j * self.direction)
-        pushed, carrier = self.pushes
-        return self._replace(pushes=(pushed._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
+        driven, carrier = self.pushes
+        return self._replace(pushes=(driven._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
 
     def spread_over(self, times: float) -> Stack:
         """The stack with its loads on links distributed over `times` the assumed length."""

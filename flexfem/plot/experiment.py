@@ -132,7 +132,7 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
 
 
 LONGEST_LIFE = 1e14  # cycles; necks with longer lives are counted, not drawn
-REVERSAL = 0.5  # cycles; shorter lives are drawn there
+REVERSAL = 0.5  # cycles; shorter lives are drawn at it
 LEFT_EDGE = 1e2  # cycles
 HINGE_MARKERS = {"base": "s", "elbow": "o", "platform": "^"}
 
@@ -158,10 +158,10 @@ def life_figure(found: Life) -> Figure:
 
 def plot_life(ax: Axes, found: Life) -> Axes:
     """Draw Basquin's law, dashed where extrapolated, the yield strength and the necks of every model; return `ax`."""
-    law, wanted, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
+    law, target, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
     low, high = law.range
     lives = np.clip(found.cycles, REVERSAL, LONGEST_LIFE)
-    right = 10.0 * max(high, wanted, float(np.max(lives)))
+    right = 10.0 * max(high, target, float(np.max(lives)))
     left = min(LEFT_EDGE, low / 3.0, 0.3 * float(np.min(lives)))
     label = "where the law was fitted" if law.range_stated else "where the law is taken to hold, assumed"
     ax.axvspan(low, high, color=PALE, linewidth=0, label=label)
@@ -170,7 +170,7 @@ def plot_life(ax: Axes, found: Life) -> Axes:
         label = {"-": "Basquin's law"}.get(look, "" if ends[0] != left else "extrapolated")
         ax.plot(N, law.amplitude(N), look, color=INK, linewidth=1.6, label=label)
     ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
-    ax.axvline(wanted, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
+    ax.axvline(target, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
     for k, model in enumerate(found.axes["model"]):
         _plot_necks(ax, model, lives[k], found.equivalent[k])
     beyond = int(np.sum(found.cycles >= LONGEST_LIFE))

@@ -97,9 +97,9 @@ def _displaced(
     size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
     key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
     figure, axes = panels(size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields))
-    for ax, (label, each) in zip(axes, fields.items(), strict=True):
+    for ax, (label, field) in zip(axes, fields.items(), strict=True):
         ax.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
-        plot_displacement(ax, each, factor=factor, norm=norm)
+        plot_displacement(ax, field, factor=factor, norm=norm)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
     return figure, axes, factor
 
@@ -115,9 +115,9 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
     figure, axes, factor = _displaced(result.name, lines, drawn, columns, result)
-    for ax, (label, each) in zip(axes, drawn.items(), strict=True):
-        moved, (node, hinge) = each.nodes + factor * each.displacement, largest_stress(models[label], each)
-        text = f"largest {significant(float(each.stress[node]), 3)} {STRESS} near {hinge}"
+    for ax, (label, field) in zip(axes, drawn.items(), strict=True):
+        moved, (node, hinge) = field.nodes + factor * field.displacement, largest_stress(models[label], field)
+        text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"
         ax.text(0.5, -0.03, text, transform=ax.transAxes, ha="center", va="center", size=9.5)
         outwards = 0.12 * np.ptp(moved) * moved[node] / np.linalg.norm(moved[node])
         arrow(ax, moved[node] + outwards, moved[node], colour=NOTE_COLOUR, width=1.6, shrinkB=4.0)

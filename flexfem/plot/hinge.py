@@ -128,7 +128,7 @@ def _draw_curve(axes: Axes, x: Array, names: list[str], valid: tuple[float, floa
 
 @style.in_house_style
 def thickness_figure(review: ThicknessReview) -> Figure:
-    """Draw the out-of-plane factor over b/t, one panel each for rotation and the axial freedom."""
+    """Draw the ratio of three-dimensional to plane-stress compliance over b/t for rotation and axial elongation."""
     lines = [
         f"Compliance of a circular hinge of thickness b in three dimensions over that in plane stress, "
         f"ν{SPACE}={SPACE}{review.poissons_ratio:g}, blocks as high as the notch. Below 1 the hinge is stiffer than in "
@@ -144,7 +144,7 @@ def thickness_figure(review: ThicknessReview) -> Figure:
 
 
 def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
-    """Draw the factor of one freedom, rotation or axial, over b/t; return `ax`. Raises BadInput for another."""
+    """Draw the thickness factor of rotation or the axial freedom over b/t; return `ax`. Raises BadInput for another."""
     _require(freedom, FREEDOMS[:2])
     strain, x = 1 - review.poissons_ratio**2, review.width
     place: dict[str, Any] = {"xycoords": ax.get_yaxis_transform(), "textcoords": "offset points", "ha": "right"}

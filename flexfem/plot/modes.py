@@ -81,8 +81,8 @@ def _header(found: NaturalModes) -> str:
         "of the whole mass or, in theta, moment of inertia. Displacements are exaggerated, each mode by its own "
         "factor; grey: at rest."
     )
-    drawn = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
-    return text + (f"{drawn}opposite, thick where it is zero." if solid else "")
+    mid_plane = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
+    return text + (f"{mid_plane}opposite, thick where it is zero." if solid else "")
 
 
 def title_of(found: NaturalModes, number: int) -> str:

@@ -141,13 +141,13 @@ def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     masked = np.ma.masked_invalid(values)
     axes.pcolormesh(x_edges, y_edges, masked, **colours, rasterized=True, zorder=1)
     entries: list[Any] = []
-    for hatch, (why, which) in zip(HATCHES, shown.cells.missing.items(), strict=False):
+    for hatch, (reason, mask) in zip(HATCHES, shown.cells.missing.items(), strict=False):
         corners = ((0, 0), (1, 0), (1, 1), (0, 1))
-        places = list(zip(column[which], row[which], strict=True))
+        places = list(zip(column[mask], row[mask], strict=True))
         boxes = [[(x_edges[i + a], y_edges[j + b]) for a, b in corners] for i, j in places]
         look: dict[str, Any] = {"facecolor": "white", "edgecolor": HATCH_COLOUR, "linewidth": 0.0, "hatch": hatch}
         axes.add_collection(PolyCollection(boxes, **look, zorder=1.5), autolim=False)
-        entries.append(Patch(**look, label=f"{why}: {thousands(len(boxes))}"))
+        entries.append(Patch(**look, label=f"{reason}: {thousands(len(boxes))}"))
     if min(values.shape) > 1 and masked.count() > 3:
         _draw_contours(axes, (xs, ys, masked), colours["norm"], shown, entries)
     return entries
@@ -161,9 +161,9 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": many, "zorder": 2}
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
     entries = []
-    for mark, (why, which) in zip("x+123", missing.items(), strict=False):
-        axes.plot(*points[which].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
-        label = f"{why}: {thousands(int(which.sum()))}"
+    for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
+        axes.plot(*points[mask].T, mark, color=GREY, markersize=3.5, markeredgewidth=0.6, rasterized=many, zorder=1)
+        label = f"{reason}: {thousands(int(mask.sum()))}"
         entries.append(Line2D([], [], color=GREY, linestyle="none", marker=mark, label=label))
     return entries
 

@@ -72,7 +72,7 @@ def assumption_note(assumed: Sequence[str], not_stated: Sequence[str] = ()) -> s
 
 
 def markdown_report(results: Sequence[Verification]) -> str:
-    """Return a Markdown page: tables of every result, warnings, and the keys of unsourced numbers with their cases."""
+    """Return a Markdown page: tables of every result, warnings, and numbers that are assumed or lack a source."""
     kinds = ("assumed", "not_stated")
     note = assumption_note(*([key for result in results for key in getattr(result, kind)] for kind in kinds))
     parts = ["# Verification: analytic stage against finite elements"]

@@ -70,8 +70,8 @@ def plans(
     figures: dict[str, Draw] = {}
     of_designs = [figure for name, found in designs for figure in _of_design(name, found)]
     for stem, draw in [*_of_cases(results, displacement), *_of_stages(results), *of_designs]:
-        name, count, taken = stem, 1, {used.casefold() for used in figures}
-        while name.casefold() in taken:
+        name, count, used = stem, 1, {other.casefold() for other in figures}
+        while name.casefold() in used:
             count += 1
             name = f"{stem}-{count}"
         figures[name] = draw

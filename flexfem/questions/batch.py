@@ -98,7 +98,7 @@ def batch_at_rest(
     """Return the analytic results of n designs, and their lives if a repeated motion is given."""
     found, strength = at_rest(designs, hinges, freedoms, bodies), designs.yield_strength
     highest = np.max(found.stress, axis=(1, 2))
-    answers = DesignAnswers(found.stiffness, highest, found.turning, strength, envelope(designs))
+    answers = DesignAnswers(found.stiffness, highest, found.base_rotation, strength, envelope(designs))
     if repeated is None:
         return answers
     strained = by_wrenches(designs, found.wrench, repeated)

@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, thick
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
 from flexfem.arrays import Array
 from flexfem.fem.fields import load_case
 from flexfem.fem.mesh import RESOLUTION
@@ -131,7 +131,7 @@ def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Arra
 def thick_compliance(stage: Stage) -> Array | None:
     """Return the compliance (3, 3) of calibrated three-dimensional hinges and elastic links; None off the chart."""
     try:
-        return analyse(thick(stage), 21, CALIBRATED, True).compliance
+        return analyse(corrected(stage), 21, CALIBRATED, True).compliance
     except BadInput:
         return None
 

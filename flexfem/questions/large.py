@@ -1,8 +1,8 @@
-"""What large displacements do to a stage, and what the second-order terms of (16) are worth.
+"""Effect of large displacements on a stage, and of the second-order terms of (16).
 
-The load that holds the platform at a pose by the stiffness (16) of the displaced stage without its second-order terms,
-summed along the way; by (16) as it stands; by exact equilibrium of the pseudo-rigid stage; and by nonlinear finite
-elements. Each is compared with its own linear answer, in which the error of the hinge formulas drops out.
+The load that holds the platform at a pose is computed by integrating the stiffness (16) of the displaced stage along
+the path, without and with its second-order terms, by exact equilibrium of the pseudo-rigid stage, and by nonlinear
+finite elements. Each is compared with its own linear solution, so that the error of the hinge formulas cancels.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.bands import percentages
 from flexfem.questions.setup import about, mesh_of, meshed, question, solved
 from flexfem.results import Gate, Progress, Quantity, Result
-from flexfem.units import DIRECTIONS, PLANES, Direction
+from flexfem.units import DIRECTIONS, PLANES
 
-AMPLITUDE = 0.5  # mm: ten times the assumed workspace of examples/claims.py
-TURN = 0.02  # rad of rotation that go with a mm of translation: 10 mrad with 500 um
-RESOLUTION = 4  # with 8, compliances move by up to 0.09 % and the percentages here by 2.2e-4 points
+AMPLITUDE = 0.5  # mm: ten times the workspace that examples/claims.py assumes
+ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
+RESOLUTION = 4  # with 8, compliances change by up to 0.09 % and the percentages here by 2.2e-4 points
 STEPS = 20  # commands on either side of rest
-SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # of STEPS, where finite elements are solved
-STATED = np.array([-20, -2, 2, 20])  # of STEPS, where numbers are stated: a tenth of the amplitude and all of it
+SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # steps at which finite elements are solved
+STATED = np.array([-20, -2, 2, 20])  # steps at which numbers are stated: a tenth of the amplitude and all of it
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
-AMPLITUDES = (1e-9, 1e3)  # mm: below there is round-off alone; whether the stage bears the largest is found out
-WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # places on the axis "theory"
+AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
+WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
 THEORIES = ("(16) less its terms", "(16)", "exact", "finite elements", "finite elements, same load")
-PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points, by which finite elements move with their mesh
+PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
 
 
 class Large(Result):
-    """What large displacements do: change of the tangent stiffness, and errors of the linear position, in per cent."""
+    """Change of the tangent stiffness and errors of the linear position at large displacements, in per cent."""
 
     title = "large displacements"
     labels: ClassVar = {
@@ -86,14 +86,14 @@ def large(
     resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Large:
-    """What large displacements change: tangent stiffness, and by how much the linear position errs.
+    """Change of the tangent stiffness and error of the linear position at large displacements.
 
     Parameters
     ----------
     amplitude : float
         Largest displacement in X and Y, mm; in theta 0.02 rad for every mm.
     models : {"both", "analytic"}
-        Whether there are nonlinear finite elements beside the pseudo-rigid stage.
+        "both" adds nonlinear finite elements to the pseudo-rigid stage.
     resolution : int, optional
         Triangles across every neck.
     {shared}
@@ -107,31 +107,31 @@ def large(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2, usual=RESOLUTION)
-    far = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, TURN])
-    model, of, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
+    largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
+    model, paper, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)
     warnings = warning.of_result(stage, model)
     if elements is not None:
-        for direction, force in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(far)).T, strict=True):
+        for direction, force in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True):
             highest = float(np.max(neck_stresses(stage, elements, force[None]).highest))
             warnings += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
-    boxes = [missed(of, part * far, lever) for part in (STATED[2] / STEPS, 1.0)]
-    ways = []
+    boxes = [missed(paper, share * largest, lever) for share in (STATED[2] / STEPS, 1.0)]
+    paths = []
     for axis, direction in enumerate(DIRECTIONS):
-        ways.append(_way(stage, of, elements, direction, far[axis]))
+        paths.append(_path(stage, paper, elements, axis, largest[axis]))
         if progress is not None:
             progress(f"along {direction}")
-    values: dict[str, Any] = {name: np.array([way[name] for way in ways]) for name in ways[0]}
-    stated = values["errors"][:, STEPS + STATED]
-    others = np.array([np.delete(each, axis, axis=-1) for axis, each in enumerate(stated)])
-    widest = np.argmax(np.abs(np.nan_to_num(others)), axis=-1)[..., None]
+    values: dict[str, Any] = {name: np.array([path[name] for path in paths]) for name in paths[0]}
+    errors = values["errors"][:, STEPS + STATED]
+    across = np.array([np.delete(part, axis, axis=-1) for axis, part in enumerate(errors)])
+    widest = np.argmax(np.abs(np.nan_to_num(across)), axis=-1)[..., None]
     values |= {
-        "amplitude": far,
+        "amplitude": largest,
         "stiffness": values["tangent"][:, STEPS + STATED],
-        "error": np.array([each[..., axis] for axis, each in enumerate(stated)]),
-        "aside": np.take_along_axis(others, widest, axis=-1)[..., 0],
-        "position": [100 * float(each.position) for each in boxes],
-        "terms": [100 * float(each.terms) for each in boxes],
+        "error": np.array([part[..., axis] for axis, part in enumerate(errors)]),
+        "aside": np.take_along_axis(across, widest, axis=-1)[..., 0],
+        "position": [100 * float(box.position) for box in boxes],
+        "terms": [100 * float(box.terms) for box in boxes],
     }
     settings = {"mobility": model.mobility, "formula": DEFAULT_FORMULA, "plane problem": PLANES[stage.model]}
     if elements is not None:
@@ -139,41 +139,41 @@ def large(
     return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
 
 
-def _way(stage: Stage, of: PaperModel, elements: Response | None, direction: Direction, far: float) -> dict[str, Array]:
-    """The way along one direction, the others held at zero: `tangent`, `errors`, `load` and `strain` of `Large`."""
-    axis, lever = DIRECTIONS.index(direction), stage.chain.link_lengths[2]
-    rest, step = stiffness(of), SLOPE_STEP * far
-    commanded = far * np.arange(-STEPS, STEPS + 1) / STEPS
+def _path(stage: Stage, paper: PaperModel, elements: Response | None, axis: int, end: float) -> dict[str, Array]:
+    """Return `tangent`, `errors`, `load` and `strain` of `Large` along an axis, other directions held at zero."""
+    direction, lever = DIRECTIONS[axis], stage.chain.link_lengths[2]
+    rest, step = stiffness(paper), SLOPE_STEP * end
+    commanded = end * np.arange(-STEPS, STEPS + 1) / STEPS
     tangent = np.full((len(commanded), len(THEORIES)), np.nan)
     errors, loads = np.full((*tangent.shape, 3), np.nan), np.full((*tangent.shape, 3), np.nan)
-    found = {"tangent": tangent, "errors": errors, "load": loads, "strain": np.full(len(commanded), np.nan)}
+    values = {"tangent": tangent, "errors": errors, "load": loads, "strain": np.full(len(commanded), np.nan)}
 
-    def missing(pose: Array, moved: Array) -> Array:
-        """Errors (n, 3) in per cent of the displacements (n,); at rest, where they vanish with its square, zero."""
-        moving, percent = moved != 0, np.zeros_like(pose)
-        percent[moving] = percentages(pose[moving], moved[moving], direction, lever)
+    def relative_errors(pose: Array, displacements: Array) -> Array:
+        """Return errors (n, 3) in per cent of displacements (n,); zero at rest, since errors are of second order."""
+        nonzero, percent = displacements != 0, np.zeros_like(pose)
+        percent[nonzero] = percentages(pose[nonzero], displacements[nonzero], direction, lever)
         return percent
 
-    at = at_pose(of, along(commanded, axis))
-    ahead, behind = (at_pose(of, along(commanded + side, axis)).load for side in (step, -step))
-    slopes = [each.stiffness()[..., axis] for each in (at.without_terms, at)] + [(ahead - behind) / (2 * step)]
-    summed = summed_loads(of, commanded, axis)
-    for theory, load in enumerate((summed["without"], summed["tangent"], at.load)):
+    exact = at_pose(paper, along(commanded, axis))
+    after, before = (at_pose(paper, along(commanded + side, axis)).load for side in (step, -step))
+    slopes = [state.stiffness()[..., axis] for state in (exact.without_terms, exact)] + [(after - before) / (2 * step)]
+    summed = summed_loads(paper, commanded, axis)
+    for theory, load in enumerate((summed["without"], summed["tangent"], exact.load)):
         tangent[:, theory] = 100 * (slopes[theory][:, axis] / rest.K_uu[axis, axis] - 1)
-        errors[:, theory] = missing(load @ rest.C_uu - along(commanded, axis), commanded)
-    loads[:, EXACT] = at.load
+        errors[:, theory] = relative_errors(load @ rest.C_uu - along(commanded, axis), commanded)
+    loads[:, EXACT] = exact.load
     if elements is None:
-        return found
+        return values
     plate, C, places = plate_of(stage), elements.compliance, STEPS + SOLVED
-    held, compliance, strain = np.zeros((len(SOLVED), 3)), np.tile(C, (len(SOLVED), 1, 1)), np.zeros(len(SOLVED))
+    held_load, compliance, strain = np.zeros((len(SOLVED), 3)), np.tile(C, (len(SOLVED), 1, 1)), np.zeros(len(SOLVED))
     for side in outwards(SOLVED):
-        held_at = imposed(elements.mesh, plate, along(commanded[places[side]], axis))
-        held[side], compliance[side], strain[side] = held_at.load, held_at.compliance, held_at.strain
-    exact, pose = at.load[STEPS + STATED], np.zeros((len(STATED), 3))
+        solution = imposed(elements.mesh, plate, along(commanded[places[side]], axis))
+        held_load[side], compliance[side], strain[side] = solution.load, solution.compliance, solution.strain
+    exact_load, pose = exact.load[STEPS + STATED], np.zeros((len(STATED), 3))
     for side in outwards(STATED):
-        pose[side] = equilibrium(elements.mesh, plate, exact[side]).pose
+        pose[side] = equilibrium(elements.mesh, plate, exact_load[side]).pose
     slope = np.linalg.inv(compliance)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
-    tangent[places, HELD], loads[places, HELD], found["strain"][places] = 100 * (slope - 1), held, strain
-    errors[places, HELD] = missing(held @ C - along(commanded[places], axis), commanded[places])
-    errors[STEPS + STATED, LOADED] = missing(exact @ C - pose, pose[:, axis])
-    return found
+    tangent[places, HELD], loads[places, HELD], values["strain"][places] = 100 * (slope - 1), held_load, strain
+    errors[places, HELD] = relative_errors(held_load @ C - along(commanded[places], axis), commanded[places])
+    errors[STEPS + STATED, LOADED] = relative_errors(exact_load @ C - pose, pose[:, axis])
+    return values

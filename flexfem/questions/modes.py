@@ -1,6 +1,6 @@
-"""Natural frequencies and modes of a stage by meshes and layers beside analytic models, and its reduced dynamics.
+"""Natural frequencies and modes of a stage by finite elements and analytic models, and its reduced dynamics.
 
-In the plane the stage's own plane problem vibrates, stacks engaged or not; in three dimensions both faces are free.
+The plane problem is that of the stage, with stacks engaged or not; in three dimensions both faces are free.
 """
 
 from __future__ import annotations
@@ -43,11 +43,11 @@ KINDS = ("in plane", "out of plane")
 SOLID_RESOLUTION = 4  # triangles across every neck in three dimensions
 MOST, MOST_SOLID = 100, 40  # modes
 MOST_DAMPING = 99.0  # % of critical
-LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage of necks carries a hundredth of it
+LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage with necks carries a hundredth of it
 ROUND_OFF = 1e-9  # of a frequency
-AGREED = 0.1  # relative, of the observed and the theoretical order
-SAME_SHAPE = 0.7  # least overlap of two shapes that are called one: any turn of a pair of one frequency leaves as much
-RIGID_MODES = 3  # the platform on its hinges; above them links swing and bend
+AGREED = 0.1  # relative difference up to which the observed order agrees with the theoretical one
+SAME_SHAPE = 0.7  # least overlap of identical shapes: any rotation within a pair of equal frequency keeps as much
+RIGID_MODES = 3  # modes of the platform on its hinges; in higher ones links swing and bend
 ABOVE_THIRD = (
     "analytic frequencies above the third are not to be trusted: links swing and bend there. On 40 random stages, "
     "drives disengaged, those of elastic links were 0.8 to 28 % too low (half by more than 10 %), those of rigid links "
@@ -97,7 +97,7 @@ OUTPUTS = Channels(tuple(f"pose {name}" for name in DIRECTIONS), tuple(map(str, 
 
 
 class StateSpace(NamedTuple):
-    """`s' = A s + B u`, `y = C s + D u`: modal displacements and rates; D is what the modes left out do at rest."""
+    """`s' = A s + B u`, `y = C s + D u`, s: modal displacements and rates; D is the static part of omitted modes."""
 
     A: Array
     B: Array
@@ -114,10 +114,10 @@ class CraigBampton(NamedTuple):
 
 
 class DynamicModel(NamedTuple):
-    """How the pose of the platform answers loads on it and commands of an engaged drive, in mm, N, tonne, s and rad.
+    """Response of the platform's pose to loads on it and commands of an engaged drive, in mm, N, tonne, s and rad.
 
     frequencies : (k,), rad/s.   drive, read : (k, inputs) and (3, k), shapes at the inputs and of the pose.
-    residual : (3, inputs), what the modes left out add at rest.   damping : of every mode, over critical; assumed.
+    residual : (3, inputs), static part of omitted modes.   damping : of every mode, over critical; assumed.
     """
 
     frequencies: Array
@@ -131,7 +131,7 @@ class DynamicModel(NamedTuple):
 
     @property
     def state_space(self) -> StateSpace:
-        """As matrices of first order."""
+        """The model in state space."""
         k, n = len(self.frequencies), self.drive.shape[1]
         rates = np.hstack([-np.diag(self.frequencies**2), -np.diag(2 * self.damping * self.frequencies)])
         A = np.vstack([np.eye(k, 2 * k, k), rates])
@@ -140,7 +140,7 @@ class DynamicModel(NamedTuple):
 
     @property
     def truncation(self) -> Array:
-        """By how many per cent (k,) the lowest frequencies of the Craig-Bampton matrices are above `frequencies`."""
+        """Relative error (k,), per cent, of the lowest frequencies of the Craig-Bampton matrices, positive above."""
         from scipy.linalg import eigh
 
         squares = eigh(self.craig_bampton.stiffness, self.craig_bampton.mass, eigvals_only=True)
@@ -148,7 +148,7 @@ class DynamicModel(NamedTuple):
 
     @property
     def truncation_note(self) -> str:
-        """The same in a sentence."""
+        """The `truncation` in a sentence."""
         above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
         return (
             f"K_cb and M_cb are truncated, {kept} with the platform held: by them as many lowest frequencies are "
@@ -156,14 +156,14 @@ class DynamicModel(NamedTuple):
         )
 
     def response(self, frequencies: Array) -> Any:
-        """Complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
-        w, own = np.asarray(frequencies, dtype=float)[:, None], self.frequencies
-        gain = 1 / (own**2 - w**2 + 2j * self.damping * own * w)
+        """Return the complex response (f, 3, inputs), pose per input, at frequencies (f,), rad/s."""
+        w, natural = np.asarray(frequencies, dtype=float)[:, None], self.frequencies
+        gain = 1 / (natural**2 - w**2 + 2j * self.damping * natural * w)
         return np.einsum("ok,fk,ki->foi", self.read, gain, self.drive) + self.residual
 
     def arrays(self) -> dict[str, Any]:
-        """All arrays by name, with names and units of inputs and outputs, for files."""
-        found = self.state_space._asdict() | dict(zip(("K_cb", "M_cb", "L_cb"), self.craig_bampton, strict=True))
+        """Return all arrays for a file by name, with names and units of inputs and outputs."""
+        matrices = self.state_space._asdict() | dict(zip(("K_cb", "M_cb", "L_cb"), self.craig_bampton, strict=True))
         others = {
             "frequencies_rad_per_s": self.frequencies,
             "damping_ratio": self.damping,
@@ -175,10 +175,10 @@ class DynamicModel(NamedTuple):
             "output_units": self.outputs.units,
             "units": "mm, N, tonne, s, rad",
         }
-        return found | {name: np.array(each) for name, each in others.items()}
+        return matrices | {name: np.array(value) for name, value in others.items()}
 
     def write(self, path: Path) -> None:
-        """Write `arrays` by the file's extension, .npz or MATLAB's .mat. Raises BadInput."""
+        """Write `arrays` to a file of extension .npz or .mat (MATLAB). Raises BadInput for another extension."""
         if path.suffix not in (".npz", ".mat"):
             raise BadInput(f"{path}: extension {path.suffix!r}, expected .npz or .mat")
         arrays = self.arrays()
@@ -207,13 +207,13 @@ class Vibration(NamedTuple):
 
     def write(self, path: Path) -> list[Path]:
         """Write the shapes as VTU, and matrices of the reduced dynamics as .npz and .mat; returns the paths."""
-        paths = [path.with_suffix(ending) for ending in (".vtu", ".npz", ".mat")]
+        paths = [path.with_suffix(suffix) for suffix in (".vtu", ".npz", ".mat")]
         fields = {f"mode {k}": field for k, field in enumerate(self.shapes, start=1)}
         write_vtu(self.mesh, paths[0], fields, self.heights)
         if self.reduced is None:
             return paths[:1]
-        for each in paths[1:]:
-            self.reduced.write(each)
+        for file in paths[1:]:
+            self.reduced.write(file)
         return paths
 
 
@@ -236,14 +236,14 @@ def modes(
     Parameters
     ----------
     count : int
-        How many modes, from the lowest.
+        Number of modes, from the lowest.
     payload : tuple of float
-        Mass, kg, and moment of inertia about the platform's centre, kg mm^2, of what the platform carries there.
+        Mass, kg, and moment of inertia about the platform's centre, kg mm^2, of the body that it carries there.
     tilting : float, optional
-        Moment of inertia of the payload about x and y, kg mm^2, in three dimensions; by default half of the other, as
-        of a flat body.
+        Moment of inertia of the payload about x and y, kg mm^2, in three dimensions; by default half of that about z,
+        as of a flat body.
     drives : {"disengaged", "engaged"}
-        Whether the stacks stiffen the stage; they hold their strokes, and their mass is left out.
+        Engaged stacks stiffen the stage; they hold their strokes, and their mass is neglected.
     damping : float
         Damping of every mode, % of critical, in the reduced models; assumed.
     layers : int, optional
@@ -258,43 +258,43 @@ def modes(
     array([131., 131., 194.])
     """
     check_feasible(stage)
-    mesh, in_depth = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
-    count = arguments.integer("count", count, MOST_SOLID if in_depth else MOST)
-    load = _payload(payload, tilting, in_depth)
+    mesh, solid = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
+    count = arguments.integer("count", count, MOST_SOLID if solid else MOST)
+    carried = _payload(payload, tilting, solid)
     ratio = arguments.positive("damping", damping, MOST_DAMPING) / 100
     drive = None
     if drives == "engaged":
-        if in_depth:
+        if solid:
             raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
         drive = drive_of(stage)
     warnings, notes = list(warning.of_stage(stage)), list[str]()
-    drawn = bodies.drawn_inertia(stage) + load.matrix
+    mass_matrix = bodies.drawn_inertia(stage) + carried.matrix
     values = {
-        "mass": drawn[0, 0],
-        "inertia": drawn[2, 2],
+        "mass": mass_matrix[0, 0],
+        "inertia": mass_matrix[2, 2],
         "hub_mass": bodies.hub_moments(stage)[0] * bodies.mass_per_area(stage),
     }
-    rigid = {} if models == "elements" else _analytic(stage, load, drive, warnings)
-    warnings += [ABOVE_THIRD] * (bool(rigid) and count > RIGID_MODES)
-    elements, places = dict[str, ModelAnswer](), list(range(count))
-    axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in places]}
+    analytic = {} if models == "elements" else _analytic(stage, carried, drive, warnings)
+    warnings += [ABOVE_THIRD] * (bool(analytic) and count > RIGID_MODES)
+    elements, planar = dict[str, ModelAnswer](), list(range(count))
+    axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in planar]}
     fields: Vibration | None = None
     if mesh is not None and mesh.layers:
-        elements, others, fields = _in_three_dimensions(stage, load, count, mesh, progress)
-        places = [k for k, tilting in enumerate(fields.tilting) if not tilting]  # analytic models are plane
+        elements, extra, fields = _in_three_dimensions(stage, carried, count, mesh, progress)
+        planar = [k for k, tilting in enumerate(fields.tilting) if not tilting]  # analytic models are plane
         axes = {"mode": [f"{k} {KINDS[kind]}" for k, kind in enumerate(fields.tilting, start=1)], "base": ALL_BASES}
-        values |= others
-        warnings += [*warning.held_faces(stage), *([AT_ITS_PLACE] if any(load) else [])]
+        values |= extra
+        warnings += [*warning.held_faces(stage), *([AT_ITS_PLACE] if any(carried) else [])]
     elif mesh is not None:
-        elements[ELEMENTS], others, fields = _in_plane(stage, load, drive, count, mesh.resolution, ratio, progress)
-        values |= others
+        elements[ELEMENTS], extra, fields = _in_plane(stage, carried, drive, count, mesh.resolution, ratio, progress)
+        values |= extra
         notes = [fields.reduced.truncation_note] if fields.reduced else []
         warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
-    found = {name: ModelAnswer({"frequency": _placed(each, places, count)}) for name, each in rigid.items()} | elements
-    said = f"{load.mass * KILOGRAM:g} kg, {load.inertia * INERTIA:g} kg mm^2" if any(load) else None
-    settings = {"drives": drives, "payload": said}
-    of = about(stage, drive=drive is not None)
-    return answer(NaturalModes, of, found, mesh, settings, values, axes, warnings=warnings, notes=notes, fields=fields)
+    results = {name: ModelAnswer({"frequency": _placed(w, planar, count)}) for name, w in analytic.items()} | elements
+    payload_text = f"{carried.mass * KILOGRAM:g} kg, {carried.inertia * INERTIA:g} kg mm^2" if any(carried) else None
+    settings = {"drives": drives, "payload": payload_text}
+    subject, texts = about(stage, drive=drive is not None), {"warnings": warnings, "notes": notes}
+    return answer(NaturalModes, subject, results, mesh, settings, values, axes, **texts, fields=fields)
 
 
 @question
@@ -311,9 +311,9 @@ def dynamic_model(
     Parameters
     ----------
     count : int
-        How many modes are kept; what the others do at rest is added.
+        Number of modes that are kept; the static part of the others is added.
     payload, drives, damping
-        As of `modes`.
+        See `modes`.
     {shared}
 
     Notes
@@ -328,51 +328,51 @@ def dynamic_model(
 
 
 def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -> Payload:
-    """The payload in inside units. Raises BadInput."""
-    said = "mass (kg) and moment of inertia (kg mm^2)"
-    mass, inertia = arguments.pair("payload", payload, LARGEST_PAYLOAD, said)
+    """Return the payload in internal units. Raises BadInput."""
+    expected = "mass (kg) and moment of inertia (kg mm^2)"
+    mass, inertia = arguments.pair("payload", payload, LARGEST_PAYLOAD, expected)
     if tilting is not None and not solid:
         raise BadInput("tilting without layers, expected both: modes are in the plane")
-    flat = " kg mm^2: no body has less than a flat one, half of its moment of inertia about the normal"
+    reason = " kg mm^2: no body has less than a flat one, half of its moment of inertia about the normal"
     least, most = inertia / 2, LARGEST_PAYLOAD[1]
-    diameter = least if tilting is None else arguments.between("tilting", tilting, least, most, flat)
-    return payload_of(mass, inertia, diameter)
+    tilting_inertia = least if tilting is None else arguments.between("tilting", tilting, least, most, reason)
+    return payload_of(mass, inertia, tilting_inertia)
 
 
 def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
-    """A payload of so many kg and kg mm^2."""
+    """Return a payload from its mass, kg, and moments of inertia about z and about x and y, kg mm^2."""
     return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
-def _placed(values: Array, places: list[int], count: int) -> Array:
-    """The first values at places, nan elsewhere, where there are fewer, and where a model has no such freedom."""
-    found, places = np.full(count, np.nan), places[: len(values)]
-    found[places] = np.where(np.isfinite(values), values, np.nan)[: len(places)]
-    return found
+def _placed(values: Array, positions: list[int], count: int) -> Array:
+    """Place values, in order, at positions of an array (count,), nan elsewhere and for freedoms without a frequency."""
+    column, positions = np.full(count, np.nan), positions[: len(values)]
+    column[positions] = np.where(np.isfinite(values), values, np.nan)[: len(positions)]
+    return column
 
 
 def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings: list[str]) -> dict[str, Array]:
-    """Natural frequencies (21,), rad/s, by the stage's own rigid model, the best of the same plane, and the best.
+    """Return frequencies (21,), rad/s, by the stage's rigid model, the best of its plane problem, and the best of all.
 
-    inf for freedoms that a model does not have; why a model is replaced is added to `warnings`.
+    Freedoms that a model lacks have inf. Reasons for replacing a model are added to `warnings`.
     """
-    best, found = best_model(stage, warnings), {}
-    for one in (ModelChoice(stage, None, DEFAULT_FORMULA, False), best._replace(stage=stage), best):
-        if one.name in found:
+    best, frequencies = best_model(stage, warnings), {}
+    for choice in (ModelChoice(stage, None, DEFAULT_FORMULA, False), best._replace(stage=stage), best):
+        if choice.name in frequencies:
             continue
-        of = dynamics(one.stage, analyse(*one), payload, *(() if drive is None else (drive.stacks,)))
+        model = dynamics(choice.stage, analyse(*choice), payload, *(() if drive is None else (drive.stacks,)))
         if drive is not None:
-            of = of._replace(compliance=with_springs(of.compliance, drive.stiffness))
-        found[one.name] = of.frequencies
-    return found
+            model = model._replace(compliance=with_springs(model.compliance, drive.stiffness))
+        frequencies[choice.name] = model.frequencies
+    return frequencies
 
 
 def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive | None = None) -> VibratingStructure:
-    """The stage as it vibrates, drive engaged or none, on one mesh. Raises BadInput for a model that is not plane."""
-    of, pushes, rates = structure(mesh, plate_of(stage)), None, None
+    """Return the vibrating stage on one mesh, with an engaged drive or none. Raises BadInput unless it is plane."""
+    plate, loads, springs = structure(mesh, plate_of(stage)), None, None
     if drive is not None:
-        pushes, rates = stack_loads(of, drive.stacks)[:, 3:], drive.stiffness
-    return vibrating_structure(of, stage.material.density * DENSITY, bodies.carried(stage, payload), pushes, rates)
+        loads, springs = stack_loads(plate, drive.stacks)[:, 3:], drive.stiffness
+    return vibrating_structure(plate, stage.material.density * DENSITY, bodies.carried(stage, payload), loads, springs)
 
 
 def _in_plane(
@@ -384,131 +384,131 @@ def _in_plane(
     damping: float,
     progress: Progress | None,
 ) -> tuple[ModelAnswer, dict[str, Any], Vibration]:
-    """Modes on the finest of three plane meshes, and what has no axis of models."""
+    """Return modes on the finest of three plane meshes, values without an axis of models, and fields."""
 
     def solve(level: int) -> tuple[VibratingStructure, ModesOfStructure]:
-        of = vibrating(stage, build_mesh(stage, level), payload, drive)
-        return of, modes_of(of, count)
+        body = vibrating(stage, build_mesh(stage, level), payload, drive)
+        return body, modes_of(body, count)
 
     meshes = on_meshes(levels(resolution), solve, progress)
-    of, found = meshes[-1]
-    bands = _frequency_bands(resolution, [each.frequencies for _, each in meshes])
-    values = {"share": _shares(found), "meshed_mass": found.total[0, 0]}
-    shapes, reduced = np.array([found.field(k) for k in range(count)]), _reduced(of, found, damping, drive)
-    fields = Vibration(of.structure.mesh, shapes, [False] * count, None, reduced)
-    return ModelAnswer({"frequency": found.frequencies}, {"frequency": bands}), values, fields
+    (body, finest), bands = meshes[-1], _frequency_bands(resolution, [solution.frequencies for _, solution in meshes])
+    values = {"share": _shares(finest), "meshed_mass": finest.total[0, 0]}
+    shapes, reduced = np.array([finest.field(k) for k in range(count)]), _reduce(body, finest, damping, drive)
+    fields = Vibration(body.structure.mesh, shapes, [False] * count, None, reduced)
+    return ModelAnswer({"frequency": finest.frequencies}, {"frequency": bands}), values, fields
 
 
-def _shares(of: ModesOfStructure) -> Array:
-    """Effective modal masses (k, 3), % of the whole mass or moment of inertia."""
-    return 100 * of.participation**2 / np.diag(of.total)
+def _shares(solution: ModesOfStructure) -> Array:
+    """Return effective modal masses (k, 3), % of the total mass or moment of inertia."""
+    return 100 * solution.participation**2 / np.diag(solution.total)
 
 
 def _in_three_dimensions(
     stage: Stage, payload: Payload, count: int, mesh: Mesh, progress: Progress | None
 ) -> tuple[dict[str, ModelAnswer], dict[str, Any], Vibration]:
-    """The lowest modes of both kinds together; bands are shares of the frequency on the meshes that they are from."""
+    """Return the lowest modes of both kinds, sorted together; relative bands come from the meshes of each kind."""
     plate, density = sheet_of(stage), stage.material.density * DENSITY
-    loads = bodies.carried(stage, payload), bodies.carried_out_of_plane(stage, payload)
+    carried = bodies.carried(stage, payload), bodies.carried_out_of_plane(stage, payload)
 
     def by_kind(kind: int) -> tuple[ModesOfStructure, Array]:
-        """Modes of one kind, and their frequencies with both bands (3, k)."""
+        """Return modes of one kind, and their frequencies with both bands (3, k)."""
 
-        def solve(level: int, number: int) -> ModesOfStructure:
+        def solve(level: int, layers: int) -> ModesOfStructure:
             return stage_modes(
-                sectors_of(stage, level), plate, layers_of(stage, number, kind == 1), density, loads[kind], count
+                sectors_of(stage, level), plate, layers_of(stage, layers, kind == 1), density, carried[kind], count
             )
 
         by_mesh, (few, many) = coarser(lambda *sizes: solve(*sizes).frequencies, *mesh)
-        of = solve(*mesh)
-        plane = _frequency_bands(mesh.resolution, by_mesh) / by_mesh[-1]
-        return of, of.frequencies * np.array([np.ones(count), plane, SAFETY * np.abs(many - few) / many])
+        bands = _frequency_bands(mesh.resolution, by_mesh) / by_mesh[-1], SAFETY * np.abs(many - few) / many
+        solution = solve(*mesh)
+        return solution, solution.frequencies * np.array([np.ones(count), *bands])
 
-    (flat, of_flat), (tilting, of_tilting) = on_meshes((0, 1), by_kind, progress)
-    every = np.hstack([of_flat, of_tilting])
-    order = np.argsort(every[0], kind="stable")[:count]
-    frequency, plane, thickness = every[:, order]
-    chosen = [divmod(int(k), count) for k in order]  # kind, and number among those of the kind
+    (planar, planar_rows), (tilting, tilting_rows) = on_meshes((0, 1), by_kind, progress)
+    rows = np.hstack([planar_rows, tilting_rows])
+    order = np.argsort(rows[0], kind="stable")[:count]
+    frequency, plane_band, thickness_band = rows[:, order]
+    chosen = [divmod(int(k), count) for k in order]  # kind, and number within the kind
     shares = np.zeros((2 * count, len(ALL_BASES)))
-    shares[:count, :3], shares[count:, 3:] = _shares(flat), _shares(tilting)
+    shares[:count, :3], shares[count:, 3:] = _shares(planar), _shares(tilting)
     values = {
         "share": shares[order],
-        "band_plane": plane,
-        "band_thickness": thickness,
+        "band_plane": plane_band,
+        "band_thickness": thickness_band,
         "tilting_inertia": np.diag(tilting.total)[1:],
-        "meshed_mass": flat.total[0, 0],
+        "meshed_mass": planar.total[0, 0],
         "first_out_of_plane": tilting.frequencies[0],
     }
-    sheet = np.append(_in_plane_stress(stage, flat, loads[0], count), np.full(count, np.nan))
+    sheet = np.append(_in_plane_stress(stage, planar, carried[0], count), np.full(count, np.nan))
     models = {
         SHEET: ModelAnswer({"frequency": sheet[order]}),
-        SOLID: ModelAnswer({"frequency": frequency}, {"frequency": plane + thickness}),
+        SOLID: ModelAnswer({"frequency": frequency}, {"frequency": plane_band + thickness_band}),
     }
-    half, flips = flat.layers.heights, np.array([[1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])  # of u, v, w across the plane
-    upper = np.array([(flat, tilting)[kind].field(k) for kind, k in chosen])
-    lower = flips[[kind for kind, _ in chosen], None, None] * upper[:, :, :0:-1]
+    half, signs = planar.layers.heights, np.array([[1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])  # mirror u, v, w
+    upper = np.array([(planar, tilting)[kind].field(k) for kind, k in chosen])
+    lower = signs[[kind for kind, _ in chosen], None, None] * upper[:, :, :0:-1]
     shapes, heights = np.concatenate([lower, upper], axis=2), np.concatenate([-half[:0:-1], half])
-    return models, values, Vibration(flat.mesh, shapes, [kind == 1 for kind, _ in chosen], heights)
+    return models, values, Vibration(planar.mesh, shapes, [kind == 1 for kind, _ in chosen], heights)
 
 
-def _in_plane_stress(stage: Stage, of: ModesOfStructure, load: Array, count: int) -> Array:
-    """Frequencies (k,) in plane stress, on the same mesh, of the shapes that the mid-plane has, by overlap; or nan."""
-    flat = vibrating_structure(structure(of.mesh, sheet_of(stage)), stage.material.density * DENSITY, load)
-    solved, fields = modes_of(flat, count), [of.field(k)[flat.structure.free, 0, :2].ravel() for k in range(count)]
-    middle = np.vstack([np.transpose(fields), of.shapes[0, -3:]])
-    moved = flat.mass.loads(middle)
-    overlap = np.abs(solved.shapes[0].T @ moved) / np.sqrt(np.sum(middle * moved, axis=0))
-    return np.where(np.max(overlap, axis=0) > SAME_SHAPE, solved.frequencies[np.argmax(overlap, axis=0)], np.nan)
+def _in_plane_stress(stage: Stage, solid: ModesOfStructure, carried: Array, count: int) -> Array:
+    """Return frequencies (k,) in plane stress on the same mesh of the modes shaped like the mid-plane, or nan."""
+    sheet = vibrating_structure(structure(solid.mesh, sheet_of(stage)), stage.material.density * DENSITY, carried)
+    modes = modes_of(sheet, count)
+    fields = np.transpose([solid.field(k)[sheet.structure.free, 0, :2].ravel() for k in range(count)])
+    mid_plane = np.vstack([fields, solid.shapes[0, -3:]])
+    inertia = sheet.mass.loads(mid_plane)
+    overlap = np.abs(modes.shapes[0].T @ inertia) / np.sqrt(np.sum(mid_plane * inertia, axis=0))
+    return np.where(np.max(overlap, axis=0) > SAME_SHAPE, modes.frequencies[np.argmax(overlap, axis=0)], np.nan)
 
 
 def _frequency_bands(resolution: int, frequencies: Sequence[Array]) -> Array:
-    """Bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
+    """Return the bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
     steps = np.array(levels(resolution))
-    return np.array([frequency_convergence(steps, each).band for each in np.transpose(frequencies)])
+    return np.array([frequency_convergence(steps, values).band for values in np.transpose(frequencies)])
 
 
 def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
-    """Grid convergence of a frequency, with a wider band unless the observed order is the theoretical one.
+    """Return the grid convergence of a frequency; the band is wider unless the observed order is the theoretical one.
 
     Notes
     -----
-    Necks converge by order four, free re-entrant corners of links by little more than one (1.09 at a right angle, twice
-    the exponent of the displacement: M. L. Williams, J. Appl. Mech. 19 (1952) 526, recalled). Where links bend, above
-    the third mode, corners take over as meshes get finer, and the order observed on coarse meshes is too high. The band
-    is therefore at least `1.25 |e21| / (r21 - 1)`, by the order of a crack, one, which no corner falls below; and at
+    Necks converge with order four, free re-entrant corners of links with little more than one (1.09 at a right angle,
+    twice the exponent of the displacement: M. L. Williams, J. Appl. Mech. 19 (1952) 526, recalled). Above the third
+    mode, where links bend, corners dominate on finer meshes, and the order observed on coarse meshes is too high. The
+    band is therefore at least `1.25 |e21| / (r21 - 1)`, with order one of a crack, the lowest of any corner, and at
     least `3 |e21| / (r21^p - 1)` with the lesser p of the orders, W. L. Oberkampf, C. J. Roy, Verification and
-    Validation in Scientific Computing (2010), section 8.6 (recalled). Where steps do not converge the larger counts.
+    Validation in Scientific Computing (2010), section 8.6 (recalled). If steps do not converge, the larger one is used.
     """
-    found = grid_convergence(resolutions, values, round_off=ROUND_OFF)
-    converging = found.verdict == "converging"
-    if found.verdict == "round-off" or (converging and abs(found.observed / ORDER - 1) <= AGREED):
-        return found
+    convergence = grid_convergence(resolutions, values, round_off=ROUND_OFF)
+    converging = convergence.verdict == "converging"
+    if convergence.verdict == "round-off" or (converging and abs(convergence.observed / ORDER - 1) <= AGREED):
+        return convergence
     steps = np.abs(np.diff(values[-3:]))
     step = steps[-1] if converging else steps.max()
-    ratio, order = resolutions[-1] / resolutions[-2], min(found.order, ORDER)
+    ratio, order = resolutions[-1] / resolutions[-2], min(convergence.order, ORDER)
     factor = max(CAUTIOUS / (ratio**order - 1), SAFETY / (ratio - 1))
-    return found._replace(band=max(found.band, factor * float(step)))
+    return convergence._replace(band=max(convergence.band, factor * float(step)))
 
 
-def _reduced(of: VibratingStructure, modes: ModesOfStructure, damping: float, drive: StageDrive | None) -> DynamicModel:
-    """The dynamics of a structure by some of its modes; the commands of an engaged drive are inputs, too."""
-    size = of.structure.size
+def _reduce(body: VibratingStructure, modes: ModesOfStructure, ratio: float, drive: StageDrive | None) -> DynamicModel:
+    """Return the dynamics of a structure by some of its modes; inputs include the commands of an engaged drive."""
+    size = body.structure.size
     loads = np.eye(size, 3, 3 - size)
     names, units = [f"load {name}" for name in DIRECTIONS], list(map(str, FORCES))
     if drive is not None:
-        loads = np.hstack([loads, of.stack_loads @ (of.stack_stiffness[:, None] * drive.differential)])
+        loads = np.hstack([loads, body.stack_loads @ (body.stack_stiffness[:, None] * drive.differential)])
         names += [f"stroke {name}" for name in drive.names]
         units += [str(LENGTH)] * len(drive.names)
-    at_rest, shapes = of.space.solve(loads), modes.shapes[0]
-    drives, read = shapes.T @ loads, shapes[-3:]
-    residual = at_rest[-3:] - (read / modes.frequencies**2) @ drives
-    reduced = _craig_bampton(of, at_rest[:, :3], loads, len(modes.frequencies))
+    at_rest, shapes = body.space.solve(loads), modes.shapes[0]
+    drives, poses = shapes.T @ loads, shapes[-3:]
+    residual = at_rest[-3:] - (poses / modes.frequencies**2) @ drives
+    reduced = _craig_bampton(body, at_rest[:, :3], loads, len(modes.frequencies))
     inputs = Channels(tuple(names), tuple(units))
-    return DynamicModel(modes.frequencies, drives, read, residual, damping, inputs, reduced)
+    return DynamicModel(modes.frequencies, drives, poses, residual, ratio, inputs, reduced)
 
 
-def _craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: int) -> CraigBampton:
-    """Reduce to the pose and `count` modes with the platform held; static (m, 3): what unit loads on it do.
+def _craig_bampton(body: VibratingStructure, static: Array, loads: Array, count: int) -> CraigBampton:
+    """Reduce to the pose and `count` modes with the platform held; static (m, 3): solution under unit loads on it.
 
     Notes
     -----
@@ -520,11 +520,11 @@ def _craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: i
     K_pose, size = np.linalg.inv((static[-3:] + static[-3:].T) / 2), len(static) - 3
 
     def held(b: Array) -> Array:
-        whole = np.pad(b, ((0, 3), (0, 0)))
-        return np.asarray((of.space.solve(whole) - static @ (K_pose @ (static.T @ whole)))[:-3])
+        load = np.pad(b, ((0, 3), (0, 0)))
+        return np.asarray((body.space.solve(load) - static @ (K_pose @ (static.T @ load)))[:-3])
 
     def inertia(b: Array) -> Array:
-        return of.mass.loads(np.pad(b.reshape(size, -1), ((0, 3), (0, 0))))[:-3]
+        return body.mass.loads(np.pad(b.reshape(size, -1), ((0, 3), (0, 0))))[:-3]
 
     squares, shapes = lowest(held, LinearOperator((size, size), matvec=inertia, dtype=float), count)
     shapes = shapes / np.sqrt(np.einsum("ik,ik->k", shapes, inertia(shapes)))
@@ -532,4 +532,4 @@ def _craig_bampton(of: VibratingStructure, static: Array, loads: Array, count: i
     T[-3:] = np.eye(3, 3 + count)
     K = np.zeros((3 + count, 3 + count))
     K[:3, :3], K[3:, 3:] = K_pose, np.diag(squares)
-    return CraigBampton(K, T.T @ of.mass.loads(T), T.T @ loads)
+    return CraigBampton(K, T.T @ body.mass.loads(T), T.T @ loads)

@@ -1,8 +1,8 @@
-"""The poses that a drive reaches within all its limits: strokes, contacts that only push, blocking forces and yield.
+"""The poses that a drive reaches within all its limits: strokes, unilateral contacts, blocking forces and yield.
 
-Poses and limits are linear in the commands x: U = G x + C F, with the stacks engaged, and rows @ x <= bounds; so the
-poses are a polytope. The convex hull of points that linear programs found lies within it, and the planes that programs
-found hold it in: once every plane of the hull is one of these, both are the same.
+Poses and limits are linear in the commands x: U = G x + C F, with the stacks engaged, and rows @ x <= bounds, so the
+poses form a polytope. It contains the convex hull of vertices found by linear programs, and the supporting planes of
+these programs bound it. Once every plane of the hull is a supporting plane, hull and polytope are identical.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
 
-KINDS = (*LIMITS, "yield")  # what the name of a limit begins with, before " of "
-EXACT = 1e-9  # of limits and of the largest coordinate: what programs may break them by, and hulls may miss
-ROUND_OFF = 1e-9  # of how far strokes alone go in a direction, and of the size of the poses
-FLAT = 1e-7  # of the largest coordinate: a set no wider in some direction has no extent in it
-MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier does not bind
-MOST = 300  # vertices of all poses: curved limits of yield would have many thousands; shipped stages have at most 64
-EXTENDS = ("are a single one", "lie on a line", "lie in a plane")  # poses that are no solid, by dimension
+KINDS = (*LIMITS, "yield")  # first part of the name of a limit, before " of "
+EXACT = 1e-9  # of limits and of the largest coordinate: tolerance of linear programs and of the hull
+ROUND_OFF = 1e-9  # of the extent by strokes alone in a direction, and of the size of the poses
+FLAT = 1e-7  # of the largest coordinate: smallest width of a set in a direction that counts as an extent
+MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier is not binding
+MOST = 300  # vertices of all poses: curved yield limits would give many thousands; shipped stages have at most 64
+EXTENDS = ("are a single one", "lie on a line", "lie in a plane")  # poses that are not solid, by dimension
 
 
 class Reach(Result):
@@ -67,7 +67,7 @@ class Reach(Result):
 
 
 class NothingAllowed(Exception):  # noqa: N818
-    """No commands keep all limits."""
+    """No commands satisfy all limits."""
 
 
 class LinearLimits(NamedTuple):
@@ -79,31 +79,31 @@ class LinearLimits(NamedTuple):
 
 
 class LimitNames(tuple[str, ...]):
-    """Names of the limits that bound something, each "kind of place"."""
+    """Names of binding limits, each "kind of place"."""
 
     @property
     def by_kind(self) -> dict[str, list[str]]:
         """Places by the kind of limit, in the order of `KINDS`."""
-        split = [name.split(" of ", 1) for name in self]
-        return {kind: places for kind in KINDS if (places := [place for own, place in split if own == kind])}
+        parts = [name.split(" of ", 1) for name in self]
+        return {kind: places for kind in KINDS if (places := [place for other, place in parts if other == kind])}
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """What kinds of limits these are, in the order of `KINDS`."""
+        """The kinds of these limits, in the order of `KINDS`."""
         return tuple(self.by_kind)
 
     def __str__(self) -> str:
-        """All in a line, kind by kind."""
+        """Return all names in a line, grouped by kind."""
         return "; ".join(f"{kind}: {' | '.join(places)}" for kind, places in self.by_kind.items())
 
 
 class Polytope(NamedTuple):
-    """All poses y = (x, y, lever theta), mm, that limits allow; without vertices and faces where they are no solid.
+    """All poses y = (x, y, lever theta), mm, within the limits; without vertices and faces if they are not a solid.
 
-    vertices : (v, 3), mm, mm, rad.   commands : (v, m), that lead there.   volume : mm^2 rad.
+    vertices : (v, 3), mm, mm, rad.   commands : (v, m), of the vertices.   volume : mm^2 rad.
     normals, supports : (f, 3), (f,), mm: normal @ y <= support on every face.
-    faces : of each its vertices, counter-clockwise seen from outside.   by : of each the limits.
-    missed : how far beyond the faces poses are reached at most, of the largest coordinate; 0 but with `MOST` vertices.
+    faces : vertices of each face, counter-clockwise seen from outside.   by : limits that bound each face.
+    missed : largest distance of a pose outside the faces over the largest coordinate; 0 below `MOST` vertices.
     """
 
     dimension: int
@@ -129,7 +129,7 @@ Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", directio
 
 
 class ReachedPoses(NamedTuple):
-    """What bounds the poses: faces of all, edges of the section, and each end of the ranges that any pose is in."""
+    """Bounds of the poses: faces of the solid, edges of the section, and limits at the ends of the ranges."""
 
     solid: Polytope
     section: list[PoseEdge]
@@ -152,7 +152,7 @@ def reach(
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
-        Whether finite elements have the ranges along the axes, too.
+        "both" adds the ranges along the axes by finite elements.
     resolution : int, optional
         Triangles across every neck.
     {shared}
@@ -167,21 +167,21 @@ def reach(
     check_feasible(stage)
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
-    first = commanding(analytic.chosen(stage, warnings))
-    limits = limits_of_commands(first, first.system, drive, F)
-    poses = PoseSet(first.system, drive, limits, F)
+    commanded = commanding(analytic.chosen(stage, warnings))
+    limits = limits_of_commands(commanded, commanded.system, drive, F)
+    poses = PoseSet(commanded.system, drive, limits, F)
     try:
         solid = poses.solid(lever)
     except NothingAllowed:
-        raise ComputationFailed(_why_nothing(first, limits, drive, F)) from None
+        raise ComputationFailed(_why_unreachable(commanded, limits, drive, F)) from None
     ends, stops = poses.ranges()
-    found = {ANALYTIC: ends}
+    ranges = {ANALYTIC: ends}
     if mesh is not None:
         elements = driven_elements(stage, mesh.resolution).system
-        found[ELEMENTS] = PoseSet(elements, drive, limits_of_commands(first, elements, drive, F), F).ranges()[0]
+        ranges[ELEMENTS] = PoseSet(elements, drive, limits_of_commands(commanded, elements, drive, F), F).ranges()[0]
     values: dict[str, Any] = {
         "load": F,
-        "ends": np.stack(list(found.values()), axis=2),
+        "ends": np.stack(list(ranges.values()), axis=2),
         "rest": poses.rest,
         "circle": _radius(solid, poses.rest * [1, 1, 0], 2),
         "ball": _radius(solid, poses.rest * [1, 1, lever], 3),
@@ -189,7 +189,7 @@ def reach(
         "vertices": solid.vertices,
         "commands": solid.commands,
     }
-    warnings += _warnings(first, drive, solid, lever)
+    warnings += _warnings(commanded, drive, solid, lever)
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
     notes = [
         f"{direction}, others {others}: "
@@ -201,79 +201,79 @@ def reach(
     notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
     if solid.missed:
         notes[-1] += f"; some poses are up to {100 * solid.missed:.2g} % of the largest beyond these faces"
-    notes.append(warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane))
-    axes = {"model": tuple(found), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
-    settings = {"analytic model": first.result.name} | meshed(mesh)
+    notes.append(warning.driven_accuracy(commanded.result.formula, commanded.result.links, commanded.result.plane))
+    axes = {"model": tuple(ranges), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
+    settings = {"analytic model": commanded.result.name} | meshed(mesh)
     return Reach(
         about(stage, drive=True), values, None, axes, settings, warnings, notes,
         ReachedPoses(solid, section_of(solid), stops),
     )  # fmt: skip
 
 
-def limits_of_commands(first: Commanding, of: Driven, drive: StageDrive, load: Array) -> LinearLimits:
-    """Every limit of the commands (m,) of a driven stage under a load (3,), with the names that users see.
+def limits_of_commands(commanded: Commanding, driven: Driven, drive: StageDrive, load: Array) -> LinearLimits:
+    """Return all limits of the commands (m,) of a driven stage under a load (3,), with the names that users see.
 
-    first : the model whose necks carry what the stacks of `of` push with; they bear `YIELD_MARGIN` less than the yield
-        strength. The preloads of a pair bear on each other; that of a single stack stresses the necks.
+    model : gives the neck stress by the stack forces of `driven`; necks are limited to the yield strength less
+        `YIELD_MARGIN`. The preloads of a pair balance each other; that of a single stack stresses the necks.
     """
-    stage, frames = first.stage, stage_frames(first.stage)
-    force = drive.preload - of.Y @ of.C[3:, :3] @ load
+    stage, frames = commanded.stage, stage_frames(commanded.stage)
+    carried = commanded.carried(load, drive.preload - driven.Y @ driven.C[3:, :3] @ load)
     strength = stage.material.yield_strength * (1 - warning.YIELD_MARGIN[stage.model])
-    at = sections_of(lower(stage))[:, 0]
-    yields = limits_of_necks(at, per_command(of, frames, first.model.necks), first.carried(load, force), strength)
-    own = limits_of(of, drive, load)
-    every = [*(own[kind] for kind in LIMITS), yields]
+    wrenches, sections = per_command(driven, frames, commanded.model.necks), sections_of(lower(stage))[:, 0]
+    yield_limits = limits_of_necks(sections, wrenches, carried, strength)
+    by_kind = limits_of(driven, drive, load)
+    limits = [*(by_kind[kind] for kind in LIMITS), yield_limits]
     names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]
     names += [f"{kind} of {name}" for kind in LIMITS[1:] for name in stack_names(drive)]
     places = [f"yield of the {hinge} hinge, chain {chain}" for chain in CHAINS for hinge in HINGE_NAMES]
     return LinearLimits(
-        np.concatenate([each.rows for each in every]),
-        np.concatenate([each.offsets + each.sizes for each in every]),
-        np.array([*names, *np.repeat(places, len(yields.rows) // 9)]),
+        np.concatenate([limit.rows for limit in limits]),
+        np.concatenate([limit.offsets + limit.sizes for limit in limits]),
+        np.array([*names, *np.repeat(places, len(yield_limits.rows) // 9)]),
     )
 
 
 class PoseSet:
-    """The poses G x + rest (3,) of the commands x that limits allow under a load (3,).
+    """The poses G x + rest (3,) of the commands x within limits under a load (3,).
 
-    Limits are taken into the linear programs once they are broken, and stay: of the many on stresses, few ever are.
+    A limit enters the linear programs once it is violated, and stays; few of the many stress limits ever are.
     """
 
-    def __init__(self, of: Driven, drive: StageDrive, limits: LinearLimits, load: Array) -> None:
-        self.G, self.names, self.rest = of.poses, limits.names, np.asarray(of.engaged @ load)
+    def __init__(self, driven: Driven, drive: StageDrive, limits: LinearLimits, load: Array) -> None:
+        self.G, self.names, self.rest = driven.poses, limits.names, np.asarray(driven.engaged @ load)
         self.unit = np.maximum(drive.highest, -drive.lowest)  # (m,), mm, size of the commands
-        self.far = np.abs(self.G) @ self.unit  # (3,), how far strokes alone go
-        self.size = np.where(self.far > 0, self.far, 1.0)
+        self.extent = np.abs(self.G) @ self.unit  # (3,), extent by strokes alone
+        self.size = np.where(self.extent > 0, self.extent, 1.0)
         rows = limits.rows * self.unit
         size = np.max(np.abs(rows), axis=1)
         size[size == 0] = np.maximum(np.abs(limits.bounds[size == 0]), 1.0)
         self.rows, self.bounds = rows / size[:, None], limits.bounds / size
-        self.taken = np.arange(len(rows)) < 2 * len(self.unit)  # limits of strokes: every program is bounded
+        self.active = np.arange(len(rows)) < 2 * len(self.unit)  # stroke limits, which keep every program bounded
 
     def farthest(self, c: Array, zero: tuple[int, ...] = ()) -> tuple[Array, LimitNames]:
-        """The commands x with the largest c (m,) @ x, some directions of the pose at zero, and the limits there.
+        """Return the commands x that maximize c (m,) @ x, with directions `zero` of the pose at 0, and binding limits.
 
         Raises NothingAllowed.
         """
-        cost, at = c * self.unit, list(zero)
+        cost, axes = c * self.unit, list(zero)
         cost = cost / (np.max(np.abs(cost)) or 1.0)
-        equal = self.G[at] * self.unit / self.size[at, None], -self.rest[at] / self.size[at]
+        equality = self.G[axes] * self.unit / self.size[axes, None], -self.rest[axes] / self.size[axes]
         while True:
-            limits = {"A_ub": self.rows[self.taken], "b_ub": self.bounds[self.taken], "bounds": (None, None)}
-            found = linear_program(-cost, **limits, A_eq=equal[0], b_eq=equal[1])
-            if found is None:
+            limits = {"A_ub": self.rows[self.active], "b_ub": self.bounds[self.active], "bounds": (None, None)}
+            solution = linear_program(-cost, **limits, A_eq=equality[0], b_eq=equality[1])
+            if solution is None:
                 raise NothingAllowed
-            beyond = np.where(self.taken, 0.0, self.rows @ found.x - self.bounds)
-            worst = np.argsort(beyond)[-2 * len(cost) :]
-            if beyond[worst[-1]] <= EXACT:
+            excess = np.where(self.active, 0.0, self.rows @ solution.x - self.bounds)
+            worst = np.argsort(excess)[-2 * len(cost) :]
+            if excess[worst[-1]] <= EXACT:
                 break
-            self.taken[worst[beyond[worst] > EXACT]] = True
-        multipliers = -found.ineqlin.marginals
-        binding = np.flatnonzero(self.taken)[multipliers > MULTIPLIER * max(np.max(multipliers), MULTIPLIER)]
-        return found.x * self.unit, LimitNames(dict.fromkeys(self.names[binding].tolist()))
+            self.active[worst[excess[worst] > EXACT]] = True
+        multipliers = -solution.ineqlin.marginals
+        binding = np.flatnonzero(self.active)[multipliers > MULTIPLIER * max(np.max(multipliers), MULTIPLIER)]
+        return solution.x * self.unit, LimitNames(dict.fromkeys(self.names[binding].tolist()))
 
     def ranges(self) -> tuple[Array, Stops]:
-        """Ends (2 others zero or free, 2 low and high, 3), nan where no pose is reached, and what stops them.
+        """Return ends (2 others zero or free, 2 low and high, 3), nan if no pose is reached, and their limits.
 
         Raises NothingAllowed.
         """
@@ -294,25 +294,25 @@ class PoseSet:
         return ends, stops
 
     def solid(self, lever: float) -> Polytope:
-        """All poses. Raises NothingAllowed."""
+        """Return the polytope of all poses. Raises NothingAllowed."""
         scale = np.array([1.0, 1.0, lever])
-        size = float(np.max(scale * self.far)) or 1.0
+        size = float(np.max(scale * self.extent)) or 1.0
         G = scale[:, None] * self.G / size
         commands, dimension = self._spanning(G)
         if dimension < 3:
             return Polytope(dimension, np.zeros((0, 3)), commands[:0], np.zeros((0, 3)), np.zeros(0), [], [], 0.0)
         commands, missed = self._refined(G, commands)
         poses = commands @ self.G.T + self.rest
-        commands = commands[np.lexsort(np.round(poses / np.max(np.abs(poses), axis=0), 6).T)]  # whatever round-off does
-        corners, sets, volume = _corners_and_faces(commands @ G.T)
+        commands = commands[np.lexsort(np.round(poses / np.max(np.abs(poses), axis=0), 6).T)]  # order free of round-off
+        corners, vertex_sets, volume = _corners_and_faces(commands @ G.T)
         commands = commands[corners]
         Z, faces, normals = commands @ G.T, [], []
-        for face in sets:
+        for face in vertex_sets:
             arms = Z[face] - np.mean(Z[face], axis=0)
             normal = np.linalg.svd(arms)[2][-1]
             normal *= np.sign(normal @ np.mean(Z[face] - np.mean(Z, axis=0), axis=0))
-            around = np.arctan2(arms @ np.cross(normal, arms[0]), arms @ arms[0])
-            faces.append([face[k] for k in np.argsort(around)])
+            angles = np.arctan2(arms @ np.cross(normal, arms[0]), arms @ arms[0])
+            faces.append([face[k] for k in np.argsort(angles)])
             normals.append(normal)
         by = [self.farthest(normal @ G)[1] for normal in normals]
         supports = np.max(np.array(normals) @ Z.T, axis=1) * size + normals @ (scale * self.rest)
@@ -320,30 +320,30 @@ class PoseSet:
         return Polytope(3, poses, commands, np.array(normals), supports, faces, by, volume, missed)
 
     def _spanning(self, G: Array) -> tuple[Array, int]:
-        """Commands whose images under G (3, m) span the set, and its dimension."""
+        """Return commands whose images under G (3, m) span the set, and its dimension."""
         X, dimension = self.farthest(G[0])[0][None], -1
         while True:
             _, values, axes = np.linalg.svd((X - X[0]) @ G.T)
-            before, dimension = dimension, int(np.count_nonzero(values > FLAT))
-            if dimension in (before, 3):
+            previous, dimension = dimension, int(np.count_nonzero(values > FLAT))
+            if dimension in (previous, 3):
                 return X, dimension
-            new = [self.farthest(sign * w @ G)[0] for w in axes[dimension:] for sign in (1.0, -1.0)]
-            X = np.concatenate([X, new])
+            added = [self.farthest(sign * w @ G)[0] for w in axes[dimension:] for sign in (1.0, -1.0)]
+            X = np.concatenate([X, added])
 
     def _refined(self, G: Array, commands: Array) -> tuple[Array, float]:
-        """Commands whose images' convex hull is the set, farthest ones along its planes, and how far it misses some."""
+        """Add commands until the hull of their images is the set; return them and the relative distance left out."""
         from scipy.spatial import ConvexHull
 
-        supports = dict[tuple[float, ...], float]()  # of the set, by the normal of a plane of the hull
+        supports = dict[tuple[float, ...], float]()  # support of the set by the normal of a plane of the hull
         while True:
             planes = {tuple(np.round(plane[:3], 10) + 0.0): plane for plane in ConvexHull(commands @ G.T).equations}
-            fresh = list[tuple[float, Array]]()
+            new = list[tuple[float, Array]]()
             for key, plane in planes.items():
                 if key not in supports:
                     x = self.farthest(plane[:3] @ G)[0]
                     supports[key] = float(plane[:3] @ G @ x)
-                    fresh.append((supports[key] + plane[3], x))
-            farthest = [x for far, x in sorted(fresh, key=lambda each: -each[0]) if far > EXACT]
+                    new.append((supports[key] + plane[3], x))
+            farthest = [x for excess, x in sorted(new, key=lambda item: -item[0]) if excess > EXACT]
             if not farthest or len(commands) >= MOST:
                 missed = float(max(supports[key] + plane[3] for key, plane in planes.items()))
                 return commands, missed / float(np.max(np.abs(commands @ G.T))) if missed > EXACT else 0.0
@@ -351,21 +351,22 @@ class PoseSet:
 
 
 def _corners_and_faces(Z: Array) -> tuple[Index, list[list[int]], float]:
-    """Of the hull of points (p, 3): the indices of its vertices, which of these each face has, and its volume."""
+    """Return the vertices (indices) of the hull of points (p, 3), positions of each face in them, and the volume."""
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(Z)
     normals = hull.equations[:, :3]
-    touches = np.abs(Z @ normals.T + hull.equations[:, 3]) < 10 * EXACT
-    corners = np.flatnonzero([np.linalg.matrix_rank(normals[row], tol=FLAT) == 3 for row in touches])
-    near = np.max(np.abs(Z[corners][:, None] - Z[corners]), axis=2) < 10 * EXACT
-    corners = corners[~np.any(np.tril(near, -1), axis=1)]  # each once
-    sets = {frozenset(np.flatnonzero(column).tolist()) for column in touches[corners].T}
-    return corners, sorted(sorted(one) for one in sets if not any(one < other for other in sets)), float(hull.volume)
+    on_face = np.abs(Z @ normals.T + hull.equations[:, 3]) < 10 * EXACT
+    corners = np.flatnonzero([np.linalg.matrix_rank(normals[row], tol=FLAT) == 3 for row in on_face])
+    coincident = np.max(np.abs(Z[corners][:, None] - Z[corners]), axis=2) < 10 * EXACT
+    corners = corners[~np.any(np.tril(coincident, -1), axis=1)]  # without duplicates
+    sets = {frozenset(np.flatnonzero(column).tolist()) for column in on_face[corners].T}
+    faces = sorted(sorted(face) for face in sets if not any(face < other for other in sets))
+    return corners, faces, float(hull.volume)
 
 
 def section_of(solid: Polytope) -> list[PoseEdge]:
-    """Edges of the poses at theta = 0, counter-clockwise: what all other faces leave of the line of each face."""
+    """Return edges of the poses at theta = 0, counter-clockwise: the line of each face clipped by all other faces."""
     size, edges = np.max(np.abs(solid.supports), initial=0.0), []
     normals, supports = solid.normals[:, :2], solid.supports
     for normal, support, by in zip(normals, supports, solid.by, strict=True):
@@ -373,53 +374,54 @@ def section_of(solid: Polytope) -> list[PoseEdge]:
         if length < FLAT:
             continue
         along, foot = np.array([-normal[1], normal[0]]) / length, support * normal / length**2
-        rate, left = normals @ along, supports - normals @ foot  # rate t <= left on the line foot + t along
+        rate, slack = normals @ along, supports - normals @ foot  # rate t <= slack on the line foot + t along
         parallel = np.abs(rate) < FLAT
-        start = np.max(left[rate <= -FLAT] / rate[rate <= -FLAT], initial=-np.inf)
-        end = np.min(left[rate >= FLAT] / rate[rate >= FLAT], initial=np.inf)
-        if np.all(left[parallel] >= -EXACT * size) and end - start > ROUND_OFF * size:
+        start = np.max(slack[rate <= -FLAT] / rate[rate <= -FLAT], initial=-np.inf)
+        end = np.min(slack[rate >= FLAT] / rate[rate >= FLAT], initial=np.inf)
+        if np.all(slack[parallel] >= -EXACT * size) and end - start > ROUND_OFF * size:
             edges.append(PoseEdge(foot + start * along, foot + end * along, by))
     return sorted(edges, key=lambda edge: float(np.arctan2(*(edge.end - edge.start)[::-1])))
 
 
 def _radius(solid: Polytope, centre: Array, directions: int) -> float:
-    """Distance of the faces, in the first directions alone, from a point (3,), mm; 0 where it is not inside."""
+    """Return the distance of a point (3,) from the faces in the first directions, mm; 0 if it is not inside."""
     tilt = np.maximum(np.linalg.norm(solid.normals[:, :directions], axis=1), FLAT)
     distance = float(np.min((solid.supports - solid.normals @ centre) / tilt, initial=np.inf)) if solid.faces else 0.0
     return distance if distance > ROUND_OFF * np.max(np.abs(solid.supports), initial=0.0) else 0.0
 
 
-def _why_nothing(first: Commanding, limits: LinearLimits, drive: StageDrive, load: Array) -> str:
-    """Which limits allow no commands, each by itself with those of strokes, or only together."""
-    alone = []
+def _why_unreachable(commanded: Commanding, limits: LinearLimits, drive: StageDrive, load: Array) -> str:
+    """Describe the limits that allow no commands: kinds that exclude all with those of strokes, or all together."""
+    infeasible = []
     for kind in KINDS:
         chosen = np.array([name.startswith((KINDS[0], kind)) for name in limits.names])
+        subset = LinearLimits(*(part[chosen] for part in limits))
         try:
-            PoseSet(first.system, drive, LinearLimits(*(part[chosen] for part in limits)), load).farthest(drive.highest)
+            PoseSet(commanded.system, drive, subset, load).farthest(drive.highest)
         except NothingAllowed:
-            alone.append(kind)
-    which = " and those of ".join(alone) if alone else "stroke, contact, blocking force and yield together"
-    stress, under = _preload_stress(first, drive), "under this load" if np.any(load) else "without load"
-    loaded = f"; preloads alone stress the necks with up to {stress:.4g} {STRESS}" if stress > 1e-3 else ""
-    return f"the drive reaches no pose: the limits of {which} allow no commands {under}{loaded}"
+            infeasible.append(kind)
+    kinds = " and those of ".join(infeasible) if infeasible else "stroke, contact, blocking force and yield together"
+    stress, under = _preload_stress(commanded, drive), "under this load" if np.any(load) else "without load"
+    preloads = f"; preloads alone stress the necks with up to {stress:.4g} {STRESS}" if stress > 1e-3 else ""
+    return f"the drive reaches no pose: the limits of {kinds} allow no commands {under}{preloads}"
 
 
-def _preload_stress(first: Commanding, drive: StageDrive) -> float:
-    """Highest stress of a neck by the preloads alone, MPa: the two of a pair bear on each other, and stress none."""
-    return float(np.max(first.stress(np.zeros(3), drive.preload)))
+def _preload_stress(commanded: Commanding, drive: StageDrive) -> float:
+    """Return the highest neck stress by the preloads alone, MPa; those of a pair balance and cause none."""
+    return float(np.max(commanded.stress(np.zeros(3), drive.preload)))
 
 
-def _warnings(first: Commanding, drive: StageDrive, solid: Polytope, lever: float) -> list[str]:
-    found, single = list[str](), np.count_nonzero(drive.differential, axis=0) == 1
-    if np.any(np.abs(drive.differential[:, single]).T @ drive.preload > 0):
-        found.append(
+def _warnings(commanded: Commanding, drive: StageDrive, solid: Polytope, lever: float) -> list[str]:
+    messages, unpaired = list[str](), np.count_nonzero(drive.differential, axis=0) == 1
+    if np.any(np.abs(drive.differential[:, unpaired]).T @ drive.preload > 0):
+        messages.append(
             "single stacks have no partner to bear their preload: the necks do, with up to "
-            f"{_preload_stress(first, drive):.4g} {STRESS} at zero commands (no spring that would bear it is in the "
-            "model)"
+            f"{_preload_stress(commanded, drive):.4g} {STRESS} at zero commands (no spring that would bear it is in "
+            "the model)"
         )
-    moves = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * first.system.poses, rtol=SINGULAR)
-    if moves < 3:
-        found.append(f"the drive moves the platform in {moves} of three directions: its poses are no solid")
+    rank = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * commanded.system.poses, rtol=SINGULAR)
+    if rank < 3:
+        messages.append(f"the drive moves the platform in {rank} of three directions: its poses are no solid")
     elif solid.dimension < 3:
-        found.append(f"the limits leave no solid: the poses that the drive reaches {EXTENDS[solid.dimension]}")
-    return found
+        messages.append(f"the limits leave no solid: the poses that the drive reaches {EXTENDS[solid.dimension]}")
+    return messages

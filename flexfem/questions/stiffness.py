@@ -1,4 +1,4 @@
-"""A stage at rest: stiffness, stress per displacement, range at yield, what one load does; and its summary."""
+"""A stage at rest: stiffness, stress per displacement, range at yield, response to a load, and its summary."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SHEET, SOLID, SOLVED, S
 from flexfem.units import DIRECTIONS, PLANES
 
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
-MATRIX, NECKS, EACH = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
+MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
 
 
-Loaded: TypeAlias = Callable[[Array], Array | None]  # the load that is asked for, by the stiffness
+Loads: TypeAlias = Callable[[Array], Array | None]  # returns the requested load for a stiffness
 
 
 class Stiffness(Result):
-    """Stiffness, stress per displacement and range at yield of a stage at rest, and the answer to one load."""
+    """Stiffness, stress per displacement and range at yield of a stage at rest, and its response to one load."""
 
     title = "stage at rest"
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
@@ -76,12 +76,12 @@ class Summary(Result):
         "range at yield: the other directions held, until the first neck yields; the force is along the displacement",
         "drive: with the other directions held at zero, or free",
     )
-    stiffness = Quantity("stiffness, the others held", "stiffness", EACH, COARSER)
-    free = Quantity("stiffness, the others free", "stiffness", EACH, COARSER)
-    yield_range = Quantity("range at yield, ±", "motion", EACH, STRESS, prefixed=True)
-    yield_force = Quantity("force there", "wrench", EACH, STRESS)
+    stiffness = Quantity("stiffness, the others held", "stiffness", BY_DIRECTION, COARSER)
+    free = Quantity("stiffness, the others free", "stiffness", BY_DIRECTION, COARSER)
+    yield_range = Quantity("range at yield, ±", "motion", BY_DIRECTION, STRESS, prefixed=True)
+    yield_force = Quantity("force there", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity(
-        "neck stress per displacement", "stress per motion", (*EACH, "chain", "hinge"), STRESS, "all",
+        "neck stress per displacement", "stress per motion", (*BY_DIRECTION, "chain", "hinge"), STRESS, "all",
         largest=("chain", "hinge"),
     )  # fmt: skip
     thickness = Quantity("change of stiffness by three-dimensional hinges", "percent", ("direction",))
@@ -103,14 +103,14 @@ def stiffness(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Stiffness:
-    """Stiffness, neck stress per displacement and range at yield of a stage, and what a load or displacement does.
+    """Stiffness, neck stress per displacement and range at yield of a stage, and response to a load or displacement.
 
     Parameters
     ----------
     force : tuple of float, optional
         Load on the platform: N, N, N mm.
     displacement : tuple of float, optional
-        Instead of a load, the displacement that the platform is held at: mm, mm, rad.
+        Displacement at which the platform is held, instead of a load: mm, mm, rad.
     {shared}
 
     Notes
@@ -131,42 +131,42 @@ def stiffness(
     load = None if force is None else arguments.forces("force", force, 1)
     held = None if displacement is None else arguments.poses("displacement", displacement, 1)
     warnings, notes, settings = list(warning.of_numbers(stage)), list[str](), dict[str, Any]()
-    found, values, fields = dict[str, ModelAnswer](), dict[str, Array](), None
+    results, values, fields = dict[str, ModelAnswer](), dict[str, Array](), None
 
-    def loaded(K: Array) -> Array | None:
+    def load_for(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
 
     chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         result = analyse(*chosen)
-        found[ANALYTIC] = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
-        if (F := loaded(result.stiffness)) is not None:
+        results[ANALYTIC] = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
+        if (F := load_for(result.stiffness)) is not None:
             pose = result.compliance @ F
             stress = result.neck_stress(chosen.stage, pose)
-            found[ANALYTIC].values.update(force=F, pose=pose, neck_stress=stress, energy=F @ pose / 2)
+            results[ANALYTIC].values.update(force=F, pose=pose, neck_stress=stress, energy=F @ pose / 2)
         values = {f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")}
         settings["analytic model"] = chosen.name
         notes.append(f"hinge formula {result.formula}: {FORMULAS[result.formula].source}")
         notes.append(warning.stress_accuracy(result.formula, result.links, result.plane))
         warnings += warning.of_result(chosen.stage, result)
-    thickness = warning.stiffer_by_thickness(stage)
-    if thickness is not None:
+    if (thickness := warning.stiffer_by_thickness(stage)) is not None:
         values["thickness"] = thickness
     if mesh is not None and mesh.layers:
-        more, fields = _in_three_dimensions(stage, mesh, loaded)
-        found |= more
+        solid, fields = _in_three_dimensions(stage, mesh, load_for)
+        results |= solid
         warnings += warning.held_faces(stage)
     elif mesh is not None:
-        found[ELEMENTS], fields = _in_plane(stage, mesh.resolution, loaded, progress)
+        results[ELEMENTS], fields = _in_plane(stage, mesh.resolution, load_for, progress)
         warnings += warning.of_thickness(stage)
-    last = list(found.values())[-1].values
-    if "pose" in last:
-        highest = float(np.max(last["neck_stress"]))
+    reference = list(results.values())[-1].values
+    if "pose" in reference:
+        highest = float(np.max(reference["neck_stress"]))
         warnings += warning.of_yield(highest, stage.material.yield_strength, "under this load")
-        warnings += warning.of_motion(stage, last["pose"], "under this load")
-    for end, direction in zip(np.diag(last["yield_range"]), DIRECTIONS, strict=True):
-        warnings += warning.of_motion(stage, end, f"end of the range at yield in {direction}")
-    return setup.answer(Stiffness, stage, found, mesh, settings, values, warnings=warnings, notes=notes, fields=fields)
+        warnings += warning.of_motion(stage, reference["pose"], "under this load")
+    for displaced, direction in zip(np.diag(reference["yield_range"]), DIRECTIONS, strict=True):
+        warnings += warning.of_motion(stage, displaced, f"end of the range at yield in {direction}")
+    texts = {"warnings": warnings, "notes": notes}
+    return setup.answer(Stiffness, stage, results, mesh, settings, values, None, **texts, fields=fields)
 
 
 def _at_rest(
@@ -176,59 +176,59 @@ def _at_rest(
     bands: Array | None = None,
     stiffness: Array | None = None,
 ) -> ModelAnswer:
-    """A stage at rest by its compliance, with bands, and stress (3 chains, 3 hinges, 3 directions) per displacement."""
+    """Return a result from compliance, its bands, and stress (3 chains, 3 hinges, 3 directions) per displacement."""
     K = np.asarray(np.linalg.inv(compliance) if stiffness is None else stiffness)
     values = {"compliance": compliance, "stiffness": K, "free": free_stiffness(K)}
     if stress is not None:
-        far = stage.material.yield_strength / np.max(stress, axis=(0, 1))
-        values |= {"stress": stress, "yield_range": far, "yield_force": np.diag(K) * far}
+        range_at_yield = stage.material.yield_strength / np.max(stress, axis=(0, 1))
+        values |= {"stress": stress, "yield_range": range_at_yield, "yield_force": np.diag(K) * range_at_yield}
     if bands is None:
         return ModelAnswer(values)
     return ModelAnswer(values, {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)})  # dK = -K dC K
 
 
 def _in_plane(
-    stage: Stage, resolution: int, loaded: Loaded, progress: Progress | None
+    stage: Stage, resolution: int, load_for: Loads, progress: Progress | None
 ) -> tuple[ModelAnswer, MeshFields | None]:
-    """Plane finite elements on three meshes."""
+    """Return values and bands by plane finite elements on three meshes, and fields under the load."""
     sizes = np.array(levels(resolution), dtype=float)
     responses = on_meshes(levels(resolution), lambda level: setup.solved(stage, level), progress)
-    finest, stresses = responses[-1], np.array([element_stress(stage, each) for each in responses])
-    bands = compliance_bands(sizes, np.array([each.compliance for each in responses]))
-    values, more = _at_rest(stage, finest.compliance, stresses[-1], bands)
+    finest, stresses = responses[-1], np.array([element_stress(stage, response) for response in responses])
+    bands = compliance_bands(sizes, np.array([response.compliance for response in responses]))
+    values, value_bands = _at_rest(stage, finest.compliance, stresses[-1], bands)
     highest = np.max(stresses, axis=(1, 2))  # of each direction
     band = stress_bands(sizes, highest)
-    more = {
-        **more,
+    value_bands = {
+        **value_bands,
         "free": values["free"] * np.diag(bands) / np.diag(finest.compliance),
         "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
         "yield_range": values["yield_range"] * band / highest[-1],
     }
-    force, fields = loaded(values["stiffness"]), None
+    force, fields = load_for(values["stiffness"]), None
     if force is not None:
         case = load_case(stage, finest.mesh, finest, force)
         values.update(force=force, pose=finest.compliance @ force, neck_stress=case.neck_stress)
         values.update(reaction=case.reaction, energy=case.energy)
-        more["pose"] = bands @ np.abs(force)
+        value_bands["pose"] = bands @ np.abs(force)
         fields = MeshFields(finest.mesh, lambda: {"displacement": case.field, "von_mises": case.stress})
-    return ModelAnswer(values, more), fields
+    return ModelAnswer(values, value_bands), fields
 
 
 def element_stress(stage: Stage, response: Response) -> Array:
-    """Highest stress (3 chains, 3 hinges, 3 directions) at each neck per displacement, by finite elements."""
+    """Return the highest stress (3 chains, 3 hinges, 3 directions) at necks per displacement by finite elements."""
     K = np.asarray(np.linalg.inv(response.compliance))
     return np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1)
 
 
-def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict[str, ModelAnswer], MeshFields | None]:
-    """Three dimensions, and plane stress and plane strain on the same mesh of the plane, which bound it."""
+def _in_three_dimensions(stage: Stage, mesh: Mesh, load_for: Loads) -> tuple[dict[str, ModelAnswer], MeshFields | None]:
+    """Return values in three dimensions and, on the same plane mesh, in plane stress and strain, which bound them."""
     response = solve_solid(stage, *mesh)
     plane, thickness = solid_bands(solid_levels(stage, *mesh), mesh.resolution)
     K, C, total = np.asarray(np.linalg.inv(response.compliance)), response.compliance, plane + thickness
     values, bands = _at_rest(stage, C, element_stress(stage, response), total)
     values |= {"band_plane": plane, "band_thickness": thickness}
-    sheet, strain = (_at_rest(stage, each) for each in bounding(stage, response))
-    force, fields = loaded(K), None
+    sheet, held = (_at_rest(stage, compliance) for compliance in bounding(stage, response))
+    force, fields = load_for(K), None
     if force is not None:
         necks = neck_stresses(stage, response, force[None])
         values.update(force=force, pose=C @ force, reaction=force @ response.reactions)
@@ -236,22 +236,22 @@ def _in_three_dimensions(stage: Stage, mesh: Mesh, loaded: Loaded) -> tuple[dict
         values["energy"] = force @ response.energy @ force / 2
         bands = {**bands, "pose": total @ np.abs(force)}
         fields = MeshFields(response.mesh, lambda: _solid_fields(stage, response, force), response.layers.heights)
-    return {SHEET: sheet, HELD: strain, SOLID: ModelAnswer(values, bands)}, fields
+    return {SHEET: sheet, HELD: held, SOLID: ModelAnswer(values, bands)}, fields
 
 
 def _solid_fields(stage: Stage, response: Response, force: Array) -> dict[str, Array]:
-    """Displacement, mm, and stress, MPa, at all nodes in three dimensions under a load (3,)."""
+    """Return displacement, mm, and stress, MPa, at all nodes in three dimensions under a load (3,)."""
     field = np.tensordot(force, response.fields, axes=1)
     stress = nodal_stress(response.mesh, sheet_of(stage), field, layers=response.layers)
     return {"displacement": field, "von_mises": von_mises(stress), "stress": stress.reshape(*field.shape[:2], 9)}
 
 
 def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
-    """Compliances (3, 3) of plane stress and of plane strain on the mesh of the plane of a response."""
+    """Return compliances (3, 3) in plane stress and in plane strain on the plane mesh of a response."""
     plate = sheet_of(stage)
     nu = plate.poissons_ratio
     held = Plate(plate.youngs_modulus / (1 - nu**2), nu / (1 - nu), plate.thickness)
-    soft, hard = (unit_response(response.sectors, each).compliance for each in (plate, held))
+    soft, hard = (unit_response(response.sectors, bound).compliance for bound in (plate, held))
     return soft, hard
 
 
@@ -265,7 +265,7 @@ def summary(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """How far a stage may go in each direction before a neck yields, the force that takes, and what its drive reaches.
+    """Range of a stage in each direction before a neck yields, the force at its end, and the range of its drive.
 
     Parameters
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.analytic.model import AnalyticResult, analyse, best_model, in_range, thick
+from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
@@ -141,7 +141,7 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
     """
     chosen = best_model(stage, [])
     try:
-        plane, solid = (np.diag(analyse(*chosen._replace(stage=one)).stiffness) for one in (stage, thick(stage)))
+        plane, solid = (np.diag(analyse(*chosen._replace(stage=one)).stiffness) for one in (stage, corrected(stage)))
     except (BadInput, ComputationFailed):
         return None
     return np.asarray(100 * (solid / plane - 1))

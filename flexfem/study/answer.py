@@ -13,17 +13,17 @@ import numpy as np
 
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.model import analyse, hinge_compliances, in_range, without_answer
+from flexfem.analytic.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import (
     LinkParts,
     WarmBodies,
+    body_loads,
     drift,
+    dynamics_of_designs,
     in_plane,
     link_parts,
-    many,
     mass_matrix,
-    on_bodies,
     rates_of,
 )
 from flexfem.analytic.responses import driven as driven_compliance
@@ -68,7 +68,7 @@ def needs_stages(study: Study) -> bool:
 
 
 def _for_stages(stages: Stages, reason: AnyArray, function: Callable[[Stage], Result]) -> dict[int, Result]:
-    """Return a function of the stage of every design not yet refused, by index; its refusals go to `reason`."""
+    """Return the results of a function of each stage not yet refused, by index; its refusals go to `reason`."""
     results = dict[int, Result]()
     for index in map(int, np.flatnonzero(reason == "")):
         try:
@@ -119,8 +119,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
         refused = [*_off_limits(loaded, values), *(condition.broken for condition in conditions(designs))]
-        unlike = unlikely(designs.fatigue[:, 0], designs.yield_strength)
-        refused += [*without_answer(designs, study.formula, hinges), Broken(FATIGUE, unlike)]
+        doubtful = unlikely(designs.fatigue[:, 0], designs.yield_strength)
+        refused += [*invalid_hinges(designs, study.formula, hinges), Broken(FATIGUE, doubtful)]
         reasons = [np.array(refusal.reason, object) for refusal in refused]
         reason = np.select([refusal.where for refusal in refused], reasons, refusals_of(loaded, values))
         freedoms = freedoms_of(study.mobility, designs.prismatic)
@@ -133,17 +133,17 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, _repeated(loaded))
         if study.driven:
             drive = drives_of(loaded.stage, designs, reason, stages)
-            loaded_links = stacked(lambda stage: link_parts(stage, drive_of(stage).stacks)) if study.links else None
+            driven_links = stacked(lambda stage: link_parts(stage, drive_of(stage).stacks)) if study.links else None
             drive.stiffness[reason != ""] = np.nan  # makes all results of refused designs nan
-            response = driven_compliance(designs.frames, *model, drive.stacks, loaded_links)
+            response = driven_compliance(designs.frames, *model, drive.stacks, driven_links)
             drives = drive_ranges(designs, driven(response.compliance, drive), response.necks, drive)
             found = found._replace(drives=drives)
         if study.frequencies is not None:
             moments = stacked(lambda stage: Moments(body_moments(stage), hub_moments(stage)))
-            elastic = stacked(lambda stage: link_parts(stage, on_bodies(stage))) if study.links else None
+            elastic = stacked(lambda stage: link_parts(stage, body_loads(stage))) if study.links else None
             areal = designs.thickness * designs.density * DENSITY
             mass = mass_matrix(moments.bodies, moments.hub, areal, payload(loaded) or Payload())
-            frequencies = many(designs.frames, *model, mass, elastic).frequencies[:, :LOWEST]
+            frequencies = dynamics_of_designs(designs.frames, *model, mass, elastic).frequencies[:, :LOWEST]
             found = found._replace(frequencies=np.asarray(frequencies))
         if study.drift is not None:
             pose = drift(designs, *model, *in_plane(designs), warm).pose
@@ -176,7 +176,7 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
     """Return the numbers about one stage at the paths `study.ask`. Raises BadInput, ComputationFailed."""
     from flexfem.questions.setup import Analytic
 
-    study, found = loaded.study, dict[str, float]()
+    study, numbers = loaded.study, dict[str, float]()
     models = {"analytic": "analytic", "verify": "both"}.get(study.model, "elements")
     settings: dict[str, Any] = {"models": models}
     if models != "elements":
@@ -189,12 +189,12 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
         question = getattr(flexfem, name)
         parameters = inspect.signature(question).parameters
         result = question(stage, **{key: value for key, value in settings.items() if key in parameters})
-        found |= {f"{name}.{number.path}": number.value * number.unit.factor for number in result.entries()}
+        numbers |= {f"{name}.{entry.path}": entry.value * entry.unit.factor for entry in result.entries()}
     for path in study.ask:
-        if path not in found:
-            close = suggestion(path, found) or f", such as {next(iter(found))}"
+        if path not in numbers:
+            close = suggestion(path, numbers) or f", such as {next(iter(numbers))}"
             raise NoSuchNumber(f"ask: no number {path} of this stage and model{close}")
-    return [found[path] for path in study.ask]
+    return [numbers[path] for path in study.ask]
 
 
 def require_extra_numbers(loaded: LoadedStudy) -> None:
@@ -217,7 +217,7 @@ def _repeated(loaded: LoadedStudy) -> Repeated | None:
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
-    """Return outputs (outputs,) of a possible design by finite elements. Raises as `solved_design` and the formula."""
+    """Return the outputs (outputs,) of a feasible design by finite elements. Raises as `solved_design`, `analyse`."""
     study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), False)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     if study.model == "three_dimensional":
@@ -304,10 +304,10 @@ def base_factor_values(loaded: LoadedStudy) -> dict[str, float]:
 
 
 def factor_warnings(loaded: LoadedStudy) -> list[str]:
-    """Return warnings on factors that change no output which the study shows or constrains; by default no output.
+    """Return warnings on factors that change no output shown or constrained, or no output at all if none is.
 
-    The analytic model compares designs that differ in one factor alone. Studies by finite elements are not checked:
-    each of their designs has its own mesh.
+    The analytic model compares designs that differ in one factor only. Studies by finite elements are not checked,
+    because each of their designs has its own mesh.
     """
     study = loaded.study
     if study.model != "analytic":
@@ -325,10 +325,9 @@ def factor_warnings(loaded: LoadedStudy) -> list[str]:
 
 
 def _changes(loaded: LoadedStudy) -> dict[str, set[str]]:
-    """Return the outputs that each factor changes, by column, without factors that no pair of results can judge.
+    """Return the outputs that each factor changes, by column, without factors for which no two results can be compared.
 
-    The first design of the sample and the middle one are varied: each factor in turn takes its least and its greatest
-    value.
+    In the first and the middle design of the sample, each factor in turn takes its least and its greatest value.
     """
     drawn = sample(loaded, 0, min(loaded.count, 1000))
     bases = drawn[[0, len(drawn) // 2]][: 1 if loaded.study.links else 2]  # elastic links take 0.1 s a design

@@ -146,10 +146,10 @@ class StudyTable:
     def round_off_sizes(self) -> dict[str, float]:
         """Reference size of each column that symmetry can make zero, by medians of other columns; for round-off."""
         references = [name for name in (*STIFFNESSES[:3], *DRIFTS) if name in self.columns]
-        medians = [np.asarray(np.median(np.abs(values))) for values in self.with_answer(*references)]
+        medians = [np.asarray(np.median(np.abs(values))) for values in self.with_results(*references)]
         return {name: float(size) for name, size in sizes_of(dict(zip(references, medians, strict=True))).items()}
 
-    def with_answer(self, *names: str) -> list[Array]:
+    def with_results(self, *names: str) -> list[Array]:
         """Return columns of the designs with a result."""
         return [self.columns[name] if self.ok.all() else self.columns[name][self.ok] for name in names]
 

@@ -64,11 +64,7 @@ GROUPS = (
         lambda result, _: result.stiffness[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)],
     ),
     Group(
-        {
-            "coupling_xy": "coupling XY",
-            "coupling_xt": "coupling Xθ",
-            "coupling_yt": "coupling Yθ",
-        },
+        {"coupling_xy": "coupling XY", "coupling_xt": "coupling Xθ", "coupling_yt": "coupling Yθ"},
         "`K_ij / sqrt(K_ii K_jj)`",
         lambda result, _: result.coupling,
     ),

@@ -382,8 +382,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
     x_axis, y_axis, value_axis = (source.quantity(name) for name in (x, y, value))
     cells, lines = cells_of(source, (x, y), value), list[str]()
-    known = np.isfinite(cells.values)
-    if not known.any():
+    if not np.isfinite(cells.values).any():
         raise source.refusal("map", value, "no design to show keeps all constraints, expected some")
     if cells.averaged:
         names = ", ".join(source.quantity(name).name for name in cells.averaged)
@@ -393,10 +392,9 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
         )
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
-        (bands,) = source.table.with_answer(band)
-        lines.append(
-            f"Mesh band of the error: median {np.median(bands):.2g}, largest {bands.max():.2g} percentage points."
-        )
+        (bands,) = source.table.with_results(band)
+        median, largest = np.median(bands), bands.max()
+        lines.append(f"Mesh band of the error: median {median:.2g}, largest {largest:.2g} percentage points.")
     numbers = np.column_stack([cells.values, cells.points])
     ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
     rows = [(word, *numbers[place].tolist()) for word, place in ends]
@@ -410,9 +408,8 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
 def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
     """Return a column over two factors, as means in cells of these where other factors vary too."""
     loaded, table = source.loaded, source.table
-    others = tuple(
-        column.name for column in loaded.columns if column.name not in names and np.ptp(table.columns[column.name]) > 0
-    )
+    factors = (column.name for column in loaded.columns)
+    others = tuple(name for name in factors if name not in names and np.ptp(table.columns[name]) > 0)
     points, values = np.column_stack([table.columns[name] for name in names]), source.column(value)
     grid = loaded.study.sampling.method == "grid"
     if not others:
@@ -473,7 +470,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
     along = np.stack([np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
     axes = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
-    x_name, y_name = (name._replace(log=name.log or is_wide(values)) for name, values in axes)
+    x_axis, y_axis = (axis._replace(log=axis.log or is_wide(values)) for axis, values in axes)
     names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
     selected = spread(along, figure.drawn)
     numbers = {name: source.column(name)[rows[front.places]] for name in names}
@@ -482,26 +479,26 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         for k, stage in zip(selected, stages_at(front.places[selected]), strict=True)
         if stage is not None
     ]
-    without = {status: n for status, n in table.counts.items() if status != "ok"}
-    without["that break a constraint"] = int(table.infeasible.sum())
-    left_out = [f"not drawn: {counted(without)}"] if any(without.values()) else []
+    excluded = {status: n for status, n in table.counts.items() if status != "ok"}
+    excluded["that break a constraint"] = int(table.infeasible.sum())
+    left_out = [f"not drawn: {counted(excluded)}"] if any(excluded.values()) else []
     if attempts and front.unchecked:
         left_out.append(f"{front.unchecked} on the front are not known to be drawable")
     power, gain = power_of(best), _gain(source, figure, rows, front.undrawable, stages_at)
     lines = list[str]()
     if power is not None:
-        lines.append(f"Along the front {y_name.name} goes as {x_name.name} to the power {power:.3g} (least squares).")
+        lines.append(f"Along the front {y_axis.name} goes as {x_axis.name} to the power {power:.3g} (least squares).")
     if gain is not None:
-        best_of = f"The best design no worse in {x_name.name} and no larger than the base stage"
-        lines.append(f"{best_of} has {gain:.3g} times its {y_name.name}.")
+        best_of = f"The best design no worse in {x_axis.name} and no larger than the base stage"
+        lines.append(f"{best_of} has {gain:.3g} times its {y_axis.name}.")
     head = {"design": "design", **{name: source.quantity(name).label for name in names}}
     designs = map(str, table.design[rows[front.places]])
     columns = [values.tolist() for values in numbers.values()]
     listed = FigureTable("Designs of the front", head, list(zip(designs, *columns, strict=True)))
-    caption = source.caption(figure, f"{y_name.name} against {x_name.name}", *lines)
+    caption = source.caption(figure, f"{y_axis.name} against {x_axis.name}", *lines)
     better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
     return ParetoFront(
-        caption, x_name, y_name, better, points, *places, chosen, left_out, source.base_point(x, y), power, gain, listed
+        caption, x_axis, y_axis, better, points, *places, chosen, left_out, source.base_point(x, y), power, gain, listed
     )
 
 
@@ -624,7 +621,7 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
     from scipy.stats import binom, norm
 
     ordered, n, tail = np.sort(values), len(values), (1 - CONFIDENCE) / 2
-    found = []
+    results = []
     for p in percent:
         middle, share = float(np.percentile(ordered, p)), p / 100
         if draws is None:
@@ -634,8 +631,8 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
             width = norm.ppf(1 - tail) * np.sqrt(m / (m - 1) * np.sum(excess**2)) if m > 1 else n
             first, last = int(np.floor(n * share - width)), int(np.ceil(n * share + width)) + 1
         low = -np.inf if first < 1 else float(ordered[first - 1])
-        found.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
-    return found
+        results.append(Percentile(p, middle, low, np.inf if last > n else float(ordered[last - 1])))
+    return results
 
 
 # Sobol indices
@@ -681,14 +678,14 @@ def sensitivity(source: Source, value: str) -> Indices:
         bad = np.flatnonzero(~table.ok)
         first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
         raise refusal(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
-    (values,) = table.with_answer(value)
+    (values,) = table.with_results(value)
     if len(values) < LEAST and not saltelli:
         raise refusal(f"{len(values)} designs have an answer, expected at least {LEAST}")
     if np.ptp(values) <= FLAT * (table.round_off_sizes.get(value) or np.abs(values).max()):
         raise refusal("no factor changes it, expected a value that varies")
     if saltelli:
         return sobol_indices(values, len(loaded.columns))
-    return first_order((table.with_answer(column.name)[0] for column in loaded.columns), values)
+    return first_order((table.with_results(column.name)[0] for column in loaded.columns), values)
 
 
 def sobol_indices(values: Array, factors: int) -> Indices:

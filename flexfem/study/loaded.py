@@ -95,7 +95,7 @@ class LoadedStudy:
             content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its kind, even if its numbers are those of the others
         overrides = (o for o in stage.override if o.hinge or study.driven)
-        refusing = [constraint for constraint in study.constraint if study.needs_no_answer(constraint.value)]
+        refusing = [constraint for constraint in study.constraint if study.uses_no_output(constraint.value)]
         used = expanded_names((name for constraint in refusing for name in names_in(constraint.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
@@ -477,9 +477,9 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
     """
     study, reason = loaded.study, np.full(len(values), "", dtype=object)
     known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
-    for output in filter(lambda output: study.needs_no_answer(output.expression), study.output):
+    for output in filter(lambda output: study.uses_no_output(output.expression), study.output):
         known[output.name] = evaluated(loaded, output.expression, known, len(values))
-    for constraint in filter(lambda constraint: study.needs_no_answer(constraint.value), study.constraint):
+    for constraint in filter(lambda constraint: study.uses_no_output(constraint.value), study.constraint):
         value = evaluated(loaded, constraint.value, known, len(values))
         for index in np.flatnonzero(constraint.broken(value) & (reason == "")):
             reason[index] = f"constraint {constraint.title} = {value[index]:.6g}, expected {constraint.expected}"

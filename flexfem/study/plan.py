@@ -20,7 +20,7 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LIFE_CONSTANTS, keys, meant
+from flexfem.mechanism.keys import LIFE_CONSTANTS, key_suggestion, keys
 from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
@@ -98,10 +98,10 @@ def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
             return np.float64(number)
         case ast.Name(id=name):
             return known[name]
-        case ast.UnaryOp(op=sign, operand=inner):
-            return _OPERATIONS[type(sign)](_value(inner, known))
-        case ast.BinOp(left=left, op=sign, right=right):
-            return _OPERATIONS[type(sign)](_value(left, known), _value(right, known))
+        case ast.UnaryOp(op=operator, operand=operand):
+            return _OPERATIONS[type(operator)](_value(operand, known))
+        case ast.BinOp(left=left, op=operator, right=right):
+            return _OPERATIONS[type(operator)](_value(left, known), _value(right, known))
         case ast.Call(func=ast.Name(id=name), args=[_, *others] as arguments, keywords=[]) if bool(others) == (
             name in ("min", "max")
         ):
@@ -150,7 +150,7 @@ class Sampling(Table):
     """Seed of the random numbers"""
 
     @model_validator(mode="after")
-    def _keys_of_its_method(self) -> Sampling:
+    def _keys_fit_method(self) -> Sampling:
         require_keys(self, f'method = "{self.method}"', _SAMPLING_KEYS[self.method], ("method",))
         if self.base is not None and self.base & (self.base - 1):
             raise refusal("a power of two", "base")
@@ -199,7 +199,7 @@ class Constraint(Table):
     value: Expression = Field(examples=["hinges.base.neck_mm / hinges.base.radius_mm"])
     """An expression. If it uses factors and keys only, a design outside the limits is `refused` before it is solved
     (not with `saltelli`). If it uses outputs, the design is solved, `feasible` is false in the table, and fronts and
-    maps count it without showing it"""
+    maps leave it out and state the number of such designs"""
     least: float | None = Field(default=None, examples=[0.05], json_schema_extra=OF_THE_KEY)
     """Lower limit"""
     most: float | None = Field(default=None, examples=[0.2], json_schema_extra=OF_THE_KEY)
@@ -241,7 +241,7 @@ class Correlation(Table):
     """Rank correlation (Spearman's)"""
 
     @model_validator(mode="after")
-    def _of_two(self) -> Correlation:
+    def _factors_differ(self) -> Correlation:
         if self.factors[0] == self.factors[1]:
             raise refusal("another factor than the first", "factors", 1)
         return self
@@ -289,7 +289,7 @@ class Figure(Table):
     """How many designs of the front are drawn beside a `pareto`"""
 
     @model_validator(mode="after")
-    def _keys_of_its_kind(self) -> Figure:
+    def _keys_fit_kind(self) -> Figure:
         required, optional = _KEYS_OF[self.kind]
         require_keys(self, f'kind = "{self.kind}"', required, ("kind", "title", *optional))
         if self.x is not None and self.x == self.y:
@@ -316,8 +316,8 @@ class DriveQuestion(Table):
     """Drive of the study: the actuators of the base stage, or a stroke that rotates the base hinges only."""
 
     actuators: bool = False
-    """Adds the outputs `drive_range_x_um` and so on and `engaged_kxx_n_per_mm` and so on, by the `[[actuator]]` tables
-    of the base stage; not with `three_dimensional`. Factors can then set the numbers that an actuator states:
+    """Adds outputs such as `drive_range_x_um` and `engaged_kxx_n_per_mm`, from the `[[actuator]]` tables of the base
+    stage; not with `three_dimensional`. Factors can then set the numbers that an actuator states:
     `actuator.base.arm_mm`, or `override.2.actuator.base.preload_n` on one chain (a star for the chain). A change of the
     drive makes another study. Contacts on straight links are placed for all designs at once; with a bent link, or with
     `point_mm`, every geometry is drawn, 6 ms each"""
@@ -375,7 +375,7 @@ class LifeTable(Table):
     """Share of the stress concentration that counts: 0 none, 1 all"""
 
     @model_validator(mode="after")
-    def _moves(self) -> LifeTable:
+    def _has_an_amplitude(self) -> LifeTable:
         if not any(self.moved):
             raise refusal("amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero")
         return self
@@ -473,7 +473,7 @@ class Study(Sourced):
     """A figure of `flexfem study plot`"""
 
     @model_validator(mode="after")
-    def _keys_of_its_model(self) -> Study:
+    def _keys_fit_model(self) -> Study:
         for name, field in type(self).model_fields.items():
             key = field.alias or name
             if name in self.model_fields_set and self.model not in APPLIES.get(key, (self.model,)):
@@ -496,7 +496,7 @@ class Study(Sourced):
         return paths
 
     @model_validator(mode="after")
-    def _drive_is_of_its_model(self) -> Study:
+    def _drive_fits_model(self) -> Study:
         if self.driven and self.model == "three_dimensional":
             expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane'
             raise refusal(expected, "drive", "actuators")
@@ -507,7 +507,7 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
-    def _factors_are_as_sampled(self) -> Study:
+    def _factors_fit_sampling(self) -> Study:
         method = self.sampling.method
         grid, table = method == "grid", method == "table"
         for index, factor in enumerate(self.factor):
@@ -525,7 +525,7 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
-    def _names_are_unlike(self) -> Study:
+    def _names_are_unique(self) -> Study:
         """Refuse columns of the same name, a key that two factors set, and unknown names in expressions."""
         set_by = dict[str, int]()
         for index, factor in enumerate(self.factor):
@@ -536,7 +536,7 @@ class Study(Sourced):
         known = require_own_names("factor", self.factor, self.output, self.outputs, (*RESERVED, FEASIBLE))
         for index, constraint in enumerate(self.constraint):
             require_known(constraint.value, known, "constraint", index, "value")
-            if self.sampling.method == "saltelli" and self.needs_no_answer(constraint.value):
+            if self.sampling.method == "saltelli" and self.uses_no_output(constraint.value):
                 expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
                 raise refusal(expected, "constraint", index, "value")
         return self
@@ -568,10 +568,10 @@ class Study(Sourced):
         for index, figure in enumerate(self.figure):
             if figure.kind in ("distribution", "sensitivity") and self.sampling.method == "grid":
                 raise refusal(f"a random sample for a {figure.kind}, not a grid", "figure", index, "kind")
-            for place, (column, output) in figure.columns.items():
-                known = outputs if output else factors if figure.kind == "map" else (*factors, *outputs)
+            for place, (column, is_output) in figure.columns.items():
+                known = outputs if is_output else factors if figure.kind == "map" else (*factors, *outputs)
                 if column not in known:
-                    expected = "an output of this study" if output else "a column of this study"
+                    expected = "an output of this study" if is_output else "a column of this study"
                     raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
         return self
 
@@ -615,7 +615,7 @@ class Study(Sourced):
         }
         requested |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
         moved = (True, True, True) if self.life is None else self.life.moved
-        return outputs_of(*(name for name, wanted in requested.items() if wanted), moved=moved)
+        return outputs_of(*(name for name, included in requested.items() if included), moved=moved)
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -625,8 +625,8 @@ class Study(Sourced):
     @property
     def unused_keys(self) -> frozenset[str]:
         """Key paths of material and frame on which no output depends."""
-        users = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
-        return frozenset(path for path, key in keys().items() if users.get(key.attribute, self) is None)
+        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
+        return frozenset(path for path, key in keys().items() if used_by.get(key.attribute, self) is None)
 
     @property
     def stress_below(self) -> str:
@@ -639,7 +639,7 @@ class Study(Sourced):
         derived: dict[KeyPath, str] = {("output", k, "expression"): o.expression for k, o in enumerate(self.output)}
         return derived | {("constraint", k, "value"): c.value for k, c in enumerate(self.constraint)}
 
-    def needs_no_answer(self, expression: str) -> bool:
+    def uses_no_output(self, expression: str) -> bool:
         """Return whether an expression uses factors and keys only, and no output of the model."""
         return expanded_names(names_in(expression), self.output).isdisjoint(self.outputs)
 
@@ -687,4 +687,4 @@ def require_known(expression: str, known: Iterable[str], *at: str | int) -> None
     names = {*known, *keys()}
     for name in names_in(expression):
         if name not in names and name not in keys():  # keys of actuators are valid but not listed
-            raise refusal(f"columns and keys by name, not {shown(name)}{meant(name, sorted(names))}", *at)
+            raise refusal(f"columns and keys by name, not {shown(name)}{key_suggestion(name, sorted(names))}", *at)

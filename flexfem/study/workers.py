@@ -235,10 +235,10 @@ def versions_of(meshed: bool) -> Mapping[str, str]:
 
 def require_same_versions(expected: Mapping[str, str], meshed: bool) -> None:
     """Raise BadInput in a worker whose versions of flexfem or libraries are not those of the runner."""
-    own = versions_of(meshed)
-    for name in sorted({*own, *expected}):
-        if own.get(name) != expected.get(name):
+    actual = versions_of(meshed)
+    for name in sorted({*actual, *expected}):
+        if actual.get(name) != expected.get(name):
             raise BadInput(
-                f"a worker has {name} {own.get(name, 'none')}, the runner {expected.get(name, 'none')}, "
+                f"a worker has {name} {actual.get(name, 'none')}, the runner {expected.get(name, 'none')}, "
                 "expected the same versions everywhere"
             )

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from flexfem.analytic.elastic_bodies import bar_density, body_compliance
-from flexfem.analytic.model import analyse, hinge_compliance, lowered
+from flexfem.analytic.model import analyse, hinge_compliance, network_of
 from flexfem.analytic.network import stiffness
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import inverse
@@ -99,7 +99,7 @@ def test_lugs_around_a_small_hub_give_way_to_each_other():
     check_feasible(of)
     elements = np.diag(solve_stage(of, 6).compliance)
     uncoupled = block_diag(*(body_compliance(of)[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] for i in range(3)))
-    network = lowered(stage_frames(of), hinge_compliance(of, "calibrated"), freedoms_of(21), uncoupled)
+    network = network_of(stage_frames(of), hinge_compliance(of, "calibrated"), freedoms_of(21), uncoupled)
     alone = np.diag(inverse(stiffness(network).matrix))
     np.testing.assert_allclose(np.diag(analyse(of, 21, "calibrated", links=True).compliance), elements, rtol=RANDOM)
     assert 1 - alone[2] / elements[2] > 2 * RANDOM

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.model import JOINTS, lowered
+from flexfem.analytic.model import JOINTS, network_of
 from flexfem.analytic.network import (
     GROUND,
     Mechanism,
@@ -61,7 +61,7 @@ def test_the_network_is_the_paper(generic, error, mobility):
     freedoms = FREEDOMS_BY_MOBILITY[mobility]
     for seed in range(20):
         frames, hinges = generic(seed)
-        found = stiffness(lowered(frames, hinges, freedoms)).matrix
+        found = stiffness(network_of(frames, hinges, freedoms)).matrix
         of = mechanism(frames, hinges, freedoms)
         of = of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
         assert error(found, stiffness_of_paper(of).K_uu) < 1e-12
@@ -140,7 +140,7 @@ def test_ideal_pivots_need_no_special_case(error):
 def test_designs_broadcast_and_one_in_line_leaves_the_others(generic):
     frames, hinges = generic(3, 4)
     frames.centres[1, 0] = [[-30.0, -20.0], [-15.0, -10.0], [-6.0, -4.0]]  # three pivots of chain 1 in line
-    of = lowered(frames, hinges, FREEDOMS_BY_MOBILITY[3], np.zeros((9, 9)))
+    of = network_of(frames, hinges, FREEDOMS_BY_MOBILITY[3], np.zeros((9, 9)))
     found = stiffness(of).matrix
     assert np.isnan(found[1]).all() and np.isfinite(found[[0, 2, 3]]).all()
     one = of._replace(compliance=of.compliance[2], coupling=None)

@@ -275,12 +275,12 @@ def test_the_front_of_a_study_is_the_best_of_its_table_and_its_drawings_are_thos
     table = answered(loaded)
     source = source_of(loaded, table)
     shown = front_of(source, loaded.study.figure[1])
-    x, y = table.with_answer("envelope_mm", "kxx_n_per_mm")
+    x, y = table.with_results("envelope_mm", "kxx_n_per_mm")
     drawable = ~np.isin(np.arange(len(x)), shown.undrawable)
     for place in shown.front:
         assert not (drawable & (x <= x[place]) & (y >= y[place]) & ((x < x[place]) | (y > y[place]))).any()
     assert 1 <= len(shown.chosen) <= 2 and {one.place for one in shown.chosen} <= set(shown.front)
-    (radius,) = table.with_answer("hinges.base.radius_mm")
+    (radius,) = table.with_results("hinges.base.radius_mm")
     for one in shown.chosen:
         assert {q.name: v for q, v in one.numbers}["radius of base hinges"] == radius[one.place]
     assert shown.left_out == [f"not drawn: {table.counts['refused']} refused"]
