@@ -2,10 +2,9 @@
 How does a tolerance of the necks change the stiffness?
 =======================================================
 
-Each of the nine necks deviates by its own amount from the drawn width. The figure shows how much the stiffness then
-scatters, and the coupling of X and Y, which is zero on a symmetric stage. The script computes 400 stages by the analytic
-model. Their necks are drawn from a normal distribution with a standard deviation of 5 µm. Dimensions and scatter are
-assumed.
+Each of the nine necks deviates by its own amount from the drawn width. The figure shows the scatter of the stiffness,
+and the coupling of X and Y, which is zero on a symmetric stage. The analytic model computes 400 stages. Their necks
+are drawn from a normal distribution with a standard deviation of 5 µm. Dimensions and scatter are assumed.
 """
 
 import numpy as np

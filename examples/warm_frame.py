@@ -3,7 +3,7 @@ Which frame for an aluminium stage?
 ===================================
 
 A temperature gradient of 1 K/mm across the stage moves the platform. The displacement is proportional to the difference
-between the expansion of the stage and that of its frame. The left plot shows the stage on a steel frame with exaggerated
+of the expansions of the stage and of its frame. The left plot shows the stage on a steel frame, with exaggerated
 displacements. The right plot shows the displacement over the expansion of the frame. Dimensions and coefficients are
 assumed.
 """

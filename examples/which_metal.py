@@ -2,8 +2,9 @@
 Which metal has the longest range?
 ==================================
 
-The figure shows the range at yield of the same stage in each of the registered metals. A metal with a high yield strength
-for its modulus has a long range. The analytic model has calibrated hinges and elastic links. Dimensions are assumed.
+The figure shows the range at yield and the stiffness of the same stage in each of the registered metals. A metal with
+a high strength for its modulus has a long range. The analytic model has calibrated hinges and elastic links.
+Dimensions are assumed.
 """
 
 from matplotlib import pyplot
