@@ -279,10 +279,10 @@ def life(
 
 def checked_amplitude(amplitude: ArrayLike) -> Array:
     """Return an amplitude (3,) of the platform, mm, mm, rad. Raises BadInput if it is invalid or zero."""
-    moved = arguments.vectors("amplitude", amplitude, 1, LARGEST_POSE)
-    if not moved.any():
+    pose = arguments.vectors("amplitude", amplitude, 1, LARGEST_POSE)
+    if not pose.any():
         raise BadInput("amplitude: expected a motion, not zero in all directions")
-    return moved
+    return pose
 
 
 def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tuple[Basquin, list[str]]:

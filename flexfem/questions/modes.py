@@ -464,7 +464,7 @@ def _in_plane_stress(stage: Stage, solid: ModesOfStructure, carried: Array, coun
 def _frequency_bands(resolution: int, frequencies: Sequence[Array]) -> Array:
     """Return the bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
     steps = np.array(levels(resolution))
-    return np.array([frequency_convergence(steps, each).band for each in np.transpose(frequencies)])
+    return np.array([frequency_convergence(steps, values).band for values in np.transpose(frequencies)])
 
 
 def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
