@@ -179,7 +179,7 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     *results : Path
         Results of verify or design, as JSON.
     output : Path
-        Folder for the files.
+        Folder for what is written.
     displacement : bool
         Show displacements in the commanded direction, errors across.
 
