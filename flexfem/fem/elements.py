@@ -109,7 +109,7 @@ def sheet(thickness: float) -> Layers:
 def mirrored(thickness: float, number: int, surface: float) -> Layers:
     """Return layers of the upper half of the thickness, thinner towards the free face; integrals cover both halves.
 
-    surface : mm, distance from the face within which layers are thin: that of the width of a neck, whose stress varies.
+    surface : mm, depth below the face within which layers are thin, about the width of a neck: there its stress varies.
     """
     bounds = thickness / 2 - widening(np.linspace(1.0, 0.0, number + 1), surface, thickness / 2)
     bounds[0] = 0.0
@@ -125,13 +125,13 @@ def layered(bounds: Array, held: tuple[int, ...] = (), copies: int = 1) -> Layer
     """Return layers with bounds (l + 1,), mm, ascending; integrals are multiplied by `copies`."""
     s, w = np.polynomial.legendre.leggauss(LINE_POINTS)
     psi, slope = segment_functions(s)
-    high, count = np.diff(bounds), len(bounds) - 1
-    heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + high / 2]).ravel(), bounds[-1:]])
+    height, count = np.diff(bounds), len(bounds) - 1
+    heights = np.concatenate([np.column_stack([bounds[:-1], bounds[:-1] + height / 2]).ravel(), bounds[-1:]])
     values, slopes = np.zeros((2, 2 * count + 1, LINE_POINTS * count))
     for layer in range(count):
         at = slice(2 * layer, 2 * layer + 3), slice(LINE_POINTS * layer, LINE_POINTS * (layer + 1))
-        values[at], slopes[at] = psi, slope * 2 / high[layer]
-    return Layers(heights, values, slopes, np.outer(copies * high / 2, w).ravel(), held)
+        values[at], slopes[at] = psi, slope * 2 / height[layer]
+    return Layers(heights, values, slopes, np.outer(copies * height / 2, w).ravel(), held)
 
 
 class ElementBatch(NamedTuple):
@@ -167,10 +167,10 @@ class ElementBatch(NamedTuple):
 
         Displacements relative to the first node are used, so that large rigid motions cancel without round-off.
         """
-        at = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
-        slopes = np.einsum("keimc,eibq,mz->kecbqz", at - at[:, :, :1], self.gradients, line.values, optimize=True)
+        u = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
+        slopes = np.einsum("keimc,eibq,mz->kecbqz", u - u[:, :, :1], self.gradients, line.values, optimize=True)
         if line.axes == 3:
-            along_z = np.einsum("keimc,iq,mz->kecqz", at - at[:, :, :, :1], self.phi, line.slopes, optimize=True)
+            along_z = np.einsum("keimc,iq,mz->kecqz", u - u[:, :, :, :1], self.phi, line.slopes, optimize=True)
             slopes = np.concatenate([slopes, along_z[:, :, :, None]], axis=3)
         return np.asarray(slopes.reshape(*slopes.shape[:4], -1))
 

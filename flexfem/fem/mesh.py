@@ -66,23 +66,23 @@ def shape_functions(points: Array) -> tuple[Array, Array]:
     return np.array([value for value, _ in basis]), np.array([slope for _, slope in basis])
 
 
-def gradients(at: Array, points: Array) -> tuple[Array, Array]:
+def gradients(nodes: Array, points: Array) -> tuple[Array, Array]:
     """Gradients (e, 6 nodes, 2, q), 1/mm, of the shape functions, and Jacobian determinants (e, q), mm^2.
 
-    at : (e, 6, 2), mm, nodes of the triangles.   points : (q, 2), on the reference triangle.
+    nodes : (e, 6, 2), mm, of the triangles.   points : (q, 2), on the reference triangle.
     """
     slope = shape_functions(points)[1]
-    (xa, xb), (ya, yb) = _jacobian(at, slope)
+    (xa, xb), (ya, yb) = _jacobian(nodes, slope)
     determinant = xa * yb - xb * ya
-    gradient = np.empty((len(at), 6, 2, len(points)))
+    gradient = np.empty((len(nodes), 6, 2, len(points)))
     for axis, (a, b) in enumerate([(yb, -ya), (-xb, xa)]):  # d xi_a / dx and d xi_b / dx, then dy, times determinant
         gradient[:, :, axis] = (a / determinant)[:, None] * slope[:, 0] + (b / determinant)[:, None] * slope[:, 1]
     return gradient, determinant
 
 
-def _jacobian(at: Array, slope: Array) -> Array:
+def _jacobian(nodes: Array, slope: Array) -> Array:
     """Derivatives (2 of x and y, 2 by xi, e, q), mm, of the map from the reference triangle."""
-    relative = at - at[:, :1]  # exact, so that small triangles far from the origin lose no digits
+    relative = nodes - nodes[:, :1]  # exact, so that small triangles far from the origin lose no digits
     J = (relative.transpose(0, 2, 1).reshape(-1, 6) @ slope.reshape(6, -1)).reshape(-1, 2, 2, slope.shape[-1])
     return J.transpose(1, 2, 0, 3)
 
@@ -113,19 +113,18 @@ def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
 
     Their size follows a thickness that is hyperbolic in the distance from the centre of a neck: `t + d^2 / R` near it.
     """
-    width = stage.chain.link_width
-    coarse = COARSEST * width
-    rim, middle = rim_of(stage)
-    count = 2 * np.pi * middle * rim / min(coarse, COARSEST * rim) ** 2 + drawn / coarse**2
+    coarse = COARSEST * stage.chain.link_width
+    rim, radius = rim_of(stage)
+    count = 2 * np.pi * radius * rim / min(coarse, COARSEST * rim) ** 2 + drawn / coarse**2
     for chain in (1, 2, 3):
         for name in HINGE_NAMES:
             hinge = stage.hinge(chain, name)
             x = np.geomspace(1e-3 * hinge.neck, coarse, 400)
-            drop = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
-            high = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * drop, width)
+            arc = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
+            height = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * arc, stage.chain.link_width)
             bend = SLOPE * hinge.radius / 2
             size = np.minimum(hinge.neck + SLOPE * (np.sqrt(x**2 + bend**2) - bend), coarse)
-            count += 2.0 * float(np.trapezoid(high / size**2, x))
+            count += 2.0 * float(np.trapezoid(height / size**2, x))
     return float(count * resolution**2 / TRIANGLE)
 
 
@@ -276,9 +275,9 @@ def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
 
 def welded(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
     """Return the whole mesh of one or three sectors and, for each chain, the indices of its sector nodes in it."""
-    mesh, places = joined(sectors)
+    mesh, sector_nodes = joined(sectors)
     mesh, new = ordered(mesh)
-    return mesh, [new[place] for place in places]
+    return mesh, [new[numbers] for numbers in sector_nodes]
 
 
 def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
@@ -291,16 +290,16 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
         behind = by_radius(following.nodes, following.edges["cut behind"])
         number[first[chain] + ahead] = first[(chain + 1) % 3] + behind
     kept, number = np.unique(number, return_inverse=True)
-    places = [number[first[chain] : first[chain + 1]] for chain in range(3)]
+    sector_nodes = [number[first[chain] : first[chain + 1]] for chain in range(3)]
     nodes = np.concatenate([turned(part.nodes, chain * CHAIN_TURN) for chain, part in enumerate(parts)])[kept]
     edges: dict[str, list[Index]] = {}
-    for chain, (part, place) in enumerate(zip(parts, places, strict=True)):
+    for chain, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
         for label, edge in part.edges.items():
             if not label.startswith(("cut", "free")):
-                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(place[edge])
-    triangles = np.concatenate([place[part.triangles] for part, place in zip(parts, places, strict=True)])
+                edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(numbers[edge])
+    triangles = np.concatenate([numbers[part.triangles] for part, numbers in zip(parts, sector_nodes, strict=True)])
     bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
-    return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), places
+    return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), sector_nodes
 
 
 def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Job:

@@ -49,7 +49,7 @@ class Modes(NamedTuple):
     shapes : (1, size, k), unknowns of the whole; or (3, size, k), of the sector of each chain in its own frame.
     participation : (k, 3), factors of base motions along the pose: squares are the effective modal masses.
     total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, with clamped faces.
-    mesh, places : the whole stage, and the indices of the sector nodes of each chain in it.
+    mesh, sector_nodes : the whole stage, and the indices of the sector nodes of each chain in it.
     unknowns : number of equations of the whole.
     """
 
@@ -59,7 +59,7 @@ class Modes(NamedTuple):
     total: Array
     structure: Structure
     mesh: StageMesh
-    places: list[Index]
+    sector_nodes: list[Index]
     unknowns: int
 
     @property
@@ -73,7 +73,7 @@ class Modes(NamedTuple):
         parts = self.structure.fields(self.shapes[..., number].T)
         if len(parts) == 1:
             return np.asarray(parts[0])
-        return np.asarray(whole_fields(len(self.mesh.nodes), self.places, [part[None] for part in parts])[0])
+        return np.asarray(whole_fields(len(self.mesh.nodes), self.sector_nodes, [part[None] for part in parts])[0])
 
 
 def vibrating_structure(
@@ -111,8 +111,7 @@ def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
 def modes(vibrating: VibratingStructure, count: int) -> Modes:
     """Return the lowest `count` modes, by ascending frequency. Raises ComputationFailed when they do not converge."""
     squares, motion = _ritz(vibrating.space, vibrating, count)
-    structure = vibrating.structure
-    return _ordered_modes(squares, motion[None], structure, [], vibrating.mass, count, structure.size)
+    return _ordered_modes(squares, motion[None], vibrating.structure, [], vibrating.mass, count, len(motion))
 
 
 def stage_modes(
@@ -142,9 +141,9 @@ def stage_modes(
         np.concatenate([motion / np.sqrt(3), c * real - s * imaginary, s * real + c * imaginary], axis=1)
         for c, s in ((np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)) for chain in range(3))
     ]
-    squares, (mesh, places) = np.concatenate([single, double, double]), joined(sectors)
+    squares, (mesh, sector_nodes) = np.concatenate([single, double, double]), joined(sectors)
     whole = mass_of(structure(mesh, plate, layers), density, carried)
-    return _ordered_modes(squares, np.array(shapes), stage.structure, places, whole, count, stage.unknowns)
+    return _ordered_modes(squares, np.array(shapes), stage.structure, sector_nodes, whole, count, stage.unknowns)
 
 
 def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:
@@ -189,7 +188,7 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
 
 
 def _ordered_modes(
-    squares: Array, shapes: Array, structure: Structure, places: list[Index], mass: Mass, count: int, unknowns: int
+    squares: Array, shapes: Array, structure: Structure, nodes: list[Index], mass: Mass, count: int, unknowns: int
 ) -> Modes:
     """Return the first `count` modes by ascending frequency, with pairs aligned with x and y and signs normalised.
 
@@ -200,7 +199,7 @@ def _ordered_modes(
     rigid = mass.structure.rigid_fields()
     base = mass.forces(rigid).reshape(3, -1)
     total = rigid.reshape(3, -1) @ base.T + mass.carried
-    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, structure, mass.structure.mesh, places, unknowns)
+    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, structure, mass.structure.mesh, nodes, unknowns)
     participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
     if structure.poses:
         participation = participation + shapes[0, -3:].T @ mass.carried

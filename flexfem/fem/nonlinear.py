@@ -223,7 +223,8 @@ def _newton(model: LargeStructure, state: State, goal: Array, hold: bool, scale:
         step = _step(model, state, goal, hold)
         if not step.change <= LARGEST_CHANGE:
             return None, iteration
-        size = _relative(step.size, max(scale, step.energy, step.size**2))
+        energy = max(scale, step.energy, step.size**2)
+        size = step.size / float(np.sqrt(energy)) if step.size > 0.0 else 0.0
         if size * min(size / last, 1.0) <= CONVERGED or last / 2 < size <= ROUNDING:
             return step, iteration
         state, last = step.state, size
@@ -269,7 +270,3 @@ def _entries(model: LargeStructure, step: _Step, load: Array | None) -> tuple[An
         residual = np.append(-internal.forces[:-3], np.zeros(3))
         load = internal.forces[-3:] - np.linalg.solve(compliance, step.solve(residual[:, None])[-3:, 0])
     return load, state.pose, state.field, internal.energy, compliance, internal.strain
-
-
-def _relative(size: float, energy: float) -> float:
-    return float(size / np.sqrt(energy)) if size > 0.0 else 0.0

@@ -103,28 +103,28 @@ def refined_solution(
         residual, flat = loads - structure.loads(forces), forces.reshape(len(forces), -1)
         reactions = [forces[:, n].reshape(len(forces), -1) @ unit for n, unit in zip(pads, rigid, strict=True)]
         energy = summed(fields.reshape(len(fields), -1) @ flat.T)
-        found = StaticSolution(motion, fields, np.stack([r for pad in reactions for r in of_chains(pad)], 1), energy)
+        solution = StaticSolution(motion, fields, np.stack([r for pad in reactions for r in of_chains(pad)], 1), energy)
         work = summed(motion.T @ loads + offset.reshape(len(offset), -1) @ flat.T)
-        imbalance = _imbalance(found, work, loaded, scale)
+        imbalance = _imbalance(solution, work, loaded, scale)
         if max(imbalance.values()) <= REFINED:
             break
     if prescribed is not None:  # resultants may vanish, so nodal forces count as well
-        imbalance = _imbalance(found, work, loaded, scale, np.max(np.abs(flat), axis=1))
+        imbalance = _imbalance(solution, work, loaded, scale, np.max(np.abs(flat), axis=1))
     for name, worst in imbalance.items():
         if not worst <= BALANCE:
             raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
-    return found
+    return solution
 
 
 def _imbalance(
-    found: StaticSolution, work: Array, loaded: Array, scale: Array, nodal: Array | float = 0.0
+    solution: StaticSolution, work: Array, loaded: Array, scale: Array, nodal: Array | float = 0.0
 ) -> dict[str, float]:
     """Imbalance of reactions and loads, relative to the largest of them and `nodal` (k,), N, and of energy and work."""
-    tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(found.energy)))
-    pads = found.pads * scale
+    tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(solution.energy)))
+    pads = solution.pads * scale
     largest = np.maximum(np.maximum(np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1)), nodal)
     forces = np.max(np.abs(pads.sum(axis=1) + loaded), axis=1) / np.maximum(largest, tiny)
-    energies = np.abs(found.energy - work) / np.maximum(np.outer(size, size), tiny)
+    energies = np.abs(solution.energy - work) / np.maximum(np.outer(size, size), tiny)
     return {"reactions and load": float(np.max(forces)), "strain energy and work": float(np.max(energies))}
 
 
@@ -173,8 +173,8 @@ class Response:
     @cached_property
     def fields(self) -> Array:
         """Displacements (3 cases, n, 2), mm, of all nodes of `mesh`; with layers (3, n, m, 3)."""
-        mesh, places = self._welded
-        return whole_fields(len(mesh.nodes), places, chain_values(self.sector_fields))
+        mesh, sector_nodes = self._welded
+        return whole_fields(len(mesh.nodes), sector_nodes, chain_values(self.sector_fields))
 
     @cached_property
     def _welded(self) -> tuple[StageMesh, list[Index]]:
@@ -197,9 +197,9 @@ def unit_response(
     loads, on_ground = _unit_loads(stage.structure) / (3 if stage.cyclic else 1), None
     if prescribed is not None:
         loads, on_ground = np.zeros_like(loads), prescribed(stage.structure)
-    found = refined_solution(stage.structure, stage.solve, loads, on_ground, stage.cyclic)
-    fields = stage.sector_fields(found.fields)
-    return Response(found.compliance, sectors, fields, found.reactions, found.energy, stage.unknowns, layers)
+    solution = refined_solution(stage.structure, stage.solve, loads, on_ground, stage.cyclic)
+    fields = stage.sector_fields(solution.fields)
+    return Response(solution.compliance, sectors, fields, solution.reactions, solution.energy, stage.unknowns, layers)
 
 
 def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> StaticSolution:
@@ -209,7 +209,7 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) 
 
 
 def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
-    """Solve for the weight of a structure; `acceleration` (3,) along the components of the pose, mm/s^2."""
+    """Solve for a structure under its weight; `acceleration` (3,) along the components of the pose, mm/s^2."""
     structure = mass.structure
     loads = structure.loads(mass.forces(np.tensordot(acceleration, structure.rigid_fields(), axes=1)[None]))
     loads[-3:, 0] += mass.carried @ acceleration
@@ -235,9 +235,9 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> D
     """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped."""
     whole = structure(mesh, plate)
     loads = stack_loads(whole, stacks)
-    found = refined_solution(whole, factorise(whole.lower()), loads)
-    compliance = loads.T @ found.motion
-    return DrivenResponse((compliance + compliance.T) / 2, found.fields)
+    solution = refined_solution(whole, factorise(whole.lower()), loads)
+    compliance = loads.T @ solution.motion
+    return DrivenResponse((compliance + compliance.T) / 2, solution.fields)
 
 
 def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
@@ -271,9 +271,9 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
 
 
 def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
-    """Wrenches (3 chains, 3 hinges, 3, k) on the base side of each neck, N and N mm, about the platform centre.
+    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck, about the platform centre.
 
-    They are sums of nodal forces, for fields (k, n, 2), mm, of the triangles of the base-side body at the neck.
+    N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of the base-side body.
     """
     wrenches = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
     for chain in range(3):
@@ -311,12 +311,12 @@ class HeatResponse(NamedTuple):
 
 def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> HeatResponse:
     """Solve for the three cases with expansions, 1/K, in the plane. Raises ComputationFailed as `refined_solution`."""
-    found, order = thermal_solution(mesh, plate), [2, 0, 1]
+    solution, order = thermal_solution(mesh, plate), [2, 0, 1]
     mismatch = frame_expansion - stage_expansion
-    elastic = mismatch * found.fields[order]
+    elastic = mismatch * solution.fields[order]
     fields = elastic + stage_expansion * free_displacement(mesh.nodes)[order]
     stress = nodal_stress(mesh, plate, elastic)
-    return HeatResponse(mismatch * found.compliance[:, order], fields, stress, mismatch * found.pads[order])
+    return HeatResponse(mismatch * solution.compliance[:, order], fields, stress, mismatch * solution.pads[order])
 
 
 def free_displacement(points: Array, layers: Layers | None = None) -> Array:

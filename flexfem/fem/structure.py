@@ -250,7 +250,7 @@ def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) 
 
 
 class Mass(NamedTuple):
-    """Consistent mass matrix of a structure, the product of a plane factor and one of the line through the thickness.
+    """Consistent mass matrix of a structure, a Kronecker product of a plane factor and one through the thickness.
 
     areal : (n, n), tonne/mm^2, `rho int phi_i phi_j dA`.   line : (m, m), mm, `int psi_k psi_l dz`.
     carried : (3, 3), mass matrix of the bodies that the hub carries, for its pose.

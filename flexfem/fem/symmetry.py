@@ -50,21 +50,21 @@ def full_space(structure: Structure) -> Space:
 class FactorisedStage(NamedTuple):
     """A factorised stage: one of three identical sectors, or the whole.
 
-    places : indices of the sector nodes of each chain in the whole; empty for one sector.
+    sector_nodes : indices of the sector nodes of each chain in the whole; empty for one sector.
     spaces : of harmonics 0 and 1 of one sector, whose unknowns are ordered interior, cut behind, cut ahead, pose; or
         that of the whole.
     unknowns : number of equations of the whole.
     """
 
     structure: Structure
-    places: list[Index]
+    sector_nodes: list[Index]
     spaces: tuple[Space, ...]
     unknowns: int
 
     @property
     def cyclic(self) -> bool:
         """Whether one sector represents three."""
-        return not self.places
+        return not self.sector_nodes
 
     def solve(self, loads: Array) -> Array:
         """Unknowns (m, k) under loads (m, k); a sector takes three, which rotate by sectors as x, y, theta do."""
@@ -76,7 +76,7 @@ class FactorisedStage(NamedTuple):
         """Fields (k, n, ...) of the sectors, each in the frame of chain 1, from those of the structure."""
         if self.cyclic:
             return (fields,)
-        return tuple(rotated_fields(fields[:, place], -chain) for chain, place in enumerate(self.places))
+        return tuple(rotated_fields(fields[:, numbers], -chain) for chain, numbers in enumerate(self.sector_nodes))
 
 
 def factorise_stage(
@@ -87,9 +87,9 @@ def factorise_stage(
     Raises ComputationFailed as `Structure.lower`, or when a part is not held.
     """
     if len(sectors) == 3:
-        mesh, places = joined(sectors)
+        mesh, sector_nodes = joined(sectors)
         whole = structure(mesh, plate, layers, degree)
-        return FactorisedStage(whole, places, (full_space(whole),), whole.size)
+        return FactorisedStage(whole, sector_nodes, (full_space(whole),), whole.size)
     (sector,) = sectors
     part = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
     cut = len(sector.ahead) * len(part.line.free_components)
@@ -167,9 +167,9 @@ def rotated_fields(values: Array, chain: int) -> Array:
     return values @ chain_rotation(chain)[:axes, :axes].T
 
 
-def whole_fields(nodes: int, places: list[Index], parts: Sequence[Array]) -> Array:
+def whole_fields(nodes: int, sector_nodes: list[Index], parts: Sequence[Array]) -> Array:
     """Fields (k, nodes, ...) of the whole mesh from those of the sector of each chain, each in the frame of chain 1."""
     fields = np.empty((len(parts[0]), nodes, *parts[0].shape[2:]))
-    for chain, (place, part) in enumerate(zip(places, parts, strict=True)):
-        fields[:, place] = rotated_fields(part, chain)
+    for chain, (numbers, part) in enumerate(zip(sector_nodes, parts, strict=True)):
+        fields[:, numbers] = rotated_fields(part, chain)
     return fields

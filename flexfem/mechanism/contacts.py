@@ -107,7 +107,7 @@ def body_forces(station: Station, points: Array) -> Array:
 
 
 def _section(segment: Segment, width: float, z: AnyArray, tangent: AnyArray, across: Array) -> AnyArray:
-    """Tractions (3, n), complex, at points of sections that carry a unit force in x, in y, and a unit couple."""
+    """Tractions (3, n), complex, at points of cross-sections that carry a unit force in x or y, or a unit couple."""
     force, couple = np.array([[1.0], [1j], [0.0]]), np.array([[0.0], [0.0], [1.0]])
     if segment.centre is None:
         moment = couple - (np.conj(z - 1j * tangent * across) * force).imag
@@ -195,8 +195,8 @@ class Stack(NamedTuple):
     def across(self) -> Stack:
         """The friction force of the contact, as a stack whose force is rotated by 90 degrees counter-clockwise."""
         wrench = wrench_of(self.point, 1j * self.direction)
-        pushed, carrier = self.pushes
-        return self._replace(pushes=(pushed._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
+        driven, carrier = self.pushes
+        return self._replace(pushes=(driven._replace(wrench=wrench), carrier._replace(wrench=-wrench)))
 
     def spread_over(self, times: float) -> Stack:
         """The stack with its loads on links distributed over `times` the assumed length."""

@@ -36,25 +36,25 @@ def in_unit(name: str) -> tuple[Any, ...]:
     """Return the annotations of a number that files state in a unit of `units.UNITS`."""
     factor = 1 / UNITS[name].factor
 
-    def inside(value: float) -> float:
+    def to_inside(value: float) -> float:
         return factor * value
 
-    def stated(value: float) -> float:
+    def to_file(value: float) -> float:
         """Return the file number that converts to `value`: the shortest exact one, otherwise the nearest."""
         near = [value / factor]
         for _ in range(3):
             near = [math.nextafter(near[0], -math.inf), *near, math.nextafter(near[-1], math.inf)]
-        return min(near, key=lambda number: (abs(inside(number) - value), len(repr(number))))
+        return min(near, key=lambda number: (abs(to_inside(number) - value), len(repr(number))))
 
-    def before(value: Any, info: ValidationInfo) -> Any:
+    def from_python(value: Any, info: ValidationInfo) -> Any:
         """Convert a number given in Python to the unit of the file, in which the limits are stated."""
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
-        return stated(float(value)) if info.context == INSIDE and is_number else value
+        return to_file(float(value)) if info.context == INSIDE and is_number else value
 
     def dumped(value: float | None, info: SerializationInfo) -> float | None:
-        return stated(value) if info.by_alias and value is not None else value
+        return to_file(value) if info.by_alias and value is not None else value
 
-    return AfterValidator(inside), BeforeValidator(before), PlainSerializer(dumped)
+    return AfterValidator(to_inside), BeforeValidator(from_python), PlainSerializer(dumped)
 
 
 Length: TypeAlias = Annotated[float, *quantities.above_zero(quantities.LENGTH)]

@@ -1,4 +1,4 @@
-"""The material of a stage, and those that are known by name: shipped ones, the user's own, and those of a file."""
+"""The material of a stage, and materials known by name: shipped ones, the user's own, and those of a file."""
 
 from __future__ import annotations
 
@@ -21,12 +21,10 @@ from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansio
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
 
-NEAREST = 5  # names listed beside one that is not known
-
-
-STEEPEST, FLATTEST = -0.5, -0.01  # exponents b; of metals -0.05 to -0.15
-SWT = 0.5  # exponent of Walker with which his equation is that of Smith, Watson and Topper
-# sigma'_f over the yield strength; it is near the true fracture strength, above yield, of soft metals ten times it
+NEAREST = 5  # registered names suggested for an unknown one
+STEEPEST, FLATTEST = -0.5, -0.01  # limits of Basquin's exponent b; metals have -0.05 to -0.15
+SWT = 0.5  # Walker's exponent for which his equation equals that of Smith, Watson and Topper
+# limits of sigma'_f / yield strength; sigma'_f is near the true fracture strength, up to ten times yield in soft metals
 STRENGTHS = (0.5, 50.0)
 UNLIKELY = "{:g} to {:g} of {}: other than that is a unit mistake"
 
@@ -34,33 +32,33 @@ Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES), 
 Walker: TypeAlias = Annotated[float, *quantities.above_zero(quantities.WALKER), keywords(**COUNT)]
 
 
-def _falls(exponent: float) -> float:
+def _check_exponent(exponent: float) -> float:
     if not STEEPEST <= exponent <= FLATTEST:
         raise refusal(f"{STEEPEST:g} to {FLATTEST:g}: stress falls with the number of cycles")
     return exponent
 
 
-Exponent: TypeAlias = Annotated[float, AfterValidator(_falls), keywords(minimum=STEEPEST, maximum=FLATTEST)]
+Exponent: TypeAlias = Annotated[float, AfterValidator(_check_exponent), keywords(minimum=STEEPEST, maximum=FLATTEST)]
 
 
 def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bool_]:
-    """Whether a fatigue strength coefficient sigma'_f (...) is in another unit than the yield strength (...)."""
-    low, high = (np.multiply(part, yield_strength) for part in STRENGTHS)
+    """Return whether a fatigue strength coefficient sigma'_f (...) is implausible for the yield strength (...)."""
+    low, high = (np.multiply(ratio, yield_strength) for ratio in STRENGTHS)
     return np.asarray((coefficient < low) | (coefficient > high))
 
 
 class Material(Dimensioned):
     """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3.
 
-    The name of a registered material alone gives its numbers; other numbers beside such a name are refused. `expansion`
-    in 1/K, `fatigue_strength_coefficient` in MPa; None where a number is not stated.
+    The name of a registered material is sufficient; numbers that differ from it are refused. `expansion` in 1/K,
+    `fatigue_strength_coefficient` in MPa; None where a number is not stated.
     """
 
-    model_config = ConfigDict(json_schema_extra=lambda schema: _as_files_say(schema))
+    model_config = ConfigDict(json_schema_extra=lambda schema: _require_only_name(schema))
 
     name: Label = Field(examples=["al-7075-t6"])
-    """Of a registered material, whose numbers it then has; of one in `file`; or a name of your own, with the numbers
-    beside it"""
+    """Name of a registered material, which defines all numbers; of a material in `file`; or a name of your own, with
+    the numbers in this table"""
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[71.7])
     """Young's modulus E"""
     poissons_ratio: Poisson = Field(examples=[0.33])
@@ -70,25 +68,25 @@ class Material(Dimensioned):
     yield_strength: Strength = Field(alias="yield_strength_mpa", examples=[503.0])
     """Yield strength"""
     expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[23.6])
-    """Coefficient of linear thermal expansion. Drift alone asks for it: no other answer, and no hash of one, follows
-    it"""
+    """Coefficient of linear thermal expansion. Only thermal drift uses it; no other result, and no hash of one, depends
+    on it"""
     fatigue_strength_coefficient: Strength | None = Field(
         default=None, alias="fatigue_strength_coefficient_mpa", examples=[900.0]
     )
-    """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, of unnotched specimens at zero mean stress. Lives alone ask
-    for it: `flexfem life`, and studies with `[life]`"""
+    """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, for unnotched specimens at zero mean stress. Only lives use
+    it: `flexfem life`, and studies with `[life]`"""
     fatigue_strength_exponent: Exponent | None = Field(default=None, examples=[-0.102], json_schema_extra=COUNT)
-    """b of Basquin's law"""
+    """Exponent b of Basquin's law"""
     walker_exponent: Walker | None = Field(default=None, examples=[0.5])
-    """Walker's gamma for mean stress; by default 0.5, with which his equation is that of Smith, Watson and Topper"""
+    """Walker's gamma for mean stress; by default 0.5, for which his equation equals that of Smith, Watson and Topper"""
     fatigue_range: tuple[Cycles, Cycles] | None = Field(
         default=None, alias="fatigue_range_cycles", examples=[[1e3, 1e6]]
     )
-    """From and to how many cycles Basquin's law was fitted; by default 1e3 to 1e6, assumed"""
+    """Lowest and highest number of cycles of the fit of Basquin's law; by default 1e3 to 1e6, assumed"""
 
     @model_validator(mode="before")
     @classmethod
-    def _has_the_numbers_of_its_name(cls, data: Any, info: ValidationInfo) -> Any:
+    def _complete_registered(cls, data: Any, info: ValidationInfo) -> Any:
         known = _known(data.get("name")) if isinstance(data, dict) else None
         stated = {key for key in data if not key.startswith("expansion")} if isinstance(data, dict) else set()
         if known is None and stated == {"name"} and isinstance(data["name"], str):
@@ -101,9 +99,9 @@ class Material(Dimensioned):
         return known.material.model_dump(by_alias=info.context != INSIDE, exclude_none=True) | data
 
     @model_validator(mode="after")
-    def _fatigue_is_whole(self, info: ValidationInfo) -> Material:
+    def _check_fatigue(self, info: ValidationInfo) -> Material:
         key = dict(zip(NUMBERS, _keys(info), strict=True))
-        coefficient, exponent, _, within = FATIGUE
+        coefficient, exponent, _, cycles = FATIGUE
         given = [name for name in FATIGUE if getattr(self, name) is not None]
         for needed in (coefficient, exponent):
             if given and needed not in given:
@@ -111,27 +109,27 @@ class Material(Dimensioned):
         if given and unlikely(self.fatigue_strength_coefficient or 0.0, self.yield_strength):
             raise refusal(UNLIKELY.format(*STRENGTHS, key["yield_strength"]), key[coefficient])
         if self.fatigue_range is not None and not self.fatigue_range[0] < self.fatigue_range[1]:
-            raise refusal("fewer cycles first", key[within])
+            raise refusal("fewer cycles first", key[cycles])
         return self
 
     @model_validator(mode="after")
-    def _contradicts_no_registered_one(self, info: ValidationInfo) -> Material:
+    def _agrees_with_registered(self, info: ValidationInfo) -> Material:
         known = _known(self.name)
-        stated = {} if known is None else known.material.model_dump(by_alias=True, exclude_none=True)
-        own = self.model_dump(by_alias=True)
+        registered = {} if known is None else known.material.model_dump(by_alias=True, exclude_none=True)
+        values = self.model_dump(by_alias=True)
         for key, place in zip(KEYS, _keys(info), strict=True):
-            if key in stated and own[key] != stated[key]:
-                number = f"{stated[key]:g}" if isinstance(stated[key], float) else shown(stated[key])
+            if key in registered and values[key] != registered[key]:
+                number = f"{registered[key]:g}" if isinstance(registered[key], float) else shown(registered[key])
                 raise refusal(f"{number} as of the registered material {self.name}, or another name", place)
         return self
 
     @property
     def walker(self) -> float:
-        """Walker's exponent; that of Smith, Watson and Topper where none is stated."""
+        """Walker's exponent; by default that of Smith, Watson and Topper."""
         return SWT if self.walker_exponent is None else self.walker_exponent
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Material:
-        """A copy with values replaced by name, validated like any other; a registered material changed is another."""
+        """Return a validated copy with some values replaced; a changed registered material gets another name."""
         return Material(**with_changes(self.model_dump(), update or {}))
 
 
@@ -140,13 +138,13 @@ FATIGUE = ("fatigue_strength_coefficient", "fatigue_strength_exponent", "walker_
 KEYS = tuple(Material.model_fields[name].alias or name for name in NUMBERS)  # in files
 _FILE = {
     "type": "string",
-    "description": "TOML file of your own, beside the stage file, that has the material of this name and its numbers",
+    "description": "Name of a TOML file next to the stage file that defines a material of this name",
     "examples": ["my-materials.toml"],
 }
 
 
-def _as_files_say(schema: dict[str, Any]) -> None:
-    """A name alone may be enough: that of a registered material, or beside it the file that has the material."""
+def _require_only_name(schema: dict[str, Any]) -> None:
+    """Require only the name in the schema, since a registered material, or one of a file, needs no numbers."""
     schema["properties"] = {"name": schema["properties"]["name"], "file": _FILE, **schema["properties"]}
     schema["required"] = ["name"]
 
@@ -156,7 +154,7 @@ def _keys(info: ValidationInfo) -> tuple[str, ...]:
 
 
 class Registered(NamedTuple):
-    """A material known by its name, and where its numbers come from; `sources` by key, where one has its own."""
+    """A material known by name, with the source of its numbers; `sources` has those of single keys that differ."""
 
     material: Material
     source: str
@@ -165,8 +163,8 @@ class Registered(NamedTuple):
     @property
     def provenance(self) -> dict[str, str]:
         """Sources by key path of a stage file."""
-        found = {"material": self.source, **{f"material.{key}": text for key, text in self.sources.items()}}
-        return {key: f"{text} ({self.material.name})" for key, text in found.items()}
+        sources = {"material": self.source, **{f"material.{key}": text for key, text in self.sources.items()}}
+        return {key: f"{text} ({self.material.name})" for key, text in sources.items()}
 
 
 REGISTERED: dict[str, Registered] = {}
@@ -174,7 +172,7 @@ _unread = [PACKAGE / "data" / "materials.toml"]
 
 
 def _known(name: Any) -> Registered | None:
-    """The registered material of a name, None of none; what is shipped or the user's own is read when first asked."""
+    """Return the registered material of a name, or None. The first call reads the shipped and the user's files."""
     while _unread:
         REGISTERED.update(read_materials(_unread.pop()))
     load_own()
@@ -182,7 +180,7 @@ def _known(name: Any) -> Registered | None:
 
 
 def materials() -> Mapping[str, Material]:
-    """The registered materials by name, the user's own included; a stage file names one in `[material]`.
+    """Return the registered materials by name, including the user's own; a stage file names one in `[material]`.
 
     Examples
     --------
@@ -191,7 +189,7 @@ def materials() -> Mapping[str, Material]:
     68900.0
     """
     _known(None)
-    return MappingProxyType({name: each.material for name, each in REGISTERED.items()})
+    return MappingProxyType({name: registered.material for name, registered in REGISTERED.items()})
 
 
 def register_material(
@@ -204,7 +202,7 @@ def register_material(
     source: str,
     **others: Any,
 ) -> Material:
-    """Make a material of one's own known by a name, to every stage file and study that says so.
+    """Register a material of your own under a name, which stage files and studies can then use.
 
     Parameters
     ----------
@@ -212,14 +210,14 @@ def register_material(
     youngs_modulus, yield_strength : MPa.
     poissons_ratio : from 0, below 0.5.
     density : kg/m^3.
-    source : where the numbers come from, one line; begins with "assumed" when they are.
+    source : source of the numbers, one line; begins with "assumed" if they are assumed.
     **others : `expansion`, `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`,
-        `fatigue_range`, as of `Material`.
+        `fatigue_range`, as in `Material`.
 
     Raises
     ------
     BadInput
-        The name is taken by another material, or a number is not possible.
+        The name belongs to another material, or a number is not possible.
 
     Examples
     --------
@@ -232,53 +230,53 @@ def register_material(
     known = _known(name)
     numbers = {"youngs_modulus": youngs_modulus, "poissons_ratio": poissons_ratio, "yield_strength": yield_strength}
     try:
-        made = Material(**{"name": name, "density": density, **numbers, **others})
+        material = Material(**{"name": name, "density": density, **numbers, **others})
     except BadInput as refused:
         raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Material: ')}") from None
     if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
         raise BadInput(f"material {name!r}: source = {shown(source)}, expected one line of text")
     if known is not None and source != known.source:
         raise BadInput(f"material {name!r} is known already, expected another name")
-    REGISTERED[name] = Registered(made, source)
-    return made
+    REGISTERED[name] = Registered(material, source)
+    return material
 
 
 def sources_of(name: Any) -> dict[str, str]:
-    """Where the numbers of a registered material come from, as a provenance by key path; none of another name."""
+    """Return the provenance of a registered material by key path; empty for any other name."""
     known = _known(name)
     return {} if known is None else known.provenance
 
 
-def with_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a changed material, by attribute names: changed numbers are not those of a registered name.
+def with_changes(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a changed material by attribute name; a changed registered material gets another name.
 
-    A registered name among the changes brings its own numbers.
+    A registered name among the changes replaces all numbers.
     """
-    held = {name: value for name, value in held.items() if value is not None}
+    content = {name: value for name, value in content.items() if value is not None}
     if "name" in changes:
-        return dict(changes) if _known(changes["name"]) else {**held, **changes}
-    content = {**held, **changes}
-    if content != dict(held) and _known(held["name"]):
-        content["name"] = f"{held['name']}, changed"
-    return content
+        return dict(changes) if _known(changes["name"]) else {**content, **changes}
+    changed = {**content, **changes}
+    if changed != content and _known(content["name"]):
+        changed["name"] = f"{content['name']}, changed"
+    return changed
 
 
 class Entry(Material):
-    """A table of a file of materials: the numbers of one, which goes by the name of its table.
+    """A table of a file of materials; the name of the table is the name of the material.
 
-    source : of all its numbers, but for those that `sources` names by key.
+    source : of all numbers except those with an entry in `sources`.
     """
 
     model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
 
-    name: Label = "of a file"  # replaced by that of its table
+    name: Label = "of a file"  # replaced by the name of the table
     source: Label = Field(examples=["works certificate 7"])
-    """Where its numbers come from; begins with "assumed" when they are"""
+    """Source of the numbers; begins with "assumed" if they are assumed"""
     sources: Mapping[str, Label] = Field(default_factory=dict, examples=[{"poissons_ratio": "assumed: as of others"}])
-    """Of single numbers by their key, where they have another source"""
+    """Sources of single numbers by key, where they differ from `source`"""
 
     @model_validator(mode="after")
-    def _sources_are_of_keys(self) -> Entry:
+    def _check_source_keys(self) -> Entry:
         for key in self.sources:
             if key not in KEYS:
                 raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
@@ -286,30 +284,30 @@ class Entry(Material):
 
 
 def read_materials(path: PathLike) -> dict[str, Registered]:
-    """The materials of a TOML file, a table each with their numbers and `source`, by name.
+    """Return the materials of a TOML file by name; each is a table with its numbers and `source`.
 
     Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not possible.
     """
     data = read_toml(path).data
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
-    made = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
-    found = {}
-    for name, entry in zip(data, (getattr(made, field) for field in fields), strict=True):
+    tables = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
+    registered = {}
+    for name, entry in zip(data, (getattr(tables, field) for field in fields), strict=True):
         if "name" in data[name]:
-            said = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
-            raise bad_key(path, (name, "name"), said)
+            text = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
+            raise bad_key(path, (name, "name"), text)
         content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
-        found[name] = Registered(Material(**content), entry.source, entry.sources)
-    return found
+        registered[name] = Registered(Material(**content), entry.source, entry.sources)
+    return registered
 
 
 def _named(data: dict[str, Any]) -> dict[str, Any]:
-    """The tables of a file of materials with their names in them."""
+    """Add the name of every table of a file of materials to its content."""
     return {name: {"name": name} | table if isinstance(table, dict) else table for name, table in data.items()}
 
 
 def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any]:
-    """What the stage file at `path` says, with the numbers of a material that it names in a `file` beside it.
+    """Return the content of the stage file at `path` with the numbers of a material that it takes from another file.
 
     Raises BadInput as `read_materials`, and when the file has no material of that name.
     """
@@ -319,11 +317,11 @@ def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any
     file, name, at = table["file"], table.get("name"), ("material", "file")
     if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
         raise bad_key(path, at, f"material.file = {shown(file)}, expected a file name, beside material.name alone")
-    beside = Path(path).parent / file
-    found = read_materials(beside)
-    if name not in found:
-        known = ", ".join(found) or "one material or more"
-        raise bad_key(path, at, f"material.name = {shown(name)}, expected one that {place_of(beside)} has: {known}")
-    sources = {key: f"{text}, {file}" for key, text in found[name].provenance.items()}
-    numbers = found[name].material.model_dump(by_alias=True, exclude_none=True)
+    source = Path(path).parent / file
+    available = read_materials(source)
+    if name not in available:
+        names = ", ".join(available) or "one material or more"
+        raise bad_key(path, at, f"material.name = {shown(name)}, expected one that {place_of(source)} has: {names}")
+    sources = {key: f"{text}, {file}" for key, text in available[name].provenance.items()}
+    numbers = available[name].material.model_dump(by_alias=True, exclude_none=True)
     return data | {"material": numbers, "provenance": sources | stated}

@@ -1,4 +1,4 @@
-"""The stage: what a stage file says, validated; changed stages, validated again; files that are not finished."""
+"""The stage: the validated content of a stage file, changed stages, and incomplete stage files."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ from flexfem.sources import read_data
 class Stage(StageContent):
     """A planar 3-RRR flexure stage; `thickness` out of plane in mm, `provenance` by key path of the file.
 
-    model : how the stage is made a plane problem; "corrected" has hinges of three dimensions, in the analytic model.
+    model : plane model; "corrected" uses hinges corrected by three-dimensional analyses, in the analytic model only.
     """
 
     def replace(self, **changes: Any) -> Stage:
-        """A changed stage, validated and feasible; what is not named keeps its value bit for bit.
+        """Return a changed stage, validated and checked for feasibility; other values stay the same bit for bit.
 
         Parameters
         ----------
         **changes : by attribute name, in mm, N, MPa and rad, nested as the tables are: `thickness=12.0`,
             `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"` takes a registered
-            one. `radius`, `neck`, `prismatic` and `axis` are those of the hinges, one value for all three or by name,
-            `neck={"elbow": 0.4}`; a hinge with an override keeps it. One of the nine hinges alone:
+            material. `radius`, `neck`, `prismatic` and `axis` are those of the hinges, one value for all three or by
+            name, `neck={"elbow": 0.4}`; a hinge with an override keeps it. A single one of the nine hinges:
             `override={(2, "elbow"): {"neck": 0.52}}`; an actuator on one chain, `override={(2, "actuator", "base"):
             {"preload": 40.0}}`; a sequence replaces all overrides.
 
@@ -72,7 +72,7 @@ link, expected < chain.link_width_mm = 9
         """
         origin = self.origin._replace(changed=self.origin.path is not None)
         try:
-            changed = self._holding(merged_changes(self.model_dump(exclude_unset=True), changes))
+            changed = self._with_content(merged_changes(self.model_dump(exclude_unset=True), changes))
             if "provenance" not in changes:
                 changed = changed.model_copy(update={"provenance": self._sources_of(changed)})
         except BadInput as refusal:
@@ -84,47 +84,47 @@ link, expected < chain.link_width_mm = 9
         return changed
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Stage:
-        """A copy with values replaced by name, validated like any other, of no file; whether it can be made is open."""
-        return self._holding({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+        """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
+        return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
 
-    def _holding(self, content: dict[str, Any]) -> Stage:
-        """A stage of this content; what was the provenance of this one's keys that are gone goes too."""
+    def _with_content(self, content: dict[str, Any]) -> Stage:
+        """Return a stage of this content, without the provenance of keys of this stage that no longer exist."""
         sources = content.pop("provenance", {})
-        made = Stage(**content)
-        gone = {key for key in sources if key in self.provenance} - set(key_paths(made))
-        kept = {key: source for key, source in sources.items() if key not in gone}
-        return Stage(**content, provenance=kept) if kept else made
+        stage = Stage(**content)
+        removed = {key for key in sources if key in self.provenance} - set(key_paths(stage))
+        kept = {key: source for key, source in sources.items() if key not in removed}
+        return Stage(**content, provenance=kept) if kept else stage
 
     def _sources_of(self, changed: Stage) -> dict[str, str]:
-        """The provenance of a changed stage: values that differ have no source of this one's."""
+        """Return the provenance of a changed stage, in which changed values lose the sources of this stage."""
         before, stated = values_by_key(self), changed.sources
         different = [key for key, value in values_by_key(changed).items() if before.get(key) != value]
-        found = dict(changed.provenance) | {key: "replaced in Python" for key in different if stated[key] is not None}
-        sources = sources_of(changed.material.name)
-        if not sources or changed.material == self.material:
-            return found
-        return sources | {key: text for key, text in found.items() if not key.startswith("material")}
+        sources = dict(changed.provenance) | {key: "replaced in Python" for key in different if stated[key] is not None}
+        registered = sources_of(changed.material.name)
+        if not registered or changed.material == self.material:
+            return sources
+        return registered | {key: text for key, text in sources.items() if not key.startswith("material")}
 
     def to_toml(self) -> str:
-        """The text of a stage file that reads back as an equal stage, with the same hash, bit for bit."""
+        """Return the text of a stage file that reads back as an equal stage with the same hash, bit for bit."""
         content = self.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
         sources = content.pop("provenance", {})
         return toml_text(content | ({"provenance": sources} if sources else {}))
 
     def save(self, path: PathLike) -> None:
-        """Write `to_toml` to a file. Raises BadInput when its folder is not there or does not take it."""
+        """Write `to_toml` to a file. Raises BadInput when its folder does not exist or is not writable."""
         target = checked_path(path)
         check_file(target)
         write_atomically(target, lambda file: file.write(self.to_toml().encode()))
 
     def __getstate__(self) -> dict[Any, Any]:
-        """Fields and origin: what was computed is computed again elsewhere."""
+        """Return fields and origin for a pickle, without cached results."""
         state = super().__getstate__()
         content = {key: value for key, value in state["__dict__"].items() if key != KEPT}
         return state | {"__dict__": content}
 
     def __eq__(self, other: object) -> bool:
-        """Whether all that a file says is equal; what was computed and where it was read do not count."""
+        """Compare the content of the stage file; origin and cached results are ignored."""
         return isinstance(other, Stage) and all(getattr(self, n) == getattr(other, n) for n in Stage.model_fields)
 
     def __hash__(self) -> int:
@@ -135,154 +135,154 @@ link, expected < chain.link_width_mm = 9
         """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges), read-only."""
         if attr not in ("radius", "neck", "prismatic"):
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
-        found: AnyArray = getattr(lower(self), attr)
-        return found if attr == "prismatic" else found[0]
+        values: AnyArray = getattr(lower(self), attr)
+        return values if attr == "prismatic" else values[0]
 
     @property
     def mobility(self) -> int:
-        """Mobility by Gruebler-Kutzbach (1): three, and one for every prismatic hinge."""
+        """Mobility by Gruebler-Kutzbach (1): three plus the number of prismatic hinges."""
         return 3 + int(self.array("prismatic").sum())  # (1)
 
     @property
     def elastic(self) -> Elastic:
-        """Elastic constants of the plane problem, by `model`; `material` keeps the metal's own."""
+        """Elastic constants of the plane problem of `model`; those of the bulk are in `material`."""
         return Elastic(*(value[0] for value in lower(self).elastic))
 
     @property
     def chains_alike(self) -> bool:
-        """Whether the hinges of chains 2 and 3 equal those of chain 1, so that the stage is three-fold symmetric."""
+        """Whether all chains have equal hinges, so that the stage is three-fold symmetric."""
         return len(set(hinges_of(self))) == 1
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content: inside units, overrides applied, no names, no provenance, drive or heat."""
+        """SHA-256 of the physical content, overrides applied; names, provenance, drive and expansion are excluded."""
         content = self.model_dump(exclude={"name", "provenance", "override", "actuator", "frame"})
-        others = ("name", "expansion")  # what is not stated is in no hash, as before those keys
-        numbers = content["material"].items()
-        content["material"] = {key: value for key, value in numbers if key not in others and value is not None}
-        if self.model == "plane_stress":  # the hashes of stages older than the key stay
+        excluded, numbers = ("name", "expansion"), content["material"].items()
+        content["material"] = {key: value for key, value in numbers if key not in excluded and value is not None}
+        if self.model == "plane_stress":  # keeps the hashes of stages that are older than the key
             del content["model"]
         content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in hinges_of(self)]
         return digest(canonical(content))
 
     @property
     def drive_hash(self) -> str:
-        """SHA-256 of the physical content and of the drive, without names: what answers on a driven stage are of.
+        """SHA-256 of the physical content and of the drive, without names, on which results of a driven stage depend.
 
-        Friction that is not stated and balls that are not loose are left out, as in hashes older than those keys.
+        Unstated friction and balls that are not loose are left out, which keeps hashes older than those keys.
         """
 
-        def said(one: Actuator) -> list[Any]:
-            left_out = {"name", "stack"} | ({"friction"} if one.friction is None else set())
-            return [one.model_dump(exclude=left_out | (set() if one.ball_loose else {"ball_loose"})), one.rating]
+        def content(actuator: Actuator) -> list[Any]:
+            excluded = {"name", "stack"} | ({"friction"} if actuator.friction is None else set())
+            excluded |= set() if actuator.ball_loose else {"ball_loose"}
+            return [actuator.model_dump(exclude=excluded), actuator.rating]
 
-        chains = [[said(one) for one in row] for row in actuators_of(self)]
-        alike = all(chain == chains[0] for chain in chains)
-        return digest(canonical({"stage": self.hash, "drive": chains[0] if alike else chains}))
+        chains = [[content(actuator) for actuator in row] for row in actuators_of(self)]
+        identical = all(chain == chains[0] for chain in chains)
+        return digest(canonical({"stage": self.hash, "drive": chains[0] if identical else chains}))
 
     @property
     def heat_hash(self) -> str:
-        """SHA-256 of the physical content and of both coefficients of expansion: what answers on heat are of."""
+        """SHA-256 of the physical content and of both coefficients of expansion, on which thermal results depend."""
         return digest(canonical({"stage": self.hash, "expansion": [self.material.expansion, self.frame.expansion]}))
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """As of every file, without the drive and without expansion, which are asked by answers on them alone."""
+        """Key paths of all numbers except those of the drive and of expansion, which few results depend on."""
         return tuple(key for key in super().numbers if not of_drive(key) and not of_heat(key))
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """As of every file, without the drive and without expansion."""
+        """Key paths of assumed numbers, except those of the drive and of expansion."""
         return tuple(key for key in super().assumed if not of_drive(key) and not of_heat(key))
 
     @property
     def heat_assumptions(self) -> Assumptions:
-        """What is assumed and what is not stated, expansion included; a frame of none is assumed as the stage's."""
+        """Assumed and unstated numbers, expansion included; an unstated expansion of the frame is assumed."""
         assumed, not_stated = ([key for key in keys if not of_drive(key)] for keys in self.drive_assumptions)
         frame = ["frame.expansion_um_per_m_k"] if self.frame.expansion is None else []
         return Assumptions(assumed + frame, not_stated)
 
     @property
     def drive_assumptions(self) -> Assumptions:
-        """What is assumed and what is not stated, the drive included; a ball of no stated metal is of assumed steel."""
+        """Assumed and unstated numbers, drive included; a ball without a stated material is assumed to be of steel."""
         ball = [
-            f"{key_path(('actuator', k), self)}.ball ({what})"
-            for k, chains in enumerate(zip(*actuators_of(self), strict=True))
-            for what in dict.fromkeys(what for one in chains for what in one.assumed_of_ball)
+            f"{key_path(('actuator', k), self)}.ball ({assumption})"
+            for k, actuators in enumerate(zip(*actuators_of(self), strict=True))
+            for assumption in dict.fromkeys(text for actuator in actuators for text in actuator.assumed_of_ball)
         ]
         sources = self.sources
         return Assumptions([*super().assumed, *ball], [key for key in super().numbers if sources[key] is None])
 
 
 def load_stage(path: PathLike) -> Stage:
-    """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for what no stage can have."""
+    """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
     return _read(path, partial(with_material_of_file, path))
 
 
-def _read(path: PathLike, completed: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
-    stage = validate(Stage, path, completed)
+def _read(path: PathLike, complete: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
+    stage = validate(Stage, path, complete)
     stage.__dict__["origin"] = Origin(os.fspath(path))
     return stage
 
 
 def load_feasible(path: PathLike) -> Stage:
-    """Read a stage file and refuse what cannot be made or driven as it says. Raises BadInput, naming the file."""
+    """Read a stage file. Raises BadInput, naming the file, also for a stage that cannot be made or driven."""
     stage = load_stage(path)
     check_feasible(stage)
     check_drive(stage)
     return stage
 
 
-DRAWN = ("chain.", "hinges.", "platform.")  # tables of what a drawing shows
+DRAWN = ("chain.", "hinges.", "platform.")  # tables that determine a drawing
 
 
 class PartialStage(NamedTuple):
-    """A stage, and the keys that its file does not give: their values in the stage mean nothing."""
+    """A stage, and the keys that its file lacks, whose values in the stage are placeholders."""
 
     stage: Stage
     missing: list[str]
 
     @property
     def whole(self) -> bool:
-        """Whether all is there that a drawing shows."""
+        """Whether the file has all keys that a drawing needs."""
         return not any(key.startswith(DRAWN) for key in self.missing)
 
     @property
     def assumptions(self) -> Assumptions:
-        """What of the numbers that are given is assumed, and what has no stated source."""
+        """Keys in the file whose numbers are assumed or have no stated source."""
         both = self.stage.assumed, self.stage.not_stated
         return Assumptions(*([key for key in keys if key not in self.missing] for keys in both))
 
     def states(self, *keys: str) -> bool:
-        """Whether the file gives all of some keys."""
+        """Return whether the file has all of these keys."""
         return not set(keys) & set(self.missing)
 
 
 def load_partly(path: PathLike) -> PartialStage:
     """Read a stage file in which keys may be missing.
 
-    Raises BadInput as `load_stage` for what is wrong in it, and as `check_feasible` where nothing is missing.
+    Raises BadInput as `load_stage` for invalid content, and as `check_feasible` if a drawing lacks no key.
     """
-    metal = materials()["al-6061-t6"].model_dump(by_alias=True, exclude_none=True)  # nothing that is drawn shows it
-    spare = tomllib.loads(read_data("new-stage.toml")) | {"material": metal | {"name": "unnamed"}, "name": "unnamed"}
+    material = materials()["al-6061-t6"].model_dump(by_alias=True, exclude_none=True)  # drawings do not depend on it
+    spare = tomllib.loads(read_data("new-stage.toml")) | {"material": material | {"name": "unnamed"}, "name": "unnamed"}
     missing = list[str]()
 
-    def completed(data: dict[str, Any]) -> dict[str, Any]:
+    def complete(data: dict[str, Any]) -> dict[str, Any]:
         data = with_material_of_file(path, data)
-        material = data.get("material")
-        known = isinstance(material, dict) and material.get("name") in materials()
+        stated = data.get("material")
+        registered = isinstance(stated, dict) and stated.get("name") in materials()
         for key in needed(Problem("missing", (), ""), Stage):
             *tables, name = key.split(".")
             table: Any = data
             source: Any = spare
-            for each in tables:
-                table, source = table.setdefault(each, {}) if isinstance(table, dict) else None, source[each]
-            if isinstance(table, dict) and name not in table and not (known and tables == ["material"]):
+            for part in tables:
+                table, source = table.setdefault(part, {}) if isinstance(table, dict) else None, source[part]
+            if isinstance(table, dict) and name not in table and not (registered and tables == ["material"]):
                 table[name] = source[name]
                 missing.append(key)
         return data
 
-    found = PartialStage(_read(path, completed), missing)
-    if found.whole:
-        check_feasible(found.stage)
-    return found
+    partial_stage = PartialStage(_read(path, complete), missing)
+    if partial_stage.whole:
+        check_feasible(partial_stage.stage)
+    return partial_stage

@@ -1,6 +1,6 @@
-"""What a stage file says, validated, in N-mm-MPa-rad: its tables, overrides, and where they come from.
+"""Validated content of a stage file in N-mm-MPa-rad: tables, overrides, and their location in the file.
 
-File keys end in their unit; the attributes carry none and hold inside units (the file's degrees become radians).
+File keys end in their unit; attributes carry none and are in inside units (degrees of the file become radians).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ CHAINS = (1, 2, 3)
 
 
 class Chain(Dimensioned):
-    """Chain 1; the others are turned by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
+    """Chain 1; the others are rotated by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
 
     link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm", examples=[[30.0, 32.0, 24.0]])
-    """l1 base to elbow hinge, l2 elbow to platform hinge, l3 platform hinge to platform centre"""
+    """l1 from base to elbow hinge, l2 from elbow to platform hinge, l3 from platform hinge to platform centre"""
     joint_angles: tuple[Angle, Angle, Angle] = Field(alias="joint_angles_deg", examples=[[180.0, -90.0, 90.0]])
-    """phi_1, phi_2, phi_3 at rest, counter-clockwise, each relative to the link before it; the first to the x axis"""
+    """phi_1, phi_2, phi_3 at rest, counter-clockwise: phi_1 relative to the x axis, the others to the previous link"""
     link_width: Length = Field(alias="link_width_mm", examples=[9.0])
     """Width of links, clamped pads and lugs of the platform"""
 
@@ -42,91 +42,90 @@ class Hinge(Dimensioned):
     """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
 
     radius: Length = Field(alias="radius_mm", examples=[4.0])
-    """R of the two circular cuts"""
+    """Radius R of the two circular cuts"""
     neck: Length = Field(alias="neck_mm", examples=[0.5])
-    """t, the narrowest width, which the two cuts leave"""
+    """Width t of the neck, the narrowest section between the two cuts"""
     prismatic: bool = False
-    """Whether the model lets it stretch as well as turn"""
+    """Whether the analytic model includes the axial compliance of the hinge besides its rotational compliance"""
     axis: Angle | None = Field(default=None, alias="axis_deg", examples=[180.0])
-    """Direction of the neck in the frame of chain 1, turned with each chain; by default of base and elbow hinge along
-    link 1, of the platform hinge along link 2"""
+    """Direction of the neck in the frame of chain 1, rotated with each chain; by default along link 1 for the base and
+    elbow hinges, along link 2 for the platform hinge"""
 
 
 class Hinges(Dimensioned):
-    """The three hinges every chain has unless an override says otherwise."""
+    """The three hinges of every chain, before overrides."""
 
     base: Hinge
-    """The hinge at the clamped pad; link 1 starts here"""
+    """Hinge between the clamped pad and link 1"""
     elbow: Hinge
-    """The hinge between link 1 and link 2"""
+    """Hinge between link 1 and link 2"""
     platform: Hinge
-    """The hinge between link 2 and the platform"""
+    """Hinge between link 2 and the platform"""
 
 
 class Platform(Dimensioned):
     """The platform disc and its rigid hub, where the load acts and the pose is read; radii in mm."""
 
     radius: Length = Field(alias="radius_mm", examples=[17.0])
-    """Of the disc"""
+    """Radius of the disc"""
     hub_radius: Length = Field(alias="hub_radius_mm", examples=[8.0])
-    """Of the hole in it, taken as filled by a rigid disc: loads act there, the pose is read there"""
+    """Radius of the hole in the disc, modelled as a rigid hub on which loads act and of which the pose is read"""
 
 
 class Frame(Dimensioned):
-    """What the pads are clamped to: coefficient of linear thermal expansion, 1/K; None for that of the stage."""
+    """The frame to which the pads are clamped: coefficient of linear thermal expansion, 1/K; None for the stage's."""
 
     expansion: FrameExpansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[12.0])
-    """Coefficient of linear thermal expansion of the frame. Where it is not stated the frame is assumed to expand as
-    the stage does"""
+    """Coefficient of linear thermal expansion of the frame; by default the frame is assumed to expand like the stage"""
 
 
-OF_HINGES = tuple(Hinge.model_fields)  # attributes that may be given without naming the table
+OF_HINGES = tuple(Hinge.model_fields)  # attributes that changes may name without the table
 
 
-def merged_changes(held: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a changed stage; `held` is its `model_dump`, changes are as `Stage.replace` takes them.
+def merged_changes(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Merge changes, as in `Stage.replace`, into the content of a stage, its `model_dump`.
 
-    Raises BadInput for an override that names no hinge or is no table.
+    Raises BadInput for an override that names no hinge or is not a table.
     """
-    content, given = plain(held), {name: _plain(value) for name, value in changes.items()}
+    merged, given = plain(content), {name: _plain(value) for name, value in changes.items()}
     for name in [name for name in OF_HINGES if name in given]:
         value = given.pop(name)
         by_hinge = value if isinstance(value, dict) else dict.fromkeys(HINGE_NAMES, value)
-        content = _merge(content, {"hinges": {hinge: {name: each} for hinge, each in by_hinge.items()}})
+        merged = _merge(merged, {"hinges": {hinge: {name: number} for hinge, number in by_hinge.items()}})
     if "material" in given:
         value = given.pop("material")
-        named = {"name": value} if isinstance(value, str) else value
-        content["material"] = with_changes(content["material"], value) if isinstance(value, dict) else named
+        replaced = {"name": value} if isinstance(value, str) else value
+        merged["material"] = with_changes(merged["material"], value) if isinstance(value, dict) else replaced
     if isinstance(given.get("override"), dict):
-        content["override"] = _overridden(content.get("override", []), given.pop("override"))
-    return dict(_merge(content, given))
+        merged["override"] = _merged_overrides(merged.get("override", []), given.pop("override"))
+    return dict(_merge(merged, given))
 
 
-def _overridden(held: list[Any], given: Mapping[Any, Any]) -> list[Any]:
-    found = {place_of_override(each): each for each in held}
-    for place, values in given.items():
+def _merged_overrides(overrides: list[Any], changes: Mapping[Any, Any]) -> list[Any]:
+    merged = {place_of_override(override): override for override in overrides}
+    for place, values in changes.items():
         about = tuple(plain(place)) if isinstance(place, tuple) else (None, place)
         match about:
             case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
-                named: dict[str, Any] = {"chain": chain, "hinge": hinge}
+                target: dict[str, Any] = {"chain": chain, "hinge": hinge}
             case (int(chain), "actuator", str(name)) if chain in CHAINS:
-                named = {"chain": chain, "actuator": name}
+                target = {"chain": chain, "actuator": name}
             case _:
                 names = ", ".join(HINGE_NAMES)
                 expected = f'(1, 2 or 3, one of {names}) or (1, 2 or 3, "actuator", its name)'
                 raise BadInput(f"override: no hinge {shown(str(place))}, expected {expected}")
         if not isinstance(values, Mapping):
-            keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in named else ""
+            keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in target else ""
             raise BadInput(f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a table{keys}")
-        found[about] = found.get(about, named) | dict(values)
-    return list(found.values())
+        merged[about] = merged.get(about, target) | dict(values)
+    return list(merged.values())
 
 
 Place: TypeAlias = tuple[int | str, ...]
 
 
 def place_of_override(override: Mapping[str, Any]) -> Place:
-    """What an override is about: chain and hinge, or chain, "actuator" and the actuator's name."""
+    """Return the target of an override: chain and hinge, or chain, "actuator" and the name of the actuator."""
     if override.get("actuator") is not None:
         return override["chain"], "actuator", override["actuator"]
     return override["chain"], override["hinge"]
@@ -139,9 +138,9 @@ def _merge(old: Any, new: Any) -> Any:
 
 
 def _plain(value: Any, member: bool = False) -> Any:
-    """A table built in Python by its content, which replaces what is held as far as it says anything.
+    """Convert a value to dicts, lists and Python numbers; of a table, keep only what was set explicitly.
 
-    member : whether it is one of an array, which replaces another whole, so that None says nothing.
+    member : whether the value is a member of an array, whose None values are dropped because it is replaced as a whole.
     """
     value = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
     if isinstance(value, Mapping):
@@ -150,40 +149,40 @@ def _plain(value: Any, member: bool = False) -> Any:
 
 
 def of_drive(key: str) -> bool:
-    """Whether a key path of a stage file, or of its provenance, is one of the drive."""
+    """Return whether a key path of a stage file, or of its provenance, belongs to the drive."""
     return re.match(r"actuator|override\.\d\.actuator", key.removeprefix("provenance.").lstrip('"')) is not None
 
 
 def of_heat(key: str) -> bool:
-    """Whether a key path of a stage file, or of its provenance, is about expansion."""
+    """Return whether a key path of a stage file, or of its provenance, belongs to thermal expansion."""
     return re.match(r"frame|material\.expansion", key.removeprefix("provenance.").lstrip('"')) is not None
 
 
 def assumptions_said(assumed: Collection[str], not_stated: Collection[str], of: str = "of these numbers ") -> list[str]:
-    """How many numbers are assumed and how many have no stated source, in words, each if there are any."""
+    """Sentences with the count of assumed numbers and of numbers without a stated source; no sentence for zero."""
     verbs = ((assumed, ("is assumed", "are assumed")), (not_stated, ("has no stated source", "have no stated source")))
     return [counted(len(keys), *(of + verb for verb in both)) for keys, both in verbs if keys]
 
 
-def counted(count: int, one: str, many: str) -> str:
-    """A count with what agrees with it: "1 number is", "2 numbers are"."""
-    return f"{count} {one if count == 1 else many}"
+def counted(count: int, singular: str, plural: str) -> str:
+    """Return a count with the singular or plural text: "1 number is", "2 numbers are"."""
+    return f"{count} {singular if count == 1 else plural}"
 
 
-class _About(Dimensioned):
-    """The part of an override that says what it is about."""
+class _Target(Dimensioned):
+    """The target of an override."""
 
     described_by: ClassVar = (Hinge, Actuator)
 
     chain: int = Field(ge=1, le=3, examples=[2])
-    """The chain that it is about"""
+    """Chain of the overridden hinge or actuator"""
     hinge: HingeName | None = None
-    """The hinge of that chain that it is about"""
+    """Overridden hinge of the chain"""
     actuator: Label | None = Field(default=None, examples=["base"])
-    """Instead of `hinge`: the name of the actuator that it is about"""
+    """Instead of `hinge`: name of the overridden actuator"""
 
     @model_validator(mode="after")
-    def _changes_one_thing(self) -> Self:
+    def _has_one_target(self) -> Self:
         if (self.hinge is None) == (self.actuator is None):
             raise refusal("the hinge or the actuator that it is about, one of the two")
         about, possible = ("a hinge", OF_HINGES) if self.actuator is None else ("an actuator", OF_ACTUATORS)
@@ -198,44 +197,44 @@ class _About(Dimensioned):
 
     @property
     def changes(self) -> dict[str, Any]:
-        """The attributes of its `Hinge` or `Actuator` that are replaced, with their new values."""
-        return {name: value for name, value in self if value is not None and name not in ABOUT_IT}
+        """Overridden attributes of the `Hinge` or `Actuator` with their new values."""
+        return {name: value for name, value in self if value is not None and name not in TARGET_FIELDS}
 
     @property
     def place(self) -> Place:
-        """What it is about."""
+        """Target of the override, as in `place_of_override`."""
         return place_of_override(vars(self))
 
 
-ABOUT_IT = tuple(_About.model_fields)
+TARGET_FIELDS = tuple(_Target.model_fields)
 NOT_OVERRIDDEN = ("name", "between", "hinge", "pair", "ball_loose")
 OF_ACTUATORS = tuple(name for name in Actuator.model_fields if name not in NOT_OVERRIDDEN)
 
 
 def _optional(table: type[BaseModel], name: str) -> Any:
-    """The field of a table, which an override need not give."""
-    of = table.model_fields[name]
-    kind: Any = Annotated[of.annotation, *of.metadata] if of.metadata else of.annotation
-    extra: dict[str, Any] = {"json_schema_extra": of.json_schema_extra} if of.json_schema_extra else {}
-    return kind | None, Field(default=None, alias=of.alias, examples=of.examples, **extra)
+    """Return a field of a table as an optional field of an override."""
+    field = table.model_fields[name]
+    kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    extra: dict[str, Any] = {"json_schema_extra": field.json_schema_extra} if field.json_schema_extra else {}
+    return kind | None, Field(default=None, alias=field.alias, examples=field.examples, **extra)
 
 
 _FIELDS: dict[str, Any] = {name: _optional(Hinge, name) for name in OF_HINGES}
 _FIELDS |= {name: _optional(Actuator, name) for name in OF_ACTUATORS}
 if TYPE_CHECKING:
-    Override = _About
+    Override = _Target
 else:
     Override = create_model(
         "Override",
-        __base__=_About,
+        __base__=_Target,
         __module__=__name__,
-        __doc__="What differs at one of the nine hinges, or at an actuator on one chain; None keeps its table's value.",
+        __doc__="Changed values of one of the nine hinges, or of an actuator on one chain; None keeps a value.",
         **_FIELDS,
     )
 
 
 class Origin(NamedTuple):
-    """The file of a stage, None without one, and whether it was changed since it was read."""
+    """The file of a stage, None without one, and whether the stage was changed since it was read."""
 
     path: str | None = None
     changed: bool = False
@@ -245,39 +244,38 @@ class Origin(NamedTuple):
 
 
 class StageContent(Dimensioned, Sourced):
-    """The content of a stage file, without what `Stage` computes of it."""
+    """The content of a stage file, from which `Stage` derives further properties."""
 
     kind: ClassVar[str] = "stage file"
 
     name: Label = Field(examples=["my stage"])
-    """Shown in tables and figures"""
+    """Name of the stage in tables and figures"""
     model: Plane = "plane_stress"
-    """How the stage is made a plane problem, in both models: `plane_stress`, the paper's; `plane_strain`; or
-    `corrected`: plane stress with the hinges' compliances and neck stresses corrected for their thickness by
-    three-dimensional finite elements, in the analytic model alone, because the finite elements of the stage are
-    plane"""
+    """Plane model of the stage: `plane_stress`, as in the paper; `plane_strain`; or `corrected`: plane stress with
+    hinge compliances and neck stresses corrected for their thickness by three-dimensional finite elements, in the
+    analytic model only, because the finite elements of the stage are plane"""
     thickness: Length = Field(alias="thickness_mm", examples=[10.0])
-    """b, out of plane"""
+    """Out-of-plane thickness b"""
     material: Material
-    """What the stage is made of, isotropic"""
+    """Material of the stage, isotropic"""
     chain: Chain
-    """Chain 1; the others are the same, turned by 120 and 240 degrees"""
+    """Chain 1; the others are the same, rotated by 120 and 240 degrees"""
     hinges: Hinges
-    """The hinges of every chain, from the base to the platform"""
+    """Hinges of every chain, from the base to the platform"""
     platform: Platform
-    """The disc that is moved"""
+    """Disc whose pose is controlled"""
     frame: Frame = Field(default_factory=Frame)
-    """What the pads are clamped to. Drift alone asks for it: `flexfem drift`, and studies with `[drift]`"""
+    """Frame to which the pads are clamped. Only thermal drift uses it: `flexfem drift`, and studies with `[drift]`"""
     override: tuple[Override, ...] = ()
-    """What differs at one of the nine hinges alone, or at an actuator on one chain: beside what it is about, keys of
-    that hinge or actuator with their values there. As many as wanted, in any order, each about something else"""
+    """Changed values of a single one of the nine hinges, or of an actuator on one chain: its place, and keys of that
+    hinge or actuator with their values. Any number of overrides in any order, at most one for each hinge or actuator"""
     actuator: tuple[Actuator, ...] = ()
-    """A piezo stack, or a pair of them, at the same place of every chain; as many as wanted. They make the stage a
-    driven one; what is asked of the passive stage does not depend on them"""
+    """A piezo stack, or a pair of stacks, at the same position on every chain; any number of them. Only results of the
+    driven stage depend on them, not those of the passive stage"""
 
     @model_validator(mode="before")
     @classmethod
-    def _registered_material_has_its_source(cls, data: Any) -> Any:
+    def _add_registered_sources(cls, data: Any) -> Any:
         material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
         sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
         if not sources or not isinstance(stated, dict | None):
@@ -285,7 +283,7 @@ class StageContent(Dimensioned, Sourced):
         return data | {"provenance": sources | (stated or {})}
 
     @model_validator(mode="after")
-    def _names_each_actuator_once(self) -> Self:
+    def _check_names_and_overrides(self) -> Self:
         names = [actuator.name for actuator in self.actuator]
         for index, name in enumerate(names):
             if name in names[:index]:
@@ -295,7 +293,7 @@ class StageContent(Dimensioned, Sourced):
 
     @cached_property
     def origin(self) -> Origin:
-        """Where the stage comes from; no part of its hash, and two stages may be equal without it."""
+        """Origin of the stage; not part of its hash, and ignored when stages are compared."""
         return Origin()
 
     def hinge(self, chain: int, name: str) -> Hinge:
@@ -306,7 +304,7 @@ class StageContent(Dimensioned, Sourced):
 
 
 def _check_overrides(stage: StageContent) -> None:
-    """Raise a refusal where two are about the same, or one makes an actuator that there is not or cannot be."""
+    """Raise a refusal for two overrides of one target, an unknown actuator, or an invalid overridden actuator."""
     places = [override.place for override in stage.override]
     actuators = {actuator.name: actuator for actuator in stage.actuator}
     for index, override in enumerate(stage.override):
@@ -317,25 +315,25 @@ def _check_overrides(stage: StageContent) -> None:
         if override.actuator not in actuators:
             close = suggestion(override.actuator, actuators) or (f", one of {', '.join(actuators)}" * bool(actuators))
             raise refusal(f"an actuator of this stage{close}", "override", index, "actuator")
-        held = _content(actuators[override.actuator], override)
+        content = _overridden(actuators[override.actuator], override)
         try:
-            Actuator.model_validate(held)
+            Actuator.model_validate(content)
         except ValidationError as error:
-            problem = problem_of(error.errors(include_url=False)[0], held)
-            said = override.model_dump(by_alias=True, exclude_none=True)
-            at = [part for part in problem.path if part in said]
+            problem = problem_of(error.errors(include_url=False)[0], content)
+            stated = override.model_dump(by_alias=True, exclude_none=True)
+            at = [part for part in problem.path if part in stated]
             raise refusal(problem.expected, "override", index, *at) from None
 
 
-def _content(actuator: Actuator, override: Override) -> dict[str, Any]:
-    """What a file would say of an overridden actuator."""
-    own = override.model_dump(by_alias=True, exclude_none=True, exclude=set(ABOUT_IT))
-    return actuator.model_dump(by_alias=True, exclude_unset=True, exclude_none=True) | own
+def _overridden(actuator: Actuator, override: Override) -> dict[str, Any]:
+    """Content of an overridden actuator by file keys."""
+    changes = override.model_dump(by_alias=True, exclude_none=True, exclude=set(TARGET_FIELDS))
+    return actuator.model_dump(by_alias=True, exclude_unset=True, exclude_none=True) | changes
 
 
 @once
 def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
-    """The nine hinges, 3 chains by 3 hinges, overrides applied."""
+    """Return the nine hinges, 3 chains by 3 hinges, overrides applied."""
     changes = {override.place: override.changes for override in stage.override}
     rows = [[(getattr(stage.hinges, name), changes.get((chain, name))) for name in HINGE_NAMES] for chain in CHAINS]
     return tuple(tuple(hinge.model_copy(update=new) if new else hinge for hinge, new in row) for row in rows)
@@ -343,19 +341,23 @@ def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
 
 @once
 def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
-    """The actuators of every chain, overrides applied."""
-    own = {override.place: override for override in stage.override}
-    rows = [[(each, own.get((chain, "actuator", each.name))) for each in stage.actuator] for chain in CHAINS]
-    return tuple(tuple(Actuator.model_validate(_content(one, new)) if new else one for one, new in row) for row in rows)
+    """Return the actuators of every chain, overrides applied."""
+    overrides = {override.place: override for override in stage.override}
+
+    def actuator_on(chain: int, actuator: Actuator) -> Actuator:
+        override = overrides.get((chain, "actuator", actuator.name))
+        return Actuator.model_validate(_overridden(actuator, override)) if override else actuator
+
+    return tuple(tuple(actuator_on(chain, actuator) for actuator in stage.actuator) for chain in CHAINS)
 
 
 def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:
-    """Key path in the stage file of a value of an actuator on a chain, an override's where there is one."""
+    """Key path in the stage file of a value of an actuator on a chain, in its override where there is one."""
     return _key(stage, (chain, "actuator", stage.actuator[index].name), ("actuator", index), key)
 
 
 def key_of(stage: StageContent, chain: int, hinge: str, key: str) -> str:
-    """Key path in the stage file that sets a hinge's value, an override's where there is one."""
+    """Key path in the stage file of a value of a hinge, in its override where there is one."""
     return _key(stage, (chain, hinge), ("hinges", hinge), key)
 
 
@@ -367,14 +369,14 @@ def _key(stage: StageContent, place: Place, table: KeyPath, key: str) -> str:
 
 
 def of_stage(stage: StageContent) -> dict[str, Any]:
-    """What every answer says of its stage: which it is, and which of its numbers are in doubt."""
+    """Description of the stage in every result: file, name, and assumed and unstated numbers."""
     assumptions = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
     return {"file": str(stage.origin), "name": stage.name, **assumptions}
 
 
 @contextmanager
 def located(stage: StageContent) -> Iterator[None]:
-    """Put file and line of a stage that has a file in front of refusals that begin with a key path of it."""
+    """Prefix BadInput messages that begin with a key path with the file and line of the stage."""
     try:
         yield
     except BadInput as refusal:
@@ -390,5 +392,5 @@ def _file_and_line(origin: Origin, refusal: str) -> str:
         file = read_toml(origin.path)
         key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
         return place_of(origin.path, file.line(path_of(key[0] if key else "", file.data)))
-    except BadInput:  # gone since
+    except BadInput:  # the file no longer exists or has changed
         return place_of(origin.path)

@@ -1,4 +1,4 @@
-"""One page of a stage, a study, stored results or designs, and the figures of stored ones as files."""
+"""HTML pages on a stage, a study, stored results or designs, and figure files of stored results."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
-Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alternative text of its figure
+Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alternative text of the figure
 QUESTIONS: dict[str, Section] = {
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
@@ -65,20 +65,20 @@ QUESTIONS: dict[str, Section] = {
     "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
     "life": ("Fatigue life", life, "The S-N curve of the material with the necks."),
 }
-OF_DESIGNS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # likewise, with what draws it
+DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # with the function of the figure
     "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),
     "requirements": ("Requirements", None, ""),
     "sensitivity": ("Sensitivity to each dimension", sensitivity_figure, "Bars of how quantities follow it."),
     "front": ("Front", front_figure, "The front by finite elements, and its designs to one scale."),
     "search": ("Search", None, ""),
 }
-WHERE = "Where the numbers come from"
-AT = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands at which stress is drawn, assumed, as in cases/
-KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # of assumptions, as pages say them
+PROVENANCE = "Where the numbers come from"
+STRESS_AMPLITUDES = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
+KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # labels of the kinds of assumptions
 
 
 class PageReport(NamedTuple):
-    """The page that was written: its file, its size in bytes, the sections that it has."""
+    """The written page: its file, its size in bytes, its sections and its assumptions."""
 
     written: str
     bytes: int
@@ -87,14 +87,14 @@ class PageReport(NamedTuple):
     not_stated: list[str]
 
 
-class Drawn(NamedTuple):
-    """The files that were written."""
+class WrittenFigures(NamedTuple):
+    """The written files."""
 
     written: list[str]
 
 
 class Subject(NamedTuple):
-    """What a page is about: its title, the kind of its files in words, assumed keys, and its parts in order."""
+    """Subject of a page: its title, the kind of its files, its assumptions, and its parts in order."""
 
     title: str
     kind: str
@@ -132,46 +132,46 @@ def report(
     Raises
     ------
     BadInput, ComputationFailed
-        As the functions that answer each section; then nothing is written.
+        Like the functions that compute the sections; then nothing is written.
     """
-    paths = [checked_path(each) for each in (files if isinstance(files, list | tuple) else [files])]
-    target, kept = checked_path(output), checked_path(folder)
+    paths = [checked_path(path) for path in (files if isinstance(files, list | tuple) else [files])]
+    target, studies_folder = checked_path(output), checked_path(folder)
     if target.suffix.lower() not in (".html", ".htm"):
         raise BadInput(f"{place_of(target)}: expected a file that ends in .html")
-    wanted = _checked_sections(sections, amplitude)
+    names = _checked_sections(sections, amplitude)
     check_file(target, *paths)
-    subject = _subject(paths, wanted, amplitude, kept)
+    subject = _subject(paths, names, amplitude, studies_folder)
     require_unread(target)  # stages, studies and materials are read by now
-    said = assumptions_said(subject.assumed, subject.not_stated, "of the numbers behind this page ")
-    shown = []
+    assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers behind this page ")
+    page_sections = []
     for name, make in subject.parts:
         if progress is not None:
             progress(name)
-        shown.append(make())
+        page_sections.append(make())
     content = html_of(
-        shown,
+        page_sections,
         title=subject.title,
         subtitle=f"{subject.kind}: {', '.join(map(str, paths))}",
-        assumptions=f"{'; '.join(said)}. They are listed under “{WHERE}”." if said else "",
-        command=command_line(paths, target, wanted, amplitude, kept),
+        assumptions=f"{'; '.join(assumptions)}. They are listed under “{PROVENANCE}”." if assumptions else "",
+        command=command_line(paths, target, names, amplitude, studies_folder),
         made=datetime.now(UTC).isoformat(timespec="seconds"),
         versions=versions(),
-    ).encode(errors="backslashreplace")  # names of files need not be UTF-8
+    ).encode(errors="backslashreplace")  # file names need not be UTF-8
     write_atomically(target, lambda file: file.write(content))
-    return PageReport(str(target), len(content), [each.title for each in shown], subject.assumed, subject.not_stated)
+    return PageReport(str(target), len(content), [s.title for s in page_sections], subject.assumed, subject.not_stated)
 
 
 def command_line(
     files: Sequence[Path], target: Path, sections: Sequence[str] = STANDARD, amplitude: Any = None, kept: Path = REPORTS
 ) -> str:
-    """The command that makes a page again, for a shell."""
+    """Return the shell command that makes a page again."""
     words = ["flexfem", "report", *map(str, files), "-o", str(target)]
     words += ["--sections", ",".join(sections)] if tuple(sections) != STANDARD else []
     words += ["--amplitude", *map(repr, checked_amplitude(amplitude).tolist())] if amplitude is not None else []
     return shlex.join(words + (["--folder", str(kept)] if kept != REPORTS else []))
 
 
-def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = False) -> Drawn:
+def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = False) -> WrittenFigures:
     """Draw figures and the report page from stored results, as PNG and PDF.
 
     Parameters
@@ -186,39 +186,39 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     Raises
     ------
     BadInput
-        A file is no result, was changed since it was stored, or the folder takes no file.
+        A file is no result or was changed since it was stored, or the folder is not writable.
     """
     check_folder(output)
     paths = [checked_path(each) for each in results]
     designs = [(path.stem, read_design(path)) for path in paths if is_design(path)]
-    found = [(path, Verification.read(path)) for path in paths if not is_design(path)]
-    if not found and (displacement or not designs):
-        said = "--displacement with designs alone" if designs else "no file"
-        raise BadInput(f"{said}, expected results of flexfem verify")
-    stored = [(result, result.read_fields(path)) for path, result in found]
-    return Drawn([str(path) for path in write_figures(stored, output, displacement, designs)])
+    results_by_path = [(path, Verification.read(path)) for path in paths if not is_design(path)]
+    if not results_by_path and (displacement or not designs):
+        problem = "--displacement with designs alone" if designs else "no file"
+        raise BadInput(f"{problem}, expected results of flexfem verify")
+    stored = [(result, result.read_fields(path)) for path, result in results_by_path]
+    return WrittenFigures([str(path) for path in write_figures(stored, output, displacement, designs)])
 
 
 def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...]:
-    """Names of sections; a text may have several with commas."""
+    """Return the names of the requested sections; a text may hold several, separated by commas. Raises BadInput."""
     if isinstance(sections, str) or not isinstance(sections, Sequence):
         raise BadInput(f"sections {sections!r}, expected a list of {', '.join(SECTIONS)}")
-    wanted = tuple(name.strip() for each in sections for name in str(each).split(",") if name.strip()) or STANDARD
-    if wanted == ("all",):
-        wanted = tuple(name for name in SECTIONS if name != "life" or amplitude is not None)
-    if unknown := [name for name in wanted if name not in SECTIONS]:
+    names = tuple(name.strip() for text in sections for name in str(text).split(",") if name.strip()) or STANDARD
+    if names == ("all",):
+        names = tuple(name for name in SECTIONS if name != "life" or amplitude is not None)
+    if unknown := [name for name in names if name not in SECTIONS]:
         raise BadInput(f"sections {', '.join(map(repr, unknown))}, expected some of {', '.join(SECTIONS)}")
-    if "life" in wanted and amplitude is None:
+    if "life" in names and amplitude is None:
         raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
-    if "life" not in wanted and amplitude is not None:
+    if "life" not in names and amplitude is not None:
         raise BadInput("an amplitude without section life, expected none: it is of no other section")
     if amplitude is not None:
         checked_amplitude(amplitude)
-    return wanted
+    return names
 
 
 def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, folder: Path) -> Subject:
-    """What the files are, recognised by their content. Raises BadInput."""
+    """Return the subject of a page, whose kind follows from the content of the files. Raises BadInput."""
     if not files:
         raise BadInput("no file, expected a stage file, a study file, or results of flexfem verify")
     if len({os.path.realpath(path) for path in files}) < len(files):
@@ -228,18 +228,17 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
         raise BadInput(f"{first} and {len(files) - 1} more, expected one stage or study file, or results as .json")
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind == "stage file":
-        return _stage(files[0], sections, amplitude)
+        return _stage_subject(files[0], sections, amplitude)
     if kind not in ("results", "study file"):
-        raise BadInput(
-            f"{first}: this is a {kind or 'TOML file'}, expected a stage file, a study file or results as .json"
-        )
+        found = f"{first}: this is a {kind or 'TOML file'}"
+        raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
     if tuple(sections) != STANDARD or amplitude is not None:
         this = "a study" if kind == "study file" else kind
         raise BadInput(f"{first}: sections or an amplitude, expected none: they are of a stage, and this is {this}")
-    return _stored(files) if stored else _study(files[0], folder)
+    return _stored_subject(files) if stored else _study_subject(files[0], folder)
 
 
-def _study(path: Path, folder: Path) -> Subject:
+def _study_subject(path: Path, folder: Path) -> Subject:
     parts_on_disk = studies.parts_of(path, folder)
     status = studies.status_facts(parts_on_disk)
     if status["open"]:
@@ -251,58 +250,59 @@ def _study(path: Path, folder: Path) -> Subject:
     loaded = found.source.loaded
     texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
-    rows = [[key, said, texts.get(key) or ""] for kind, said in KINDS.items() for key in status[kind]]
+    rows = [[key, label, texts.get(key) or ""] for kind, label in KINDS.items() for key in status[kind]]
     parts = study_parts(found.source, found.found, status)
-    parts.append(("sources", partial(_sources, rows, "source")))
+    parts.append(("sources", partial(_provenance_section, rows, "source")))
     return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
 
 
-def _stored(files: Sequence[Path]) -> Subject:
+def _stored_subject(files: Sequence[Path]) -> Subject:
     designs = [read_design(path) for path in files if is_design(path)]
     results = [Verification.read(path) for path in files if not is_design(path)]
     parts: list[Part] = []
     for number, design in enumerate(designs, start=1):
         for name in design.sections():
-            parts.append((f"{design.name}: {name}", partial(_of_design, design, name, number)))
-    parts += [(one.name, partial(_curves, one, number)) for number, one in enumerate(results, start=1)]
-    every: list[Any] = [*results, *designs]
-    parts.append(("sources", partial(_sources, assumption_rows([(each.name, each) for each in every]), "in")))
-    title = every[0].name if len(every) == 1 else "Verification" if results else "Designs"
-    return Subject(title, "Stored results", *_assumptions(every), parts)
+            parts.append((f"{design.name}: {name}", partial(_design_section, design, name, number)))
+    parts += [(case.name, partial(_case_section, case, number)) for number, case in enumerate(results, start=1)]
+    records: list[Any] = [*results, *designs]
+    rows = assumption_rows([(record.name, record) for record in records])
+    parts.append(("sources", partial(_provenance_section, rows, "in")))
+    title = records[0].name if len(records) == 1 else "Verification" if results else "Designs"
+    return Subject(title, "Stored results", *_assumptions(records), parts)
 
 
-def _stage(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
+def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
     stage = load_feasible(path)
     with located(stage):  # before anything is computed
         if "life" in sections:
             required_law(stage.material)
         if "drift" in sections:
             require_expansion(stage)
-    found = check(stage)
-    assumed, not_stated = _assumptions([found, *([found.drive] if found.drive else [])])
-    wanted = [name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)]
-    parts: list[Part] = [("stage", partial(_drawing, stage, found))]
-    for name in wanted:
+    checked = check(stage)
+    assumed, not_stated = _assumptions([checked, *([checked.drive] if checked.drive else [])])
+    parts: list[Part] = [("stage", partial(_drawing_section, stage, checked))]
+    for name in (name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)):
         options = {"amplitude": amplitude} if name == "life" else {}
-        parts.append((name, partial(_stress, stage) if name == "stress" else partial(_answer, name, stage, **options)))
-    parts.append(("sources", partial(_sources, _provenance(stage, assumed, not_stated), "source")))
+        section = partial(_result_section, name, stage, **options)
+        parts.append((name, partial(_stress_section, stage) if name == "stress" else section))
+    parts.append(("sources", partial(_provenance_section, _provenance(stage, assumed, not_stated), "source")))
     return Subject(stage.name, "Stage", assumed, not_stated, parts)
 
 
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
-    """Keys that are assumed in any of the records, and those without a source."""
+    """Return the assumed keys of all records, and those without a source."""
     assumed, not_stated = (list(dict.fromkeys(k for each in records for k in getattr(each, kind))) for kind in KINDS)
     return assumed, not_stated
 
 
 def _provenance(stage: Stage, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
-    """Every value with where it comes from; those assumed first."""
+    """Return rows of key, kind and source for all values of a stage, those assumed first."""
     values = values_by_key(stage)
     sources = {key: text for key, text in stage.sources.items() if text and key in values}
-    every = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
-    rows = [[key, "assumed", sources.get(key, "not a number of the file")] for key in every]
+    all_assumed = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
+    rows = [[key, "assumed", sources.get(key, "not a number of the file")] for key in all_assumed]
     rows += [[key, "source not stated", "no source in the file"] for key in not_stated]
-    return rows + [[key, "stated", text] for key, text in sources.items() if key not in {*every, *not_stated}]
+    return rows + [[key, "stated", text] for key, text in sources.items() if key not in {*all_assumed, *not_stated}]
 
 
 # sections
@@ -312,26 +312,27 @@ def _section(name: str, title: str, *parts: Markup) -> PageSection:
     return PageSection(name, title, Markup("").join(parts))
 
 
-def _answer(name: str, stage: Stage, **options: Any) -> PageSection:
-    """The tables of the result of a question, and its figure."""
-    title, ask, said = QUESTIONS[name]
-    found = ask(stage, **options)
-    figure = [shown_figure(f"{name}-figure", lambda: figures_of(found)[""], said)] if said else []
-    return _section(name, title, tables_of(found), *figure)
+def _result_section(name: str, stage: Stage, **options: Any) -> PageSection:
+    """Return the tables and the figure of the result of a question."""
+    title, question, description = QUESTIONS[name]
+    result = question(stage, **options)
+    figure = [shown_figure(f"{name}-figure", lambda: figures_of(result)[""], description)] if description else []
+    return _section(name, title, tables_of(result), *figure)
 
 
-def _of_design(of: Designed, name: str, number: int) -> PageSection:
-    """The tables of a design that are about one thing, with their figure."""
-    title, draw, said = OF_DESIGNS[name]
-    first = [("requirements", of.file), ("base stage", of.base), ("result", f"it {of.state}"), ("seed", str(of.seed))]
-    parts = [facts(first), notes(of.warnings), notes(of.sentences(), "note")] if name == "design" else []
-    parts += [shown_figure(f"design-{number}-{name}-figure", partial(draw, of), said)] if draw else []
-    parts += map(table, of.sections(plain=False)[name])
-    return _section(f"design-{number}-{name}", f"{title}: {of.name}", *parts)
+def _design_section(design: Designed, name: str, number: int) -> PageSection:
+    """Return one section of the tables of a design, with its figure."""
+    title, draw, description = DESIGN_SECTIONS[name]
+    pairs = [("requirements", design.file), ("base stage", design.base), ("result", f"it {design.state}")]
+    first = facts([*pairs, ("seed", str(design.seed))]), notes(design.warnings), notes(design.sentences(), "note")
+    parts = [*first] if name == "design" else []
+    parts += [shown_figure(f"design-{number}-{name}-figure", partial(draw, design), description)] if draw else []
+    parts += map(table, design.sections(plain=False)[name])
+    return _section(f"design-{number}-{name}", f"{title}: {design.name}", *parts)
 
 
-def _curves(result: Verification, number: int) -> PageSection:
-    """The curves of a case with the bands of the meshes."""
+def _case_section(result: Verification, number: int) -> PageSection:
+    """Return the error curves of a case with their mesh bands."""
     command = unit_for(result.direction, max(map(abs, result.commanded)))
     columns = {f"commanded {SYMBOLS[DIRECTIONS.index(result.direction)]} ({command})": (result.commanded, command)}
     for label in result.curves:
@@ -339,45 +340,43 @@ def _curves(result: Verification, number: int) -> PageSection:
             values = result.at("error", curve=label, direction=axis).tolist()
             unit = unit_for(axis, max(map(abs, values)))
             columns[f"{label}: error in {symbol} ({unit})"] = (values, unit)
-    shown = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
-    data = table(TextTable([*columns], [*map(list, zip(*shown, strict=True))], 0))
-    said = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
-    figure = shown_figure(f"curves-{number}", partial(error_figure, result), said, data)
+    texts = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
+    data = table(TextTable([*columns], [*map(list, zip(*texts, strict=True))], 0))
+    description = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
+    figure = shown_figure(f"curves-{number}", partial(error_figure, result), description, data)
     return _section(f"case-{number}", result.name, figure, tables_of(result))
 
 
-def _sources(rows: Sequence[Sequence[str]], last: str) -> PageSection:
-    """Where numbers come from: rows of a key, "assumed" or "source not stated", and its source or its records."""
+def _provenance_section(rows: Sequence[Sequence[str]], last: str) -> PageSection:
+    """Return the table of rows of a key, its kind, and its source or records; `last` is the heading of these."""
     counts = [sum(row[1] == kind for row in rows) for kind in KINDS.values()]
     opening = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
         counted(counts[0], "of these numbers is", "of these numbers are"), counted(counts[1], "has", "have")
     )
     tag = Markup('<span class="tag">{}</span>')
     marked = [[row[0], row[1] if row[1] == "stated" else tag.format(row[1]), row[2]] for row in rows]
-    return _section("provenance", WHERE, opening, table(TextTable(["key of the file", "kind", last], marked, 3)))
+    return _section("provenance", PROVENANCE, opening, table(TextTable(["key of the file", "kind", last], marked, 3)))
 
 
-def _drawing(stage: Stage, found: StageReport) -> PageSection:
-    """Which stage it is, with its dimensions, hinges and actuators."""
-    drive = found.drive and found.drive._replace(provenance={})  # which have a section of their own
-    listed, tables = record_parts(found._replace(drive=drive, provenance={}), plain=False)
-    said = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
-    figure = shown_figure("drawing", partial(drawing_figure, stage), said, table(tables[0]))
-    return _section("stage", "The stage", figure, facts(listed), *map(table, tables[1:]), notes(found.warnings))
+def _drawing_section(stage: Stage, checked: StageReport) -> PageSection:
+    """Return the drawing of a stage with its dimensions, hinges and actuators."""
+    drive = checked.drive and checked.drive._replace(provenance={})  # provenance has a section of its own
+    pairs, tables = record_parts(checked._replace(drive=drive, provenance={}), plain=False)
+    text = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
+    figure = shown_figure("drawing", partial(drawing_figure, stage), text, table(tables[0]))
+    return _section("stage", "The stage", figure, facts(pairs), *map(table, tables[1:]), notes(checked.warnings))
 
 
-def _stress(stage: Stage) -> PageSection:
-    """The stage by finite elements at 50 um in X and at 1 mrad, with its von Mises stress."""
-    model, shown, necks = solve(stage), dict[str, Fields](), {}
+def _stress_section(stage: Stage) -> PageSection:
+    """Return the von Mises stress of a stage by finite elements at 50 um in X and at 1 mrad."""
+    model, fields, necks = solve(stage), dict[str, Fields](), {}
     for axis in (0, 2):
-        name, pose = f"{SYMBOLS[axis]} = {AT[axis] * COMMANDS[axis].factor:g} {COMMANDS[axis]}", AT * np.eye(3)[axis]
-        shown[name] = model.fields(model.force(pose))
-        necks[name] = neck_maxima(stage, model.mesh, shown[name].stress)
-    rows = [
-        [f"{hinge} hinge, chain {chain + 1}", *(significant(float(each[chain, k])) for each in necks.values())]
-        for chain in range(3)
-        for k, hinge in enumerate(HINGE_NAMES)
-    ]
+        amplitude, unit = STRESS_AMPLITUDES[axis], COMMANDS[axis]
+        name = f"{SYMBOLS[axis]} = {amplitude * unit.factor:g} {unit}"
+        fields[name] = model.fields(model.force(amplitude * np.eye(3)[axis]))
+        necks[name] = neck_maxima(stage, model.mesh, fields[name].stress)
+    rows = [[f"{hinge} hinge, chain {k + 1}", *(significant(float(stress[k, n])) for stress in necks.values())]
+            for k in range(3) for n, hinge in enumerate(HINGE_NAMES)]  # fmt: skip
     head = ["neck", *(f"{name} ({STRESS})" for name in necks)]
     data = table(TextTable(head, rows, 1, "Largest von Mises stress at each neck"))
     highest = "; ".join(
@@ -385,7 +384,7 @@ def _stress(stage: Stage) -> PageSection:
         f"{percent(100 * float(stress.max()) / stage.material.yield_strength)} of the yield strength"
         for name, stress in necks.items()
     )
-    draw = partial(stress_figure, shown)
-    figure = shown_figure("stress-figure", draw, "The deformed stage coloured by von Mises stress.", data)
-    said = f"The other directions are held; the amplitudes are assumed. {highest}."
-    return _section("stress", "Stress", notes([said], "note"), figure)
+    text = "The deformed stage coloured by von Mises stress."
+    figure = shown_figure("stress-figure", partial(stress_figure, fields), text, data)
+    note = f"The other directions are held; the amplitudes are assumed. {highest}."
+    return _section("stress", "Stress", notes([note], "note"), figure)

@@ -1,4 +1,4 @@
-"""What a page is made of: sections, tables and figures, put together as one file that loads nothing from elsewhere."""
+"""Sections, tables and figures of a page, combined into one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 TEMPLATES = Path(__file__).with_name("templates")
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
-FONTS = "'DejaVu Sans', Verdana, sans-serif"  # Verdana's letters are as wide
+FONTS = "'DejaVu Sans', Verdana, sans-serif"  # both have the same letter widths
 POINTS = 72.0  # per inch
-LEAST = 5.0  # points, half the size of the smallest target of the pointer
-MOST = 300  # points of a curve that have targets
+TARGET = 5.0  # points, half the side of a pointer target on a marker
+MARKERS = 300  # largest number on a curve with pointer targets
 
 
 class PageSection(NamedTuple):
-    """A part of a page under a heading; `id` is that of the heading's anchor, once on a page."""
+    """A part of a page under a heading; `id` is the anchor of the heading, unique on a page."""
 
     id: str
     title: str
@@ -42,61 +42,61 @@ class PageSection(NamedTuple):
 
 @cache
 def templates() -> Environment:
-    """The templates, with escaping on and an error for a name that is not given."""
+    """Return the template environment, with escaping and an error for an undefined name."""
     loader = FileSystemLoader(TEMPLATES)
     return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
 
 
 def markup(template: str, **values: Any) -> Markup:
-    """A template filled in; what is no Markup among the values is escaped."""
+    """Return a rendered template; values other than Markup are escaped."""
     return Markup(templates().get_template(template).render(**values))
 
 
 def html_of(sections: Sequence[PageSection], **page: Any) -> str:
-    """The page as the text of a file.
+    """Return the text of an HTML file.
 
-    `page` : title and subtitle, assumptions that it must say first, the command that makes it again, when it was made,
-    and versions.
+    `page` : title, subtitle, notice of assumptions, command that makes the page again, time and versions.
     """
     script, style = ((TEMPLATES / name).read_text() for name in ("page.js", "page.css"))
-    allowed = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()  # this script alone runs
-    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{allowed}'; "
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()  # no other script may run
+    policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; "
     policy += "base-uri 'none'; form-action 'none'"
     code = {"policy": policy, "script": Markup(script), "style": Markup(style)}
     return str(markup("page.html", sections=sections, **page, **code))
 
 
-def table(of: TextTable, sortable: bool = True) -> Markup:
-    """A table, nothing without rows; where it is `sortable`, a button in every heading sorts the rows."""
-    return markup("table.html", of=of, sortable=sortable and len(of.rows) > 1) if of.rows else Markup("")
+def table(content: TextTable, sortable: bool = True) -> Markup:
+    """Return a table, empty without rows; `sortable` adds buttons to the headings that sort the rows."""
+    sortable = sortable and len(content.rows) > 1
+    return markup("table.html", table=content, sortable=sortable) if content.rows else Markup("")
 
 
-def tables_of(found: Result) -> Markup:
-    """All tables, sentences and warnings of a result."""
-    tables = [table(each, sortable=False) for each in found.tables(plain=False)]
-    return Markup("").join([*tables, notes([*found.sentences(), *found.warnings], "note")])
+def tables_of(result: Result) -> Markup:
+    """Return all tables, sentences and warnings of a result."""
+    tables = [table(content, sortable=False) for content in result.tables(plain=False)]
+    return Markup("").join([*tables, notes([*result.sentences(), *result.warnings], "note")])
 
 
 def facts(pairs: Iterable[tuple[str, str | Markup]]) -> Markup:
-    """A list of names with their values."""
+    """Return a list of names with their values."""
     return markup("facts.html", pairs=list(pairs))
 
 
 def notes(texts: Sequence[str], kind: str = "warning") -> Markup:
-    """A list of sentences, none for no text; `kind` is warning or note."""
+    """Return a list of sentences, empty without texts; `kind` is warning or note."""
     return markup("notes.html", texts=texts, kind=kind) if texts else Markup("")
 
 
 def sentence(text: str) -> str:
-    """The text with a capital at its beginning and a full stop at its end."""
-    whole = text.strip()
-    return f"{whole[:1].upper()}{whole[1:]}{'' if whole.endswith(('.', '!', '?')) or not whole else '.'}"
+    """Return the text with an initial capital and a final full stop."""
+    text = text.strip()
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) or not text else '.'}"
 
 
 def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None) -> Markup:
-    """A figure of the package as a part of a section, the lines of its header as its caption.
+    """Return a figure of the package as a part of a section, with the lines of its header as the caption.
 
-    `name` : its id, once on a page.   `description` : for a screen reader.   `data` : a table of its numbers.
+    `name` : id, unique on a page.   `description` : for a screen reader.   `data` : table of its numbers.
     """
     with headless() as lines:
         figure = draw()
@@ -106,39 +106,39 @@ def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: 
 
 
 def inline_svg(figure: Figure, name: str) -> Markup:
-    """A figure as an SVG element of a page, as wide as its column and at most as wide as it was drawn.
+    """Return a figure as an SVG element, as wide as its column but at most as wide as it was drawn.
 
-    Its ids begin with `name`; points of marked curves and bars tell their values when they are pointed at.
+    Its ids begin with `name`; markers of curves and bars show their values under the pointer.
     """
     text = NOT_XML.sub("\ufffd", rendered(figure, "svg").decode())
     text = re.sub(r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :])
     text = re.sub(r'\b(id="|href="#)', rf"\1{name}-", text.replace("url(#", f"url(#{name}-"))
     text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)  # hundredths of a point
     text = text.replace("'DejaVu Sans'", FONTS)
-    width = figure.get_figwidth() * 96.0  # px an inch
+    width = figure.get_figwidth() * 96.0  # CSS pixels per inch
     opening = f'<svg class="drawn" style="max-width: {width:.0f}px" '
     text = re.sub(r'<svg |\s(width|height)="[\d.]+pt"', lambda m: opening if m[0] == "<svg " else "", text, count=3)
     targets = "".join(
-        Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format(*each)
-        for each in _targets(figure)
+        Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format(*target)
+        for target in _targets(figure)
     )
     return Markup(text.replace("</svg>", f'<g class="spots">{targets}</g></svg>' if targets else "</svg>"))
 
 
 def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]:
-    """Left, top, width, height in points from the upper left corner, and text, of all marked points and bars."""
+    """Yield left, top, width and height in points from the upper left corner, and text, of all markers and bars."""
     for ax in figure.axes:
         x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel()
         for line in ax.lines:
             xy = np.asarray(line.get_xydata(), dtype=float)
-            if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MOST:
+            if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MARKERS:
                 continue
             label = str(line.get_label()).strip()
             for (x, y), (left, top) in zip(xy.tolist(), places_on(ax, xy).tolist(), strict=True):
                 lines = [label, f"{x_name}: {significant(x)}", f"{y_name}: {significant(y)}"]
                 if np.isfinite(left + top):
                     text = "\n".join(lines[label.startswith("_") :])
-                    yield left - LEAST, top - LEAST, 2 * LEAST, 2 * LEAST, text
+                    yield left - TARGET, top - TARGET, 2 * TARGET, 2 * TARGET, text
         rows = {round(at): name.get_text() for at, name in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)}
         for bars in ax.containers:
             label = str(bars.get_label())
@@ -147,12 +147,12 @@ def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]
                 name = rows.get(round(bar.get_y() + bar.get_height() / 2), "").replace("\n", " ")
                 name += "" if label.startswith("_") else f", {label}"
                 if np.isfinite(corners).all():
-                    (left, top), (wide, high) = corners.min(axis=0).tolist(), np.ptp(corners, axis=0).tolist()
-                    yield left, top, wide, high, f"{name}\n{x_name}: {significant(bar.get_width())}"
+                    text = f"{name}\n{x_name}: {significant(bar.get_width())}"
+                    yield *corners.min(axis=0).tolist(), *np.ptp(corners, axis=0).tolist(), text
 
 
 def places_on(ax: Axes, points: Array) -> Array:
-    """Points (n, 2) of the data of axes in points from the upper left corner of their figure; nan outside the axes."""
+    """Map data points (n, 2) of axes to points from the upper left corner of the figure; nan outside the axes."""
     figure = ax.get_figure(root=True)
     assert figure is not None
     places = ax.transData.transform(points)

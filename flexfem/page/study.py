@@ -1,4 +1,4 @@
-"""The sections of a page on a study: what it asks, how many designs have an answer, its figures with their numbers."""
+"""The sections of a page on a study: its settings, counts of its designs, and its figures with their numbers."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from flexfem.study.findings import Record, Refused, Source, factor, model_words,
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
-ROWS = 400  # of a table; more are in the JSON of flexfem study plot
-Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and what makes the section
+ROWS = 400  # of a table; the JSON of flexfem study plot holds all
+Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and the function that makes the section
 
 
 def study_parts(source: Source, found: dict[str, Record | Refused], status: dict[str, Any]) -> list[Part]:
-    """The sections of a study in order, each by a name and what makes it: drawing its figures takes a while.
+    """Return the sections of a study in order as functions, since drawing the figures takes a while.
 
     Parameters
     ----------
-    source, found : as `studies.study_findings` gives them.   status : as `studies.study_status` does.
+    source, found : from `studies.study_findings`.   status : from `studies.study_status`.
     """
     parts: list[Part] = [("what the study asks", partial(setup_section, source, status))]
     for n, shown in enumerate(found.values(), 1):
@@ -40,26 +40,26 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
 def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSection:
     if isinstance(shown, Refused):
         return PageSection(name, title, notes([f"It is not drawn. {shown.reason}"]))
-    title, found = shown.caption.title, shown.table
-    rows = [[each if isinstance(each, str) else written(each) for each in row] for row in found.rows[:ROWS]]
-    more = f", the first {ROWS} of {thousands(len(found.rows))}" if len(found.rows) > ROWS else ""
-    names = sum(isinstance(value, str) for value in found.rows[0])
-    data = table(TextTable([*found.head.values()], rows, names, found.caption + more))
+    title, numbers = shown.caption.title, shown.table
+    rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
+    limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
+    names = sum(isinstance(value, str) for value in numbers.rows[0])
+    data = table(TextTable([*numbers.head.values()], rows, names, numbers.caption + limit))
     return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title, data))
 
 
-def written(value: float) -> str:
-    """A number in five digits, "" where it is not known."""
+def formatted(value: float) -> str:
+    """Return a number in five digits, "none" if infinite, "" if unknown."""
     return significant(value, DIGITS) if math.isfinite(value) else "none" if math.isinf(value) else ""
 
 
 def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
-    """What was asked, and how many designs have an answer; `status` as `studies.study_status` gives it."""
+    """Return the settings of a study and the counts of its designs; `status` is from `studies.study_status`."""
     loaded, study = source.loaded, source.loaded.study
-    found_by = dict.fromkeys(study.outputs, "the model") | {one.name: one.expression for one in study.output}
-    quantities = {name: source.quantity(name) for name in found_by}
-    outputs = [[of.name, name, of.unit, found_by[name]] for name, of in quantities.items()]
-    limits = [[one.title, one.value, one.expected] for one in study.constraint]
+    methods = dict.fromkeys(study.outputs, "the model") | {output.name: output.expression for output in study.output}
+    quantities = {name: source.quantity(name) for name in methods}
+    outputs = [[quantity.name, name, quantity.unit, methods[name]] for name, quantity in quantities.items()]
+    limits = [[limit.title, limit.value, limit.expected] for limit in study.constraint]
     counts = {
         "asked for": status["designs"],
         "with an answer": status["ok"],
@@ -68,7 +68,7 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
         "failed or out of time": status["failed"],
         "still open": status["open"],
     }
-    reasons = [(text, state, n) for state, found in status["reasons"].items() for text, n in found.items()]
+    reasons = [(text, state, n) for state, numbers in status["reasons"].items() for text, n in numbers.items()]
     reasons.sort(key=lambda row: -row[2])
     tables = [
         TextTable(["factor", "keys", "unit", "values", "source"], [*_factors(loaded)], 5, "Factors"),
@@ -91,43 +91,43 @@ def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     yield "sample", f"{sampling_words(loaded)}, {thousands(loaded.count)} designs{correlated}"
     yield "accuracy of stresses", loaded.stress_accuracy
     for name in ("drive", "frequencies", "life", "drift"):
-        asked = getattr(study, name)
-        if asked is not None:
-            given = asked.model_dump(exclude_unset=True)
-            yield name, ", ".join(f"{key} = {value}" for key, value in given.items()) or "asked"
+        section = getattr(study, name)
+        if section is not None:
+            settings = section.model_dump(exclude_unset=True)
+            yield name, ", ".join(f"{key} = {value}" for key, value in settings.items()) or "asked"
     yield "hash of its inputs", loaded.hash
 
 
 def _factors(loaded: LoadedStudy) -> Iterator[list[str]]:
-    columns = {column.name: column for column in loaded.columns}  # with their means filled in
+    columns = {column.name: column for column in loaded.columns}  # with the means of the base stage
     for index, given in enumerate(loaded.study.factor):
-        source = _sourced(loaded.study.sources, index, given)
+        source = _source_of(loaded.study.sources, index, given)
         for column in columns_of([given]):
-            known = factor(columns[column.name])
-            yield [known.name, ", ".join(column.keys), known.unit, range_of(columns[column.name]), source]
+            quantity = factor(columns[column.name])
+            yield [quantity.name, ", ".join(column.keys), quantity.unit, range_of(columns[column.name]), source]
 
 
 def range_of(column: Column) -> str:
-    """Which values a factor takes, in words, in the unit of its column."""
-    asked = column.factor
-    if asked.kind == "given":
+    """Return the values of a factor as text, in the unit of its column."""
+    given = column.factor
+    if given.kind == "given":
         return "of the table of designs"
-    if asked.values is not None:
-        first = ", ".join(f"{value:g}" for value in asked.values[:8])
-        return f"{first} and {len(asked.values) - 8} more" if len(asked.values) > 8 else first
-    if asked.kind == "range":
-        points = f", {asked.points} points" if asked.points else ""
-        return f"{asked.start:g} to {asked.end:g}{points}{', logarithmic' if asked.scale == 'log' else ''}"
-    if asked.kind == "uniform":
-        return f"uniform, {asked.lower:g} to {asked.upper:g}"
-    bounds = [f"{word} {end:g}" for word, end in (("from", asked.lower), ("to", asked.upper)) if end is not None]
-    return ", ".join([f"normal, {asked.mean:g}{SPACE}±{SPACE}{asked.sd:g} (one standard deviation)", *bounds])
+    if given.values is not None:
+        first = ", ".join(f"{value:g}" for value in given.values[:8])
+        return f"{first} and {len(given.values) - 8} more" if len(given.values) > 8 else first
+    if given.kind == "range":
+        points = f", {given.points} points" if given.points else ""
+        return f"{given.start:g} to {given.end:g}{points}{', logarithmic' if given.scale == 'log' else ''}"
+    if given.kind == "uniform":
+        return f"uniform, {given.lower:g} to {given.upper:g}"
+    bounds = [f"{word} {end:g}" for word, end in (("from", given.lower), ("to", given.upper)) if end is not None]
+    return ", ".join([f"normal, {given.mean:g}{SPACE}±{SPACE}{given.sd:g} (one standard deviation)", *bounds])
 
 
-def _sourced(sources: dict[str, str | None], index: int, given: Factor) -> str:
-    """Where the numbers of a factor come from; heavy where it is assumed or not stated."""
+def _source_of(sources: dict[str, str | None], index: int, given: Factor) -> str:
+    """Return the sources of the numbers of a factor, in bold if assumed or not stated."""
     fields = [type(given).model_fields[name].alias or name for name in given.model_fields_set]
     paths = (f"factor[{index}]", *(f"factor[{index}].{key}" for key in fields))
     text = "; ".join(dict.fromkeys(source for path in paths if (source := sources.get(path))))
-    heavy = Markup("<strong>{}</strong>").format
-    return heavy("not stated") if not text else heavy(text) if is_assumed(text) else text
+    bold = Markup("<strong>{}</strong>").format
+    return bold("not stated") if not text else bold(text) if is_assumed(text) else text

@@ -11,7 +11,7 @@ from flexfem.files import quantities
 from flexfem.files.quantities import OF_THE_KEY, Keywords, keywords
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import keys, meant, starred
+from flexfem.mechanism.keys import key_suggestion, keys, matching_keys
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -86,7 +86,7 @@ class Factor(Table):
         if (self.key is None) == (self.keys is None):
             raise refusal("either key or keys")
         if self.key is not None and "*" in self.key:
-            if not starred(self.key):
+            if not matching_keys(self.key):
                 raise refusal("stars for hinge names or chains: hinges.*.neck_mm, override.*.*.neck_mm", "key")
             if self.label is not None:
                 raise refusal("no label with a star: every factor is named by its own key", "label")
@@ -135,7 +135,7 @@ class Factor(Table):
     @property
     def paths(self) -> tuple[str, ...]:
         """All keys of the factor, stars expanded."""
-        return self.keys or (starred(self.key) if self.key and "*" in self.key else (self.key or "",))
+        return self.keys or (matching_keys(self.key) if self.key and "*" in self.key else (self.key or "",))
 
 
 def require_keys(table: Table, choice: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
@@ -154,7 +154,7 @@ def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
         raise refusal("no star in keys: all of them take one value", *at)
     if key not in keys():
-        raise refusal(f"a number of the stage format{meant(key, keys()) or ', see flexfem schema stage'}", *at)
+        raise refusal(f"a number of the stage format{key_suggestion(key, keys()) or ', see flexfem schema stage'}", *at)
 
 
 class Column(NamedTuple):

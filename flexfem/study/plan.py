@@ -20,7 +20,7 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LIFE_CONSTANTS, keys, meant
+from flexfem.mechanism.keys import LIFE_CONSTANTS, key_suggestion, keys
 from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
@@ -687,4 +687,4 @@ def require_known(expression: str, known: Iterable[str], *at: str | int) -> None
     names = {*known, *keys()}
     for name in names_in(expression):
         if name not in names and name not in keys():  # keys of actuators are valid but not listed
-            raise refusal(f"columns and keys by name, not {shown(name)}{meant(name, sorted(names))}", *at)
+            raise refusal(f"columns and keys by name, not {shown(name)}{key_suggestion(name, sorted(names))}", *at)

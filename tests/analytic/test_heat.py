@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem
-from flexfem.analytic.elastic_bodies import _of_pad
+from flexfem.analytic.elastic_bodies import _pad_motion
 from flexfem.analytic.model import hinge_compliance
 from flexfem.analytic.paper import freedoms_of
 from flexfem.analytic.responses import drift, misfits
@@ -70,7 +70,7 @@ def test_an_edge_that_bows_takes_its_pad_along_by_the_mean_of_the_traction_on_it
     With nu = 0.29 finite elements of such a strip, 1.5 widths long, give -0.0394 w, 0.0455 w^2, 0.0319 w^2 and a turn
     of 0.01753 w; the notch of the pad is a width away and changes the first by 0.005 w, the others by 1 %.
     """
-    even, found = (_of_pad(unlike.hinge(1, "base"), 9.0, nu) for nu in (1e-9, 0.29))
+    even, found = (_pad_motion(unlike.hinge(1, "base"), 9.0, nu) for nu in (1e-9, 0.29))
     assert even[0] == pytest.approx([-0.0050 * 9, 81 / 24, 0.0], rel=0.04, abs=1e-9)
     assert found[0] == pytest.approx([-0.0444 * 9, 0.0455 * 81, 0.0], rel=0.015, abs=1e-9)
     assert found[1:, 2] == pytest.approx([0.0319 * 81, 0.01753 * 9], rel=0.015)

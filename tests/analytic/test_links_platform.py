@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic import elastic_bodies as platform
-from flexfem.analytic.elastic_bodies import _body, _half_hinge, platform_compliance
+from flexfem.analytic.elastic_bodies import _half_hinge, _platform_body, platform_compliance
 from flexfem.analytic.model import hinge_compliance
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
@@ -65,7 +65,7 @@ def test_a_lug_moves_the_platform_by_what_a_load_on_the_lug_after_it_does_to_it(
     """Moment and forces of chain 2's neck about the centre, and the motion of chain 1's neck, by hand."""
     of = stage()
     C = added(of)
-    parts = _body(of, of.elastic.poissons_ratio, 1) / (
+    parts = _platform_body(of, of.elastic.poissons_ratio, 1) / (
         71.7e3 / (2 * 1.29) * 10.0
     )  # motion of the first neck, the next and the last: loads on it
     neck = complex(24.0, 0.0)  # link 3, 24 mm long, leads from there along -x, and link 2 to there along y

@@ -1,13 +1,13 @@
 "use strict";
 (() => {
-  const told = document.getElementById("told");
+  const announcement = document.getElementById("announcement");
 
-  // tables: a button in every heading sorts the rows by its column
+  // a button in every heading sorts the rows of its table by its column
   const number = /^[^\d+\-\u2212]*([+\-\u2212]?\d[\d,]*\.?\d*)(?:(?:e|\u00d710)([+\-\u2212\u207b]?[\d\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+))?/i;
-  const bare = /^\u00b1?[+\-\u2212]?\d/; // what begins as a number
-  const raised = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
+  const bare = /^\u00b1?[+\-\u2212]?\d/; // text that begins as a number
+  const superscripts = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
   const plain = (text) => text.replace(/[\u2212\u207b]/g, "-").replace(/,/g, "")
-    .replace(/[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]/g, (letter) => raised.indexOf(letter));
+    .replace(/[\u2070\u00b9\u00b2\u00b3\u2074-\u2079]/g, (letter) => superscripts.indexOf(letter));
   const keyOf = (cell, numeric) => {
     const text = cell.textContent.trim();
     if (!numeric) return text;
@@ -20,15 +20,15 @@
   };
   const sort = (table, column, heading) => {
     const down = heading.getAttribute("aria-sort") === "ascending";
-    for (const each of table.tHead.rows[0].cells) each.removeAttribute("aria-sort");
+    for (const cell of table.tHead.rows[0].cells) cell.removeAttribute("aria-sort");
     heading.setAttribute("aria-sort", down ? "descending" : "ascending");
     const body = table.tBodies[0];
     const cells = [...body.rows].map((row) => row.cells[column]);
     const numeric = heading.classList.contains("number") || cells.every((cell) => bare.test(keyOf(cell, false)));
     const rows = cells.map((cell) => [keyOf(cell, numeric), cell.parentElement]);
     rows.sort((a, b) => (down ? order(b[0], a[0]) : order(a[0], b[0])));
-    body.append(...rows.map((each) => each[1]));
-    told.textContent = `sorted by ${heading.textContent}, ${down ? "descending" : "ascending"}`;
+    body.append(...rows.map(([, row]) => row));
+    announcement.textContent = `sorted by ${heading.textContent}, ${down ? "descending" : "ascending"}`;
   };
   for (const table of document.querySelectorAll("table.sortable")) {
     [...table.tHead.rows[0].cells].forEach((heading, column) => {
