@@ -32,7 +32,7 @@ BODIES = ("pad", "link 1", "link 2", "platform")
 
 
 def turn(path: Sequence[Segment], chain: int) -> list[Segment]:
-    """Rotate a path from the frame of chain 1 to chain 1, 2 or 3."""
+    """Rotate a path of one chain (1 to 3) from the frame of chain 1 to its place on the stage."""
     return [segment.turned((chain - 1) * CHAIN_TURN) for segment in path]
 
 
@@ -158,7 +158,7 @@ def cut_angle(stage: StageContent) -> float:
 
 @once
 def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
-    """Return the faces of the bodies of one sector, with chain 1, 2 or 3, in the frame of chain 1.
+    """Return the faces of the bodies in the sector of one chain (1 to 3), in the frame of chain 1.
 
     Raises BadInput when they cannot be drawn.
     """
@@ -220,7 +220,7 @@ def hub_moments(stage: StageContent) -> Array:
 
 
 def inertia_of(moments: Array, areal: Array | float) -> Array:
-    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies about the origin: x, y, theta.
+    """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the origin.
 
     moments : (..., 4), of areas, mm^2 to mm^4.   areal : (...), mass per area, tonne/mm^2.
     """
@@ -236,7 +236,7 @@ def mass_per_area(stage: StageContent) -> float:
 
 
 def carried(stage: StageContent, payload: Payload) -> Array:
-    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, whose rigid motion is the pose."""
+    """Mass matrix (3, 3), tonne, tonne mm^2, of hub and payload, which move with the pose."""
     return inertia_of(hub_moments(stage), mass_per_area(stage)) + payload.matrix
 
 

@@ -107,7 +107,7 @@ def body_forces(station: Station, points: Array) -> Array:
 
 
 def _section(segment: Segment, width: float, z: AnyArray, tangent: AnyArray, across: Array) -> AnyArray:
-    """Tractions (3, n), complex, at points of sections that carry a unit force in x, in y, and a unit couple."""
+    """Tractions (3, n), complex, at points of cross-sections that carry a unit force in x or y, or a unit couple."""
     force, couple = np.array([[1.0], [1j], [0.0]]), np.array([[0.0], [0.0], [1.0]])
     if segment.centre is None:
         moment = couple - (np.conj(z - 1j * tangent * across) * force).imag

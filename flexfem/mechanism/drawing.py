@@ -59,7 +59,7 @@ class Part(NamedTuple):
 
 
 def part_of(stage: Stage, mounting: float | None = None) -> Part:
-    """Return the contours of a stage, with a hole of diameter `mounting`, mm, in the middle of every pad.
+    """Return the contours of a stage; `mounting` is the diameter, mm, of a hole in the middle of every pad.
 
     Raises BadInput when the stage cannot be made or its pads have no room for the holes.
     """
@@ -232,7 +232,7 @@ def _rightwards(span: Span) -> Span:
 
 
 def _clear_place(anchor: complex, half: float, height: float, obstacles: list[Any], texts: list[Any]) -> complex:
-    """Return the nearest place of a text, with its leader line, that has the greatest clearance, up to a limit."""
+    """Return the clearest place for a text with its leader line, and the nearest of equally clear places."""
     places = np.concatenate([anchor + reach * height * DIRECTIONS for reach in (4.0, 6.0, 8.0, 11.0)])
     baselines = shapely.linestrings(np.stack([_points(places - half), _points(places + half)], axis=1))
     leaders = shapely.linestrings(np.stack([_points(np.full_like(places, anchor)), _points(places)], axis=1))

@@ -302,7 +302,7 @@ def read_materials(path: PathLike) -> dict[str, Registered]:
 
 
 def _named(data: dict[str, Any]) -> dict[str, Any]:
-    """Add to each table of a file of materials its name."""
+    """Add the name of every table of a file of materials to its content."""
     return {name: {"name": name} | table if isinstance(table, dict) else table for name, table in data.items()}
 
 

@@ -155,7 +155,7 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def hash(self) -> str:
-        """SHA-256 of the physical content, inside units, overrides applied; no names, provenance, drive, expansion."""
+        """SHA-256 of the physical content, overrides applied; names, provenance, drive and expansion are excluded."""
         content = self.model_dump(exclude={"name", "provenance", "override", "actuator", "frame"})
         excluded, numbers = ("name", "expansion"), content["material"].items()
         content["material"] = {key: value for key, value in numbers if key not in excluded and value is not None}
@@ -187,7 +187,7 @@ link, expected < chain.link_width_mm = 9
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """Key paths of all numbers except those of the drive and of expansion, which few results use."""
+        """Key paths of all numbers except those of the drive and of expansion, which few results depend on."""
         return tuple(key for key in super().numbers if not of_drive(key) and not of_heat(key))
 
     @property

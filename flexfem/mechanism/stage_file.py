@@ -304,7 +304,7 @@ class StageContent(Dimensioned, Sourced):
 
 
 def _check_overrides(stage: StageContent) -> None:
-    """Raise a refusal for two overrides of one target, and for an unknown actuator or an invalid result."""
+    """Raise a refusal for two overrides of one target, an unknown actuator, or an invalid overridden actuator."""
     places = [override.place for override in stage.override]
     actuators = {actuator.name: actuator for actuator in stage.actuator}
     for index, override in enumerate(stage.override):

@@ -397,7 +397,7 @@ def converge(
     Parameters
     ----------
     resolutions : list of int, optional
-        Triangles across every neck, coarse to fine, three or more, each 1.3 times the one before; by default 3 to 15.
+        Triangles across every neck: three or more, each at least 1.3 times the previous one; by default 3 to 15.
     {shared}
 
     Notes

@@ -244,16 +244,17 @@ def _run_warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> l
 
 def _coupling_warnings(pushes: Pushes, C: Array) -> list[str]:
     """Warn of directions whose slope is not K_ii: other directions are free, or the load has other components."""
-    K, free, rigid, of_freedom, of_load = np.diag(inverse(C)), 1 / np.diag(C), 1 / pushes.shares(C)[0], [], []
+    K, free, on_rigid_fixture = np.diag(inverse(C)), 1 / np.diag(C), 1 / pushes.shares(C)[0]
+    free_messages, load_messages = list[str](), list[str]()
     for k, axis in enumerate(DIRECTIONS):
         if abs(K[k] / free[k] - 1) > COUPLED:
-            of_freedom.append(
+            free_messages.append(
                 f"a push in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal "
                 f"term of the stiffness, {K[k]:.5g}"
             )
-        if abs(rigid[k] / free[k] - 1) > COUPLED:
-            of_load.append(
+        if abs(on_rigid_fixture[k] / free[k] - 1) > COUPLED:
+            load_messages.append(
                 f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid "
-                f"fixture the slope is {rigid[k]:.5g}, where 1/C is {free[k]:.5g}"
+                f"fixture the slope is {on_rigid_fixture[k]:.5g}, where 1/C is {free[k]:.5g}"
             )
-    return of_freedom + of_load
+    return free_messages + load_messages

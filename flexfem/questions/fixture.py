@@ -122,7 +122,7 @@ class Pusher(Dimensioned):
     name: Label = Field(description="Name of the actuator", examples=["P-841.30"])
     stroke: Stroke = Field(alias="stroke_um", description="Largest stroke", examples=[45.0])
     stiffness: Rate = Field(alias="stiffness_n_per_um", examples=[19.0])
-    """Stiffness; like that of the sensor it lowers the force per stroke and changes no slope"""
+    """Stiffness; like that of the sensor it affects the force per stroke but no slope"""
 
 
 class Lvdt(Dimensioned):
@@ -137,7 +137,7 @@ class Lvdt(Dimensioned):
 
 
 class ForceSensor(Dimensioned):
-    """The force/torque sensor that holds the actuator: noise and step, N; stiffness, N/mm, None for rigid."""
+    """The force/torque sensor that carries the actuator: noise and step, N; stiffness, N/mm, None for rigid."""
 
     stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[10.0])
     """Stiffness of the sensor and its support; by default rigid"""
@@ -172,7 +172,7 @@ class Fixture(Dimensioned, Sourced):
     bar: Bar = Field(description="Bar on the end of the pole, which the actuator loads to apply a moment")
     actuator: Pusher = Field(description="Actuator that loads the pole or the bar")
     lvdt: Lvdt = Field(description="Displacement sensors on the ground")
-    sensor: ForceSensor = Field(description="Force/torque sensor that holds the actuator")
+    sensor: ForceSensor = Field(description="Force/torque sensor on which the actuator is mounted")
     run: Run = Field(description="Commands of a run, and confidence level of the slopes")
     measured: MeasuredSlopes | None = Field(default=None, description=MEASURED)
 

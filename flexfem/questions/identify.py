@@ -122,21 +122,21 @@ def fit(problem: SlopeProblem, fixed: Mapping[int, float], near: Array | None = 
     scale = np.where(free == 0, np.ptp(problem.bounds[0]), problem.bounds[free, 1] / SOFTEST)
     low, high = problem.bounds[free].T / scale
 
-    def at(scaled: Array) -> Array:
+    def unscaled(scaled: Array) -> Array:
         x[free] = scaled * scale
         return x
 
     def residuals(scaled: Array) -> Array:
-        return problem.residuals(at(scaled))
+        return problem.residuals(unscaled(scaled))
 
     def jacobian(scaled: Array) -> Array:
-        return np.asarray(problem.gradient(at(scaled))[:, free] * scale)
+        return np.asarray(problem.gradient(unscaled(scaled))[:, free] * scale)
 
     starts = [np.where(free == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / scale]
     exact: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
     fits = [least_squares(residuals, np.clip(start, low, high), jacobian, (low, high), **exact) for start in starts]
     best = min(fits, key=lambda result: float(result.cost))
-    return Fit(at(best.x), 2 * float(best.cost))
+    return Fit(unscaled(best.x), 2 * float(best.cost))
 
 
 def interval(problem: SlopeProblem, best: Fit, k: int, level: float) -> list[float]:
@@ -201,10 +201,10 @@ def identify(
     problem, numbers, model = _problem(stage, source, place, unknown, warnings)
     best, count = fit(problem, {}), len(problem.bounds)
     low, high = np.transpose([interval(problem, best, k, level) for k in range(count)])
-    dropped = (range(count), range(1, count), range(1))  # unknowns set to zero, for each of `CAUSES`
-    alone = [fit(problem, dict.fromkeys(zeros, 0.0)) for zeros in dropped]
-    excesses = [cause.chi_square - best.chi_square for cause in alone]
-    allowed = [bool(excess <= chi2.ppf(level, len(zeros))) for excess, zeros in zip(excesses, dropped, strict=True)]
+    zeroed = (range(count), range(1, count), range(1))  # unknowns set to zero, for each of `CAUSES`
+    alone = [fit(problem, dict.fromkeys(zeros, 0.0)) for zeros in zeroed]
+    increases = [cause.chi_square - best.chi_square for cause in alone]
+    allowed = [bool(increase <= chi2.ppf(level, len(zeros))) for increase, zeros in zip(increases, zeroed, strict=True)]
     rank, condition, correlation = sensitivity(problem, best.x)
     dof = len(problem.axes) - rank
     distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(best.chi_square, dof)
@@ -219,7 +219,7 @@ def identify(
     stiffness = np.where(added > RIGID / rigid, 1 / np.maximum(added, 1e-300), np.inf)
     by_direction = np.full((5, 3), np.nan)
     by_direction[:, problem.axes] = problem.slope, rigid, problem.slopes(best.x), problem.sd, stiffness
-    sentence = finding(best, dof, alone[1].x[0], allowed, distinct)
+    sentence = conclusion(best, dof, alone[1].x[0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within its interval."
     return Identification(
@@ -269,14 +269,13 @@ def _problem(
     if not np.all(rigid > 0):
         raise ComputationFailed(f"{place}: a slope of this stage on a rigid fixture is not positive")
     spline = CubicSpline(offsets, np.log(rigid))
-    added_by = (
-        {"pole": pole[axes]} if described and unknown != "springs" else {"translation": axes < 2, "rotation": axes == 2}
-    )
-    added_by = {name: added for name, added in added_by.items() if np.any(added)}
-    fixture = np.column_stack(list(added_by.values())).astype(float)
+    springs: dict[str, AnyArray] = {"translation": axes < 2, "rotation": axes == 2}
+    columns = {"pole": pole[axes]} if described and unknown != "springs" else springs
+    columns = {name: column for name, column in columns.items() if np.any(column)}
+    fixture = np.column_stack(list(columns.values())).astype(float)
     largest = SOFTEST / np.max(fixture / np.exp(spline(0.0))[:, None], axis=0)
-    bounds = np.array([[offsets[0], offsets[-1]], *([0.0, added] for added in largest)])
-    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, bounds), list(added_by), model
+    bounds = np.array([[offsets[0], offsets[-1]], *([0.0, end] for end in largest)])
+    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, bounds), list(columns), model
 
 
 def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
@@ -321,11 +320,11 @@ def _chi_square_map(problem: SlopeProblem, marks: Array, least: float) -> dict[s
 
 
 def unexplained(chi_square: float, dof: int) -> bool:
-    """Return whether chi square is improbable under chance; at least one degree of freedom is assumed."""
+    """Return whether chi square rejects the fit; without degrees of freedom, one is assumed."""
     return bool(chi2.sf(chi_square, max(dof, 1)) < POOR)
 
 
-def finding(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
+def conclusion(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
     """State the conclusion in words; offset: fitted with necks alone, allowed: flags of `CAUSES`."""
     um, (neither, by_necks, by_fixture) = MICROMETRE.factor, allowed
     necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"

@@ -196,7 +196,7 @@ class Vibration(NamedTuple):
     """Mode shapes of unit modal mass on the finest mesh.
 
     shapes : (k, n, 2), or in three dimensions (k, n, m, 3) from face to face at `heights` (m,), mm.
-    tilting : (k,), whether the platform leaves the plane.   reduced : in the plane.
+    tilting : (k,), True if the platform leaves the plane.   reduced : in the plane.
     """
 
     mesh: StageMesh
@@ -464,7 +464,7 @@ def _in_plane_stress(stage: Stage, solid: ModesOfStructure, carried: Array, coun
 def _frequency_bands(resolution: int, frequencies: Sequence[Array]) -> Array:
     """Return the bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
     steps = np.array(levels(resolution))
-    return np.array([frequency_convergence(steps, each).band for each in np.transpose(frequencies)])
+    return np.array([frequency_convergence(steps, values).band for values in np.transpose(frequencies)])
 
 
 def frequency_convergence(resolutions: Array, values: Array) -> Convergence:

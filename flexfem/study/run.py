@@ -36,11 +36,7 @@ TEXTS = ["status", "reason"]
 PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": TEXTS, "write_page_checksum": True}
 # a read-ahead thread of Arrow would abort a process that ends while it reads
 READING: Mapping[str, Any] = {"page_checksum_verification": True, "pre_buffer": False}
-SIZES = {
-    "fe": 4,
-    "verify": 4,
-    "three_dimensional": 2,
-}  # designs in a part: a stop loses some seconds
+SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs in a part, which takes some seconds
 LINKED, DRAWN, BROADCAST = 32, 512, 8192  # the same, analytic: with links or other questions, with stages, by arrays
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
 RETRIED = ("time limit", "crashed", "failed")  # statuses that may change in another run
