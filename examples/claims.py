@@ -27,7 +27,7 @@ from scipy.stats import binomtest, ks_2samp
 
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.large import at_every, at_pose, missed
+from flexfem.analytic.large import at_pose, linear_errors, with_pose_axis
 from flexfem.analytic.model import (
     CALIBRATED,
     DEFAULT_FORMULA,
@@ -326,7 +326,7 @@ def in_chunks(of: Side, ask: Callable[[Side], Array], step: int = 20) -> Array:
 
 def second_order(on: Pairs) -> Array:
     """Largest difference of exact and linear position over the workspace, per cent."""
-    return in_chunks(on.six, lambda of: 100 * missed(mechanism_of(of), AMPLITUDE, of.lever).position[:, None])
+    return in_chunks(on.six, lambda of: 100 * linear_errors(mechanism_of(of), AMPLITUDE, of.lever).position[:, None])
 
 
 def second_order_of_error(on: Pairs) -> Array:
@@ -334,7 +334,7 @@ def second_order_of_error(on: Pairs) -> Array:
 
     def ask(of: Side) -> Array:
         poses = np.concatenate([np.diag(AMPLITUDE), -np.diag(AMPLITUDE)])
-        more = at_pose(at_every(mechanism_of(of)), poses).load - apply(of.stiffness[:, None], poses)
+        more = at_pose(with_pose_axis(mechanism_of(of)), poses).load - apply(of.stiffness[:, None], poses)
         moved = apply(of.compliance[:, None], more)[..., np.arange(6), np.arange(6) % 3] / np.sum(poses, axis=-1)
         worst = np.max(np.abs(moved).reshape(-1, 2, 3), axis=1)
         return 100 * worst / np.abs(of.along / 100)
