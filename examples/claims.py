@@ -63,7 +63,7 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import error_bands, error_matrix, levels, solve_solid
 from flexfem.questions.budget import SOLID, thick_compliance
-from flexfem.questions.imposed import elements, imposed
+from flexfem.questions.imposed import commanded_hinges, elements, imposed
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -622,11 +622,11 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     for force in (10.0, 30.0):  # N, along every base neck: assumed
         pressed = inverse(inverse(C) + preload_stiffness(stage, force))
         yield f"base necks pressed with {force:g} N, which the model leaves out", error_matrix(K, pressed, lever)
-    for drive, what in (("joints", "joints"), ("strokes", "strokes")):
-        if drive == "joints" or stage.actuator:
-            given = imposed(stage, analyse(stage, mobility), drive)
-            driven = elements(stage, RESOLUTION, drive, mobility).response.compliance
-            yield f"{what} commanded instead of the platform", error_matrix(np.eye(3), given.poses(driven), lever)
+    for drive, hinges in (("joints", commanded_hinges(mobility)), ("strokes", ())):
+        if hinges or stage.actuator:
+            commanded = imposed(stage, analyse(stage, mobility), drive)
+            driven = elements(stage, RESOLUTION, hinges).response.compliance
+            yield f"{drive} commanded instead of the platform", error_matrix(np.eye(3), commanded.poses(driven), lever)
 
 
 def scattered(stage: Stage, K: Array) -> Array:
