@@ -324,7 +324,7 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
 
 
 def verified_quantiles(model: Model, solver: ElementSolver, values: Array) -> CouplingQuantiles | None:
-    """Return the coupling quantiles of a design (d,) under neck scatter, None if not requested. Raises ComputationFailed."""
+    """Return the coupling quantiles of a design (d,), None if they are not requested. Raises ComputationFailed."""
     scatter, required = model.scatter, model.loaded.requirements
     if scatter is None or required.tolerance is None:
         return None
