@@ -31,8 +31,8 @@ LOAD_STEPS = (1, 4, 16, 64)
 LARGEST_ROTATION = 0.1  # rad in one iteration; above it Newton may converge to another branch: the load is divided
 BUCKLED = 0.3  # rad, of a joint; above it the stacks have buckled the stage, or their forces are far too large
 ROUND_OFF = 1e-12  # relative to the largest singular value
-ONE = np.tile(np.eye(3), (3, 1))
-NONE = np.zeros(0)  # stiffness of no stacks
+TO_CHAINS = np.tile(np.eye(3), (3, 1))  # from the pose of the platform to those of the three chains
+NO_STACKS = np.zeros(0)  # their forces or stiffnesses
 
 
 class ChainStack(NamedTuple):
@@ -95,10 +95,10 @@ class Equilibrium(NamedTuple):
     G: Array
     J: Array
 
-    def stiffness(self, stacks: Array = NONE) -> Array:
+    def stiffness(self, stacks: Array = NO_STACKS) -> Array:
         """Return the tangent stiffness (..., 3, 3) of the platform; stacks (n,), N/mm, hold their strokes."""
         hessian, G = self.hessian + (self.J.T * stacks) @ self.J, self.G
-        K = ONE.T @ inverse(G @ np.linalg.solve(hessian, np.swapaxes(G, -1, -2))) @ ONE  # (16) to (18)
+        K = TO_CHAINS.T @ inverse(G @ np.linalg.solve(hessian, np.swapaxes(G, -1, -2))) @ TO_CHAINS  # (16) to (18)
         return np.asarray((K + np.swapaxes(K, -1, -2)) / 2)
 
     @property
@@ -153,7 +153,7 @@ def _paper_equilibrium(model: PaperModel, target: Array, hold: bool) -> Equilibr
     joints = Serial(0, tuple(chains), np.eye(root.shape[-1]))
     singular = np.asarray(np.isnan(stiffness(model).K_uu).any(axis=(-2, -1)))
     for steps in LOAD_STEPS:
-        equilibrium = _equilibrium(joints, NONE, target, hold, steps)
+        equilibrium = _equilibrium(joints, NO_STACKS, target, hold, steps)
         diverged = np.asarray(np.isnan(equilibrium.displacement).any(axis=-1) & ~singular)
         if not diverged.any():
             pose, load = (np.where(singular[..., None], np.nan, part) for part in equilibrium[:2])
@@ -182,13 +182,13 @@ def _equilibrium(joints: Serial, force: Array, target: Array, hold: bool, steps:
             at = joint_state(joints, q, w, share * force)
             M = np.zeros((*lead, r + 12, r + 12))
             M[..., :r, :r], M[..., :r, r:-3] = at.hessian, -np.swapaxes(at.G, -1, -2)
-            M[..., r:-3, :r], M[..., r:-3, -3:] = at.G, -ONE
+            M[..., r:-3, :r], M[..., r:-3, -3:] = at.G, -TO_CHAINS
             if hold:
                 M[..., -3:, -3:], last = np.eye(3), share * target - u
             else:
-                M[..., -3:, r:-3], last = ONE.T, share * target - w @ ONE
+                M[..., -3:, r:-3], last = TO_CHAINS.T, share * target - w @ TO_CHAINS
             first = share * force @ at.J + apply(np.swapaxes(at.G, -1, -2), w) - q
-            residual = np.concatenate([first, u @ ONE.T - at.pose, np.broadcast_to(last, (*lead, 3))], axis=-1)
+            residual = np.concatenate([first, u @ TO_CHAINS.T - at.pose, np.broadcast_to(last, (*lead, 3))], axis=-1)
             diverged |= ~np.isfinite(M).all(axis=(-2, -1))
             M = np.where(diverged[..., None, None], np.eye(r + 12), M)
             step = np.linalg.solve(M, np.where(diverged[..., None], 0.0, residual)[..., None])[..., 0]
@@ -203,7 +203,7 @@ def _equilibrium(joints: Serial, force: Array, target: Array, hold: bool, steps:
         diverged |= ~converged
     at = joint_state(joints, q, w, force)
     q[diverged] = np.nan
-    return Equilibrium(u, w @ ONE, q, at.hessian, at.G, at.J)
+    return Equilibrium(u, w @ TO_CHAINS, q, at.hessian, at.G, at.J)
 
 
 class JointState(NamedTuple):
