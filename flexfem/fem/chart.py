@@ -85,8 +85,8 @@ class SingleHinge(NamedTuple):
     @property
     def block(self) -> tuple[float, float]:
         """Height and length of a block, in radii."""
-        high = 2 + self.ratio + 2 * self.wall
-        return high, self.length * high or max(LENGTH * high, self.width * self.ratio)
+        height = 2 + self.ratio + 2 * self.wall
+        return height, self.length * height or max(LENGTH * height, self.width * self.ratio)
 
 
 class Extrapolation(NamedTuple):
@@ -108,7 +108,7 @@ def _mesh(hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: C
     the axis at 45 degrees. Along the arc they widen as the stress decays, angle = sqrt(t/R) sinh(w). Refined meshes
     subdivide the columns of one base grid evenly; every corner of the outline is a corner of the base grid.
     """
-    tau, wall, (high, length) = hinge.ratio, hinge.wall, hinge.block
+    tau, wall, (height, length) = hinge.ratio, hinge.wall, hinge.block
     spread, total = float(np.sqrt(tau)), sum(columns)
     end, first = float(np.arcsinh(np.pi / 2 / spread)), np.cumsum([0, *columns])
 
@@ -119,7 +119,7 @@ def _mesh(hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: C
         )
         angle, offset = spread * np.sinh(end * on_arc), along(on_edge)
         y = tau / 2 + 1 - np.cos(angle)
-        foot = np.sin(angle) + y * np.tan(angle / 2) + wall * on_wall + offset * (1 - high / 2 / length)
+        foot = np.sin(angle) + y * np.tan(angle / 2) + wall * on_wall + offset * (1 - height / 2 / length)
         x, y = np.sin(angle) + offset, y + wall * on_wall
         return np.stack([foot + (x - foot) * v, y * v], axis=-1)
 
@@ -139,13 +139,13 @@ def section_mesh(hinge: SingleHinge, refinement: int) -> StageMesh:
 
     Triangles of the block have straight sides, so that they represent the displacement of a beam exactly.
     """
-    tau, (high, length) = hinge.ratio, hinge.block
+    tau, (height, length) = hinge.ratio, hinge.block
     arc = max(LEAST_THICK_ARC, int(np.ceil(float(np.arcsinh(np.pi / 2 / np.sqrt(tau))) / tau**0.25)))
     rows = int(np.ceil(1.4 * tau**0.25))  # one suffices in a slender neck, whose stress is that of a beam
-    edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / high) / np.arcsinh(4)))
+    edge = int(np.ceil(THICK_EDGE * np.arcsinh(2 * length / height) / np.arcsinh(4)))
     columns = arc * refinement, 0, edge * refinement
-    mesh = _mesh(hinge, columns, refinement * rows, lambda s: widening(s, high / 2, length))
-    in_block = mesh.nodes.sum(axis=1) >= 1 + high / 2 - 1e-9 * length  # right of the column at the end of the arc
+    mesh = _mesh(hinge, columns, refinement * rows, lambda s: widening(s, height / 2, length))
+    in_block = mesh.nodes.sum(axis=1) >= 1 + height / 2 - 1e-9 * length  # right of the column at the end of the arc
     block = mesh.triangles[in_block[mesh.triangles[:, :3]].all(axis=1)]
     nodes = mesh.nodes.copy()
     nodes[block[:, 3:]] = (nodes[block[:, :3]] + nodes[block[:, [1, 2, 0]]]) / 2
@@ -160,15 +160,15 @@ def layers(hinge: SingleHinge, refinement: int) -> Layers:
 
 def _loads(mesh: StageMesh, block: tuple[float, float]) -> Array:
     """Return nodal forces (3, n, 2) on the end of the block for a unit moment, axial and shear force at the neck."""
-    high, length = block
+    height, length = block
 
     def bending(points: Array) -> Array:
-        return 12 * points[..., 1] / high**3
+        return 12 * points[..., 1] / height**3
 
     stresses = (
-        lambda at, _: np.stack([bending(at), 0 * at[..., 0]], axis=-1),
-        lambda at, _: np.broadcast_to([1 / high, 0.0], at.shape),
-        lambda at, _: np.stack([(1 + length) * bending(at), 1.5 / high * (1 - (2 * at[..., 1] / high) ** 2)], axis=-1),
+        lambda p, _: np.stack([bending(p), 0 * p[..., 0]], axis=-1),
+        lambda p, _: np.broadcast_to([1 / height, 0.0], p.shape),
+        lambda p, _: np.stack([(1 + length) * bending(p), 1.5 / height * (1 - (2 * p[..., 1] / height) ** 2)], axis=-1),
     )
     return np.array([edge_force(mesh, Plate(1.0, 0.0, 1.0), mesh.edges["right"], stress) for stress in stresses])
 
@@ -203,10 +203,10 @@ def compliance(hinge: SingleHinge, refinement: int = 0, mesh: StageMesh | None =
 
 def block_compliance(hinge: SingleHinge) -> Array:
     """Compliances (3,) of the two blocks as beams outside the notch, |x| > R, for loads at the centre of the neck."""
-    high, length = hinge.block
-    bending = 8 * ((1 + length) ** 3 - 1) / high**3  # 2 int x^2 dx/(E I)
-    shear = SHEAR_CORRECTION * 2 * (1 + hinge.poissons_ratio) * 2 * length / high
-    return np.array([24 * length / high**3, 2 * length / high, bending + shear])
+    height, length = hinge.block
+    bending = 8 * ((1 + length) ** 3 - 1) / height**3  # 2 int x^2 dx/(E I)
+    shear = SHEAR_CORRECTION * 2 * (1 + hinge.poissons_ratio) * 2 * length / height
+    return np.array([24 * length / height**3, 2 * length / height, bending + shear])
 
 
 def sample(hinge: SingleHinge, levels: Sequence[int] = LEVELS) -> Extrapolation:

@@ -138,7 +138,7 @@ def _draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], 
     """
     ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
     first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1)  # first end at the same point
-    points, between, curves = dict[int, int](), dict[tuple[int, int], int](), dict[int, DrawnCurve]()
+    points, drawn, curves = dict[int, int](), dict[tuple[int, int], int](), dict[int, DrawnCurve]()
     indices, loops = iter(first.reshape(ends.shape).tolist()), []
 
     def point(index: int) -> int:
@@ -150,15 +150,15 @@ def _draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], 
         tags = []
         for segment, label in zip(face.loop, face.labels, strict=True):
             start, end = map(point, next(indices))
-            if (end, start) in between:
-                tags.append(-between[end, start])
+            if (end, start) in drawn:
+                tags.append(-drawn[end, start])
             elif start != end:
                 if segment.centre is None:
                     tag = int(kernel.addLine(start, end))
                 else:
-                    middle = kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
-                    tag = int(kernel.addCircleArc(start, middle, end))
-                between[start, end], curves[tag] = tag, DrawnCurve(label, segment.centre)
+                    centre = kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
+                    tag = int(kernel.addCircleArc(start, centre, end))
+                drawn[start, end], curves[tag] = tag, DrawnCurve(label, segment.centre)
                 tags.append(tag)
         loops.append(int(kernel.addCurveLoop(tags)))
     return curves, loops
