@@ -33,7 +33,7 @@ from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
 from flexfem.questions.batch import Clock, elements, solved_design
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
-from flexfem.questions.life import repeated
+from flexfem.questions.life import cyclic_motion
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import (
     DRIFTS,
@@ -52,7 +52,7 @@ LEAST = 0.95  # of the numbers of a kind
 SETTLED = 0.5  # of a band, which extrapolation adds to the truth at most
 ROUND_OFF = 1e-8  # of the largest number of the kind: zero by symmetry
 ALONG_X = (True, False, False)
-REPEATED = repeated(np.array([0.05, 0.0, 0.0]), None, -1.0, 1e6)
+REPEATED = cyclic_motion(np.array([0.05, 0.0, 0.0]), None, -1.0, 1e6)
 COLUMNS = outputs_of("drive", "life", "drift", moved=ALONG_X)
 KINDS = {
     "drive range": DRIVE_RANGES,

@@ -28,7 +28,7 @@ from scipy.stats import binomtest, ks_2samp
 
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
-from flexfem.analytic.large import at_every, at_pose, missed
+from flexfem.analytic.large import at_pose, linear_errors, with_pose_axis
 from flexfem.analytic.model import (
     CALIBRATED,
     DEFAULT_FORMULA,
@@ -64,7 +64,7 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import error_bands, error_matrix, levels, solve_solid
 from flexfem.questions.budget import SOLID, thick_compliance
-from flexfem.questions.imposed import elements, imposed
+from flexfem.questions.imposed import commanded_hinges, elements, imposed
 from flexfem.questions.setup import solved as solve_stage
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -328,7 +328,7 @@ def in_chunks(of: Side, ask: Callable[[Side], Array], step: int = 20) -> Array:
 
 def second_order(on: Pairs) -> Array:
     """Largest difference of exact and linear position over the workspace, per cent."""
-    return in_chunks(on.six, lambda of: 100 * missed(mechanism_of(of), AMPLITUDE, of.lever).position[:, None])
+    return in_chunks(on.six, lambda of: 100 * linear_errors(mechanism_of(of), AMPLITUDE, of.lever).position[:, None])
 
 
 def second_order_of_error(on: Pairs) -> Array:
@@ -336,7 +336,7 @@ def second_order_of_error(on: Pairs) -> Array:
 
     def ask(of: Side) -> Array:
         poses = np.concatenate([np.diag(AMPLITUDE), -np.diag(AMPLITUDE)])
-        more = at_pose(at_every(mechanism_of(of)), poses).load - apply(of.stiffness[:, None], poses)
+        more = at_pose(with_pose_axis(mechanism_of(of)), poses).load - apply(of.stiffness[:, None], poses)
         moved = apply(of.compliance[:, None], more)[..., np.arange(6), np.arange(6) % 3] / np.sum(poses, axis=-1)
         worst = np.max(np.abs(moved).reshape(-1, 2, 3), axis=1)
         return 100 * worst / np.abs(of.along / 100)
@@ -627,11 +627,11 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     for force in (10.0, 30.0):  # N, along every base neck: assumed
         pressed = inverse(inverse(C) + preload_stiffness(stage, force))
         yield f"base necks pressed with {force:g} N, which the model leaves out", error_matrix(K, pressed, lever)
-    for drive, what in (("joints", "joints"), ("strokes", "strokes")):
-        if drive == "joints" or stage.actuator:
-            given = imposed(stage, analyse(stage, mobility), drive)
-            driven = elements(stage, RESOLUTION, drive, mobility).response.compliance
-            yield f"{what} commanded instead of the platform", error_matrix(np.eye(3), given.poses(driven), lever)
+    for drive, hinges in (("joints", commanded_hinges(mobility)), ("strokes", ())):
+        if hinges or stage.actuator:
+            commanded = imposed(stage, analyse(stage, mobility), drive)
+            driven = elements(stage, RESOLUTION, hinges).response.compliance
+            yield f"{drive} commanded instead of the platform", error_matrix(np.eye(3), commanded.poses(driven), lever)
 
 
 def scattered(stage: Stage, K: Array) -> Array:

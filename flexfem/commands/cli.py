@@ -1,10 +1,10 @@
 """The command line, made from the signatures and docstrings of the functions that `import flexfem` offers.
 
-A parameter `stage : Stage` is the argument STAGE, a file; parameters with a default, and the fields of those that are
-named tuples, are options, with the text of the docstring. A `Result` is printed as tables, or with `--json` as a
-document; with `--output` document, figure and fields are written. Modules are imported when their command is run.
+A parameter `stage : Stage` becomes the argument STAGE, a file; parameters with a default, and the fields of named
+tuples, become options, with their docstring as help. A `Result` is printed as tables, or with `--json` as a document;
+`--output` writes document, figure and fields. A command imports its modules when it runs.
 
-Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n stopped by signal n, of which a closed pipe is one.
+Exit 0 done, 1 a check or a computation failed, 2 bad input, 128 + n stopped by signal n, for example by a closed pipe.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from typer.core import TyperCommand, TyperGroup
 import flexfem
 from flexfem import terminal as streams
 from flexfem.commands import study
-from flexfem.commands.console import Json, Wanted, show, usable
+from flexfem.commands.console import Json, OutputFolder, show, usable
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest, use_own
@@ -43,7 +43,7 @@ GROUPS = {
     "Pass on": ("export", "mesh", "report", "schema"),
     "Check and trust": ("regression", "baseline"),
 }
-RENAMED = {  # old names of commands, and what they are called now
+RENAMED = {  # old names of commands, with their replacements
     "solve": "flexfem stiffness --models elements",
     "command": "flexfem drive",
     "workspace": "flexfem large, or flexfem reach for the poses of the drive",
@@ -51,71 +51,71 @@ RENAMED = {  # old names of commands, and what they are called now
     "benchmark": "make validation",
     "cross-check": "make validation",
 }
-OWN = ("study", "design")  # commands with code of their own
-MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in OWN}  # the functions
+HAND_WRITTEN = ("study", "design")  # the other commands are made from the functions in MADE
+MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in HAND_WRITTEN}
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
-OF_PYTHON = ("progress", "law")  # parameters that are no options
+PYTHON_ONLY = ("progress", "law")  # parameters without an option
 TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
 STAGE = {"stage": "Stage file, see flexfem schema stage."}
-USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer has a click of its own, or the installed one
-CLOSED_PIPE = 141  # 128 and the number of SIGPIPE, as programs end that do not take that signal
+USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer bundles click, or uses the installed one
+CLOSED_PIPE = 141  # 128 + SIGPIPE, the exit code of a program that does not handle that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
 
 
 class Commands(TyperGroup):
-    """The commands in sections, each built when it is run."""
+    """The commands in sections, each built when it is called."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse a name behind the options of completion, which are of the shell in which they are run."""
+        """Refuse arguments after the completion options, which apply to the current shell."""
         if args and args[0] in ("--install-completion", "--show-completion") and args[1:]:
             ctx.fail(f"{args[0]} {args[1]}: expected nothing behind it, it is of the shell in which it is run")
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """All names in the order of their sections."""
+        """Return all names in the order of the sections."""
         return [name for group in GROUPS.values() for name in group]
 
     def get_command(self, ctx: Any, name: str) -> Any:
-        """The command of a name."""
+        """Return the command with a name."""
         return command(name) if name in MADE else super().get_command(ctx, name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that the arguments begin with; an unknown one is refused with the nearest names."""
+        """Return the command named by the first argument; refuse an unknown one with similar names."""
         known = self.list_commands(ctx)
         if args and args[0] in RENAMED:
             ctx.fail(f"{args[0]}: this command is now: {RENAMED[args[0]]}")
         if args and args[0] not in known:
-            near = " or ".join(f"'{each}'" for each in get_close_matches(args[0], known))
-            ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {near}?' if near else ''}")
+            similar = " or ".join(f"'{name}'" for name in get_close_matches(args[0], known))
+            ctx.fail(f"No such command '{args[0]}'.{f' Did you mean {similar}?' if similar else ''}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the sections, each command with its first sentence."""
+        """Write the sections, each command with a summary."""
         for title, group in GROUPS.items():
             with formatter.section(title):
                 formatter.write_dl([(name, self._summary(name)) for name in group])
 
     def _summary(self, name: str) -> str:
-        """The first line of a command's docstring, read without importing its module."""
-        if name in OWN:
+        """Return the first sentence of a command's docstring, read without an import of its module."""
+        if name in HAND_WRITTEN:
             return str(self.commands[name].get_short_help_str(400))
         function = MADE[name]
         source = (Path(__file__).parents[1] / f"{flexfem.home_of(function).replace('.', '/')}.py").read_text()
-        first = rf'^def {function}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
-        found = re.search(first, source, re.DOTALL | re.MULTILINE)
+        pattern = rf'^def {function}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
+        found = re.search(pattern, source, re.DOTALL | re.MULTILINE)
         return " ".join(found[1].split()) if found else ""
 
 
 class Command(TyperCommand):
-    """A command whose options of several whole numbers take them behind one flag: --resolutions 4 6 8."""
+    """A command whose integer list options take several numbers after one flag: --resolutions 4 6 8."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Repeat the flag before every further number."""
-        flags, spread = {flag for each in self.params if each.multiple for flag in each.opts}, list[str]()
-        for each in args:
-            spread += [spread[-2]] if each.isdigit() and spread[-2:-1] and spread[-2] in flags else []
-            spread.append(each)
-        return super().parse_args(ctx, spread)
+        flags, repeated = {flag for option in self.params if option.multiple for flag in option.opts}, list[str]()
+        for arg in args:
+            repeated += [repeated[-2]] if arg.isdigit() and repeated[-2:-1] and repeated[-2] in flags else []
+            repeated.append(arg)
+        return super().parse_args(ctx, repeated)
 
 
 app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
@@ -125,12 +125,12 @@ app.add_typer(study.app, name="study")
 @app.command()
 def design(
     requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
-    output: Wanted = None,
+    output: OutputFolder = None,
     workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="For finite elements; 1 is this process.")] = 1,
     json: Json = False,
 ) -> None:
     """Find the best stage that meets requirements, and check it by finite elements; exit code 1 where none does."""
-    os.environ.update(ONE_THREAD)  # before numpy is loaded: threads change last bits
+    os.environ.update(ONE_THREAD)  # before the import of numpy: threads change the last bits of results
     from flexfem.design.run import run_design
 
     began = time.monotonic()
@@ -147,18 +147,18 @@ def design(
 
 
 def command(name: str) -> Any:
-    """The command of a function that `flexfem` offers."""
+    """Return the command of a function that `flexfem` offers."""
     function = getattr(flexfem, MADE[name])
-    made = typer.Typer(add_completion=False, rich_markup_mode=None)
-    made.command(name, cls=Command, help=_about(function.__doc__))(_runner(name, function))
-    return typer.main.get_command(made)
+    single = typer.Typer(add_completion=False, rich_markup_mode=None)
+    single.command(name, cls=Command, help=_description(function.__doc__))(_runner(name, function))
+    return typer.main.get_command(single)
 
 
 def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
-    """A function with the options of a command as its signature, which runs it and shows what it gives."""
+    """Return a function that calls another one and shows its result; its signature holds the options of the command."""
     options = [*_options(function), _parameter("json", Json, False)]
-    if hasattr(get_type_hints(function)["return"], "quantities"):  # a result; others write nothing, or themselves
-        options.append(_parameter("output", Wanted, None))
+    if hasattr(get_type_hints(function)["return"], "quantities"):  # a result; other functions have their own output
+        options.append(_parameter("output", OutputFolder, None))
 
     def run(**given: Any) -> None:
         from flexfem.results import Result
@@ -171,31 +171,31 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
             raise typer.Exit(1)
 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
-    run.__annotations__ = {each.name: each.annotation for each in options}
+    run.__annotations__ = {option.name: option.annotation for option in options}
     return run
 
 
 def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
-    """Arguments and options of a function: those of its parameters, and of the fields of named tuples."""
+    """Yield the arguments and options of a function, from its parameters and the fields of named tuples."""
     hints, texts = get_type_hints(function), parameters(function.__doc__) | STAGE
-    for name, one in inspect.signature(function).parameters.items():
-        hint = hints[name] if one.kind is one.VAR_POSITIONAL else TYPES.get(name, hints[name])
-        if name in OF_PYTHON:
+    for name, parameter in inspect.signature(function).parameters.items():
+        several, default = parameter.kind is parameter.VAR_POSITIONAL, parameter.default
+        hint = hints[name] if several else TYPES.get(name, hints[name])
+        if name in PYTHON_ONLY:
             continue
         if hasattr(hint, "_fields"):
             fields = parameters(hint.__doc__)
             for field, annotation in get_type_hints(hint).items():
                 yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
         elif name == "output":
-            callback = usable if one.default is None else None
-            option = typer.Option("--output", "-o", callback=callback, help=texts[name])
-            yield _parameter(name, Annotated[hint, option], one.default)
-        elif one.kind is one.KEYWORD_ONLY:
-            yield _parameter(name, _option(name, hint, texts[name]), one.default)
+            option = typer.Option("--output", "-o", callback=usable if default is None else None, help=texts[name])
+            yield _parameter(name, Annotated[hint, option], default)
+        elif parameter.kind is parameter.KEYWORD_ONLY:
+            yield _parameter(name, _option(name, hint, texts[name]), default)
         else:
-            hint = list[hint] if one.kind is one.VAR_POSITIONAL else hint  # type: ignore[valid-type]
+            hint = list[hint] if several else hint  # type: ignore[valid-type]
             metavar = name.upper() + "..." * (get_origin(hint) is list)
-            yield _parameter(name, Annotated[hint, typer.Argument(help=texts[name], metavar=metavar)], one.default)
+            yield _parameter(name, Annotated[hint, typer.Argument(help=texts[name], metavar=metavar)], default)
 
 
 def _option(name: str, hint: Any, text: str) -> Any:
@@ -207,7 +207,7 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 
 def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
-    """What a function gives for the options of its command, and the stem of the files for it."""
+    """Call a function with the options of its command; return its result and the stem of its files."""
     from flexfem.mechanism.stage import load_feasible
 
     hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
@@ -219,16 +219,16 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
         elif parameter.kind is parameter.VAR_POSITIONAL:
             positional = given[parameter.name]
-        elif parameter.name not in OF_PYTHON:
+        elif parameter.name not in PYTHON_ONLY:
             arguments[parameter.name] = given[parameter.name]
     with streams.working(name) if "progress" in hints else nullcontext() as say:
         return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
 
 
 def write(found: Any, path: Path) -> list[Path]:
-    """Write the document of a result, its figures and its fields beside it; returns the paths.
+    """Write the document, the figures and the fields of a result; return the paths.
 
-    Raises BadInput when the folder takes no file, or a file that the command has read would be replaced.
+    Raises BadInput when the folder is not writable, or when an input file of the command would be replaced.
     """
     from flexfem.files.writing import check_name
 
@@ -239,27 +239,27 @@ def write(found: Any, path: Path) -> list[Path]:
         from flexfem.plot import figures_of
         from flexfem.plot.write import write_beside
 
-        for ending, one in figures_of(found).items():
-            beside = path.with_name(f"{path.stem}{ending}{path.suffix}")
-            paths += one(beside) if callable(one) else write_beside(beside, one)
+        for ending, figure in figures_of(found).items():
+            target = path.with_name(f"{path.stem}{ending}{path.suffix}")
+            paths += figure(target) if callable(figure) else write_beside(target, figure)
     return paths + (found.fields.write(path) if hasattr(found.fields, "write") else [])
 
 
 def parameters(doc: str | None) -> dict[str, str]:
-    """The parameters of a numpydoc docstring with their texts."""
+    """Return the parameters of a numpydoc docstring with their texts."""
     text = inspect.cleandoc(doc or "")
     section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-+$|\Z)", text, re.DOTALL | re.MULTILINE)
     parts = re.split(r"^\*?(\w+) : [^\n]*$", section[1] if section else "", flags=re.MULTILINE)
     return {name: " ".join(text.split()) for name, text in zip(parts[1::2], parts[2::2], strict=True)}
 
 
-def _about(doc: str | None) -> str:
-    """The text of a docstring before its first section."""
+def _description(doc: str | None) -> str:
+    """Return the text of a docstring before its first section."""
     return re.split(r"^\w[^\n]*\n-+$", inspect.cleandoc(doc or ""), maxsplit=1, flags=re.MULTILINE)[0].strip()
 
 
-def _print_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(requested: bool) -> None:
+    if requested:
         print(f"flexfem {flexfem.__version__}")
         raise typer.Exit
 
@@ -274,21 +274,21 @@ def _common(
         typer.Option("--with", metavar="FILE", help="Python file, run to register formulas and materials."),
     ] = None,
 ) -> None:
-    manifest()  # before what computes is loaded
+    manifest()  # before the import of modules that compute
     if formulas is not None:
         use_own(formulas)
 
 
 def main() -> None:
-    """Run the command line; whatever goes wrong is one line on standard error."""
+    """Run the command line; any error is one line on standard error."""
     streams.open_streams()
-    os.environ["PYTHONSAFEPATH"] = "1"  # no Python started from here looks into the current folder
-    os.environ.update(ONE_THREAD | os.environ)  # matrices are small: threads that wait take up to twice the time
+    os.environ["PYTHONSAFEPATH"] = "1"  # child processes must not import from the current folder
+    os.environ.update(ONE_THREAD | os.environ)  # matrices are small: waiting threads take up to twice the time
     code, text = 130, streams.Stopped.said
     with streams.plain_streams(), noted():
         with suppress(KeyboardInterrupt), streams.stoppable() as stops:
             code, text = _run()
-        if stops:  # whatever libraries have made of it
+        if stops:  # libraries may have replaced the exception
             code, text = stops[0].code, stops[0].said
         if text:
             print(f"flexfem: {text}", file=sys.stderr)
@@ -297,17 +297,17 @@ def main() -> None:
 
 
 def _run() -> tuple[int, str]:
-    """Exit code of the command, and what there is to say of it."""
+    """Run the command; return its exit code, and its error message if any."""
     try:
         try:
             return int(app(prog_name="flexfem", standalone_mode=False) or 0), ""
         except SystemExit as stop:
-            if isinstance(stop.__context__, BrokenPipeError):  # as libraries end then
+            if isinstance(stop.__context__, BrokenPipeError):  # libraries exit after it
                 raise stop.__context__ from None
             raised = streams.deepest(stop)
             if raised is not None and raised.tb_frame.f_code.co_filename.startswith(os.path.dirname(typer.__file__)):
                 return int(stop.code or 0), ""  # completion of a shell
-            return 1, streams.reason_of(stop)  # of the user's own code: no command ends so
+            return 1, streams.reason_of(stop)  # raised by the user's own code: no command raises it
         except USAGE_ERROR as error:
             return 2, _usage(error)
         finally:
@@ -317,23 +317,23 @@ def _run() -> tuple[int, str]:
         return 2, str(refusal)
     except (ComputationFailed, SourcesChanged) as failure:
         return 1, str(failure)
-    except BrokenPipeError:  # the reader, such as head, has seen enough
+    except BrokenPipeError:  # the reader, such as head, has ended
         streams.discard(sys.stdout)
         return CLOSED_PIPE, ""
-    except OSError as error:  # a full disk, a closed output: what is still held cannot be written either
+    except OSError as error:  # a full disk or a closed output: the buffer cannot be written either
         streams.discard(sys.stdout)
         return 1, streams.reason_of(error)
-    except Exception as error:  # whatever nobody has foreseen, libraries' errors too, is one line and exit code 1
+    except Exception as error:  # unforeseen errors, those of libraries included
         if os.environ.get("FLEXFEM_TRACEBACK"):
             raise
         return 1, streams.reason_of(error)
 
 
 def _usage(error: Any) -> str:
-    """One line on an unknown option or command, a missing argument; a command without any shows its help instead."""
+    """Return a usage error as one line; for a command without arguments show its help instead."""
     if type(error).__name__ == "NoArgsIsHelpError":
         error.show()
         return ""
-    said = " ".join(error.format_message().split()).removesuffix(".")
-    help_of = f" (see {error.ctx.command_path} --help)" if error.ctx is not None else ""
-    return f"{said[:1].lower()}{said[1:]}{help_of}"
+    message = " ".join(error.format_message().split()).removesuffix(".")
+    hint = f" (see {error.ctx.command_path} --help)" if error.ctx is not None else ""
+    return f"{message[:1].lower()}{message[1:]}{hint}"

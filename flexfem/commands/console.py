@@ -1,4 +1,4 @@
-"""How commands print: the options that they share, documents for machines, tables and lines for people."""
+"""Shared options of commands, and their output: JSON for machines, tables and lines for people."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def usable(folder: Path | None) -> Path | None:
-    """Refuse an output folder before anything is computed for it."""
+    """Refuse an output folder that is not writable, before any computation."""
     if folder is not None:
         from flexfem.files.writing import check_folder
 
@@ -27,19 +27,19 @@ def usable(folder: Path | None) -> Path | None:
 
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for what is written.")
-Wanted = Annotated[Path | None, OUTPUT]
+OutputFolder = Annotated[Path | None, OUTPUT]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
 
 
 def plain(value: Any) -> Any:
-    """Results, records, named tuples, paths and arrays as plain data; a number that is not finite is None."""
+    """Convert results, records, named tuples, paths and arrays to plain data; non-finite numbers become None."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
     if hasattr(value, "model_dump"):
         return value.model_dump(mode="json")
     if hasattr(value, "_asdict"):
-        said = [name for name, part in vars(type(value)).items() if isinstance(part, property)]
-        value = value._asdict() | {name: getattr(value, name) for name in said}
+        properties = [name for name, part in vars(type(value)).items() if isinstance(part, property)]
+        value = value._asdict() | {name: getattr(value, name) for name in properties}
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, dict):
@@ -52,29 +52,29 @@ def plain(value: Any) -> Any:
 
 
 def show(found: Any, as_json: bool, say: Callable[[Any], None] | None = None) -> None:
-    """Print what a command found as JSON, or for people by a function, by default that for its type."""
+    """Print the result of a command as JSON, or by the function `say`, by default as tables and lines."""
     if as_json:
         print(json.dumps(plain(found), indent=1, allow_nan=False))
     elif say is not None:
         say(found)
     else:
-        for each in found if isinstance(found, list) else [found]:
-            _print(each)
+        for result in found if isinstance(found, list) else [found]:
+            _print(result)
 
 
 def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
-    """Print the files written."""
+    """Print the paths of the written files."""
     show({"written": [str(path) for path in paths], **others}, as_json, lambda data: print(*data["written"], sep="\n"))
 
 
 def _print(found: Any) -> None:
-    """Print a result, a named tuple or a text, then warnings and how many numbers are in doubt."""
+    """Print a result, a named tuple or a text, then its warnings and the counts of assumptions."""
     from rich.console import Console
 
     from flexfem.mechanism.stage_file import assumptions_said
     from flexfem.results import record_parts
 
-    terminal = sys.stdout is not None and sys.stdout.isatty()  # else wide: no table is folded in a file
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file tables must not be folded
     out = Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
     if hasattr(found, "tables"):
         out.print(found.heading())
@@ -86,7 +86,7 @@ def _print(found: Any) -> None:
         for title, text in facts:
             out.print(f"{title}:{text}" if text.startswith("\n") else f"{title}: {text}")
         _print_tables(out, tables)
-    else:  # files written, or what says itself
+    else:
         out.print(str(found))
     assumptions = getattr(found, "about", found)
     for text in getattr(found, "warnings", []):
@@ -96,13 +96,13 @@ def _print(found: Any) -> None:
 
 
 def _print_tables(out: Console, tables: Iterable[TextTable]) -> None:
-    """Print tables without lines, each below its caption."""
+    """Print tables without rules, each below its caption."""
     from rich.table import Table
 
-    for each in tables:
-        made = Table(*each.head, box=None, padding=(0, 2, 0, 0), show_header=any(each.head))
-        for row in each.rows:
-            made.add_row(*row)
-        if each.caption:
-            out.print(f"{each.caption}:")
-        out.print(made)
+    for content in tables:
+        table = Table(*content.head, box=None, padding=(0, 2, 0, 0), show_header=any(content.head))
+        for row in content.rows:
+            table.add_row(*row)
+        if content.caption:
+            out.print(f"{content.caption}:")
+        out.print(table)

@@ -1,4 +1,4 @@
-"""Where the program begins: Ctrl-C ends it in one line also while the command line itself is loaded."""
+"""Entry point of the program: Ctrl-C ends it with one line even during the import of the command line."""
 
 import os
 import signal
@@ -6,12 +6,12 @@ from types import FrameType
 
 
 def _end(number: int, frame: FrameType | None) -> None:
-    """End at once: nothing is open or begun yet."""
+    """Exit at once: there is nothing to clean up yet."""
     os.write(2, b"flexfem: stopped\n")
     os._exit(128 + number)
 
 
-if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not where it is ignored, as in the background
+if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # a background job ignores the signal
     signal.signal(signal.SIGINT, _end)
 
 from flexfem.commands.cli import main  # noqa: E402

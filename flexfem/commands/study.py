@@ -45,22 +45,21 @@ def run(
 
     share = studies.shard_of(shard)
     parts = studies.parts_of(study, output)
-    _warn(parts.factor_warnings)  # before a run that may take days; not again after it
+    _warn(parts.factor_warnings)  # before a run that may take days, and not again after it
     with _resumable(parts) as watch:
         studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in parts.factor_warnings]
     where = [] if output == REPORTS else ["--output", str(output)]
-    wanted = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
-    following = shlex.join(["flexfem", "study", *wanted, facts["file"], *where])
-    facts |= {"shard": shard, "next": following}
+    command = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
+    facts |= {"shard": shard, "next": shlex.join(["flexfem", "study", *command, facts["file"], *where])}
     show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
     raise typer.Exit(1 if facts["open"] or (facts["failed"] and not facts["ok"]) else 0)
 
 
 @contextmanager
 def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
-    """Show on standard error how far a run is; a stop says what is kept."""
+    """Show the progress of a run on standard error; a stop reports the designs that are kept."""
     began = time.monotonic()
     latest: list[Progress] = []
     try:
@@ -78,7 +77,7 @@ def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
 
 
 def progress_line(step: Progress, seconds: float) -> str:
-    """One line on a run that has gone on for `seconds`: done, rate, time left, failed."""
+    """Return one line on a run after `seconds`: designs done, rate, time left, failures."""
     from flexfem.study.run import RETRIED
 
     done = step.counts.total()
@@ -111,7 +110,7 @@ def status(
 
 
 def print_status(facts: dict[str, Any]) -> None:
-    """Print what `study run` and `study status` found."""
+    """Print the state of a study for `study run` and `study status`."""
     from flexfem.mechanism.stage_file import assumptions_said
 
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
@@ -145,11 +144,11 @@ def clean(
     """Remove parts of other inputs or versions than the study has now; nothing else."""
     from flexfem import studies
 
-    def say(facts: dict[str, Any]) -> None:
-        said = "removed" if facts["removed"] else "nothing removed"
-        print(f"{facts['stale']:,} parts of other inputs or versions, {facts['bytes'] / 1e6:.3g} MB: {said}")
+    def print_removed(facts: dict[str, Any]) -> None:
+        removed = "removed" if facts["removed"] else "nothing removed"
+        print(f"{facts['stale']:,} parts of other inputs or versions, {facts['bytes'] / 1e6:.3g} MB: {removed}")
 
-    show(studies.clean_study(study, output, dry_run), json, say)
+    show(studies.clean_study(study, output, dry_run), json, print_removed)
 
 
 @app.command()
@@ -163,8 +162,8 @@ def collect(
     """Join what is done to one table, design after design."""
     from flexfem import studies
 
-    made = studies.collect_study(study, output, to, partial)
-    show_written([made.path], json, designs=made.designs, open=made.open)
+    table = studies.collect_study(study, output, to, partial)
+    show_written([table.path], json, designs=table.designs, open=table.open)
 
 
 @app.command()
@@ -177,10 +176,10 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     table, source, found = studies.study_findings(study, output, partial)
     written = write_study_figures(found, table.path.parent)
     warnings = [*source.factor_warnings, *source.table.warnings]
-    shown = {name: studies.facts_of(one) for name, one in found.items()}
-    show_written([table.path, *written], json, warnings=warnings, findings=shown)
+    findings = {name: studies.facts_of(finding) for name, finding in found.items()}
+    show_written([table.path, *written], json, warnings=warnings, findings=findings)
     _warn(warnings)
-    refused = {name: one.reason for name, one in found.items() if isinstance(one, Refused)}
+    refused = {name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)}
     for name, reason in refused.items():
         _note(f"{name} is not drawn: {reason}")
     raise typer.Exit(1 if refused else 0)

@@ -156,7 +156,7 @@ class Model:
         """Scatter of the nine necks if a coupling under tolerance is requested, else None."""
         requirements = self.loaded.requirements
         tolerance = requirements.tolerance if requirements.used & {*SCATTERED} else None
-        return NeckScatter.of(tolerance, requirements.seed) if tolerance else None
+        return NeckScatter.drawn(tolerance, requirements.seed) if tolerance else None
 
     def evaluate(self, values: Array) -> Array:
         """Return the quantities (n, q) of designs (n, d) in file units, objectives first; nan without a solution."""

@@ -19,7 +19,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.design.model import MISSED, REFUSED_MERIT, Correction, Model, Say, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
-from flexfem.design.scatter import ScatteredStages, stated
+from flexfem.design.scatter import CouplingQuantiles, coupling_quantiles
 from flexfem.design.search import BestDesign, optimum
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import digest, write_atomically
@@ -150,7 +150,7 @@ class ElementSolver:
         return _with_changes(self.loaded.study, changes)
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
-        """Return the rows of outputs of the tasks, those in the store without a solution."""
+        """Return the rows of outputs of the tasks; tasks with a stored result are not solved again."""
         inputs = {id(task): [part.model_dump(mode="json") for part in (task[0].study, task[1])] for task in tasks}
         self._counted |= {digest(plain) for plain in inputs.values()}
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._counted)
@@ -190,7 +190,7 @@ class Proof(NamedTuple):
     gap: float
     corrections: Mapping[str, Correction]
     columns: dict[str, float]
-    scattered: ScatteredStages | None
+    scattered: CouplingQuantiles | None
 
 
 class Proposal(NamedTuple):
@@ -276,7 +276,7 @@ def inputs_of(model: Model) -> list[Any]:
 
 def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
     """Verify a design (d,) by finite elements, and find the corrections that make the model agree with them there."""
-    by_mesh, scattered = solver.solve(values), scattered_stages(model, solver, values)
+    by_mesh, scattered = solver.solve(values), verified_quantiles(model, solver, values)
     analytic = {name: float(column[0]) for name, column in model.columns(values[None])[0].items()}
     solved_columns = by_mesh[-1] | ({} if scattered is None else named(scattered.elements[-1]))
     columns = analytic | solved_columns
@@ -323,8 +323,8 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
     )
 
 
-def scattered_stages(model: Model, solver: ElementSolver, values: Array) -> ScatteredStages | None:
-    """Return couplings of a design (d,) under neck scatter, None if none is requested. Raises ComputationFailed."""
+def verified_quantiles(model: Model, solver: ElementSolver, values: Array) -> CouplingQuantiles | None:
+    """Return the coupling quantiles of a design (d,), None if they are not requested. Raises ComputationFailed."""
     scatter, required = model.scatter, model.loaded.requirements
     if scatter is None or required.tolerance is None:
         return None
@@ -333,7 +333,7 @@ def scattered_stages(model: Model, solver: ElementSolver, values: Array) -> Scat
     model.counts["analytic with scattered necks"] += others.shape[-1]
     checked = 0 if model.loaded.solid else required.tolerance.checked
     by_mesh = solver.solve_scattered(values, scatter.others[:checked]) if checked else []
-    return stated(scatter.quantiles(*design)[0], others, by_mesh)
+    return coupling_quantiles(scatter.quantiles(*design)[0], others, by_mesh)
 
 
 def named(couplings: Array) -> dict[str, float]:

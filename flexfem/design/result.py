@@ -47,12 +47,12 @@ class Stated(Record):
         """The unit of a column or key; none of an expression of several."""
         return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
 
-    def headed(self, plain: bool = False) -> str:
+    def label_with_unit(self, plain: bool = False) -> str:
         """Return the label with its unit, if any, in brackets; `plain` for terminals."""
         unit = self.unit.label(plain)
         return f"{self.label} ({unit})" if unit else self.label
 
-    def said(self, plain: bool = False) -> str:
+    def formatted(self, plain: bool = False) -> str:
         """Return value, band and unit as text, with the part of sampling in the band."""
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
@@ -84,7 +84,7 @@ class Requirement(Stated):
     tightened_percent: float = 0.0
 
     @property
-    def wanted(self) -> str:
+    def limits(self) -> str:
         """Its ends as text, without unit."""
         ends = (("at least", self.at_least), ("at most", self.at_most))
         return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
@@ -225,7 +225,7 @@ class Designed(Record):
 
         limit, check = "limits the objective", ["checked by", "model by itself"]
         labels = {each.name: each.label for each in (*self.requirements, *self.objectives)}
-        objectives = [goal.headed(plain) for goal in self.objectives]
+        objectives = [goal.label_with_unit(plain) for goal in self.objectives]
         add(
             "design", "Dimensions of the design",
             ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"],
@@ -234,13 +234,13 @@ class Designed(Record):
         )  # fmt: skip
         add(
             "design", "Objectives", ["objective", "value", "better", *check],
-            ([goal.label, goal.said(plain), goal.better, goal.checked_by, f"{goal.uncorrected:.6g}"]
+            ([goal.label, goal.formatted(plain), goal.better, goal.checked_by, f"{goal.uncorrected:.6g}"]
              for goal in self.objectives),
         )  # fmt: skip
         add(
             "requirements", "Requirements with their margins",
             ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *check],
-            ([r.label, r.wanted, r.said(plain), r.verdict,
+            ([r.label, r.limits, r.formatted(plain), r.verdict,
               f"{r.margin_percent:.3g}" + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
               limit * r.active, r.checked_by, f"{r.uncorrected:.6g}"] for r in self.requirements),
         )  # fmt: skip

@@ -49,7 +49,7 @@ class NeckScatter:
 
     @classmethod
     @lru_cache(maxsize=1)
-    def of(cls, tolerance: Tolerance, seed: int) -> NeckScatter:
+    def drawn(cls, tolerance: Tolerance, seed: int) -> NeckScatter:
         """Draw both, once for all searches of a design."""
         return cls(deviations(tolerance, tolerance.stages, seed), deviations(tolerance, OTHERS, (seed + 1) % 2**63))
 
@@ -99,7 +99,7 @@ class NeckScatter:
         return np.ascontiguousarray(parts.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 
 
-class ScatteredStages(NamedTuple):
+class CouplingQuantiles(NamedTuple):
     """Quantiles (4,) of the couplings of a design, in the order of `requirements.SCATTERED`.
 
     `searched` is over the stages of the search, `others` over the other stages, from `low` to `high` the 95 % interval;
@@ -126,7 +126,7 @@ class ScatteredStages(NamedTuple):
         return np.asarray(half * self.factors[-1] + self.misfit)
 
 
-def stated(searched: Array, couplings: Array, checked: list[Array]) -> ScatteredStages:
+def coupling_quantiles(searched: Array, couplings: Array, checked: list[Array]) -> CouplingQuantiles:
     """Return the quantiles of the couplings (3, stages) of the other stages by the model.
 
     `checked` holds the couplings of the first stages by finite elements on each mesh; `searched` (4,) the quantiles
@@ -148,7 +148,7 @@ def stated(searched: Array, couplings: Array, checked: list[Array]) -> Scattered
         factors.append(np.sum(elements * model, axis=-1) / np.sum(model**2, axis=-1))
         misfit = np.max(np.abs(elements - factors[-1][:, None] * model), axis=-1)
     interval = ordered[..., low - 1], ordered[..., high]
-    return ScatteredStages(searched, _quantiles(couplings), *interval, np.array(factors[1:] or factors), misfit)
+    return CouplingQuantiles(searched, _quantiles(couplings), *interval, np.array(factors[1:] or factors), misfit)
 
 
 def _sizes(couplings: Array) -> Array:

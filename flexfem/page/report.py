@@ -143,13 +143,13 @@ def report(
     subject = _subject(paths, names, amplitude, studies_folder)
     require_unread(target)  # stages, studies and materials are read by now
     assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers behind this page ")
-    made = []
+    page_sections = []
     for name, make in subject.parts:
         if progress is not None:
             progress(name)
-        made.append(make())
+        page_sections.append(make())
     content = html_of(
-        made,
+        page_sections,
         title=subject.title,
         subtitle=f"{subject.kind}: {', '.join(map(str, paths))}",
         assumptions=f"{'; '.join(assumptions)}. They are listed under “{PROVENANCE}”." if assumptions else "",
@@ -158,7 +158,7 @@ def report(
         versions=versions(),
     ).encode(errors="backslashreplace")  # file names need not be UTF-8
     write_atomically(target, lambda file: file.write(content))
-    return PageReport(str(target), len(content), [part.title for part in made], subject.assumed, subject.not_stated)
+    return PageReport(str(target), len(content), [s.title for s in page_sections], subject.assumed, subject.not_stated)
 
 
 def command_line(
@@ -179,7 +179,7 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     *results : Path
         Results of verify or design, as JSON.
     output : Path
-        Folder for the files.
+        Folder for what is written.
     displacement : bool
         Show displacements in the commanded direction, errors across.
 

@@ -38,7 +38,7 @@ def design_figure(found: Designed) -> Figure:
     state = "every requirement is met" if found.feasible else "not every requirement is met"
     evaluations = ", ".join(f"{n:,} by {name}" for name, n in found.evaluations.items() if name != "drawn")
     lines = [
-        "; ".join(f"{goal.label}: {goal.said()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
+        "; ".join(f"{goal.label}: {goal.formatted()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
         "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
         f"Evaluations: {evaluations}. Seed {found.seed}. Corrected model and finite elements differ by at most "
         f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
@@ -92,7 +92,7 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
     if best:
         ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label="best that meets all")
         ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="finite elements, in the end")
-        ax.set_ylabel(wrapped(goal.headed(), 3.2, 9.0))
+        ax.set_ylabel(wrapped(goal.label_with_unit(), 3.2, 9.0))
         ax.legend(framealpha=0.8, edgecolor="none")
     else:
         missed = [(step.evaluations, 100 * step.missed) for step in found.history]
@@ -119,7 +119,7 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
         style.ring(ax, value, str(number), INK if point.met else COLOURS[1])
     ax.plot(*(goal.value for goal in found.objectives), "o", color="none", markeredgecolor=INK, markersize=17,
             label="the design")  # fmt: skip
-    first, second = (f"{goal.headed()}, the {goal.better} the better" for goal in found.objectives)
+    first, second = (f"{goal.label_with_unit()}, the {goal.better} the better" for goal in found.objectives)
     ax.set(xlabel=wrapped(first, 3.0, 9.5), ylabel=wrapped(second, 3.2, 9.5))
     ax.margins(0.1)
     ax.grid()
@@ -160,7 +160,7 @@ def sensitivity_figure(found: Designed) -> Figure:
     for k, (ax, quantity) in enumerate(zip(axes, quantities, strict=True)):
         plot_sensitivity(ax, found, quantity.name)
         target = [f"the {quantity.better} the better"] if isinstance(quantity, Goal) else []
-        target += [f"{quantity.wanted} {quantity.unit}".rstrip()] if isinstance(quantity, Requirement) else []
+        target += [f"{quantity.limits} {quantity.unit}".rstrip()] if isinstance(quantity, Requirement) else []
         ax.set_title(wrapped(", ".join([quantity.label, *target]), 2.7, 9.5), loc="left", size=9.5)
         if k % columns:
             ax.set_yticklabels([])

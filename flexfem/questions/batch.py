@@ -23,7 +23,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix, levels, mesh_band
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.driven import DriveRanges
-from flexfem.questions.life import Lives, Repeated, by_elements, by_wrenches, lives
+from flexfem.questions.life import CyclicMotion, Lives, by_elements, by_wrenches, lives
 from flexfem.questions.modes import vibrating
 from flexfem.refused import ComputationFailed
 
@@ -93,7 +93,7 @@ def batch_at_rest(
     hinges: Compliance,
     freedoms: Freedoms,
     bodies: Array | None = None,
-    repeated: Repeated | None = None,
+    repeated: CyclicMotion | None = None,
 ) -> DesignAnswers:
     """Return the analytic results of n designs, and their lives if a repeated motion is given."""
     found, strength = at_rest(designs, hinges, freedoms, bodies), designs.yield_strength
@@ -101,8 +101,8 @@ def batch_at_rest(
     answers = DesignAnswers(found.stiffness, highest, found.base_rotation, strength, envelope(designs))
     if repeated is None:
         return answers
-    strained = by_wrenches(designs, found.wrench, repeated)
-    return answers._replace(lives=lives(strained, designs.fatigue, strength, repeated))
+    cycles = by_wrenches(designs, found.wrench, repeated)
+    return answers._replace(lives=lives(cycles, designs.fatigue, strength, repeated))
 
 
 def solved_design(
@@ -112,7 +112,7 @@ def solved_design(
     predicted: Array | None = None,
     bands: bool = True,
     payload: Payload | None = None,
-    repeated: Repeated | None = None,
+    repeated: CyclicMotion | None = None,
     driven: bool = False,
     warm: bool = False,
     layers: int = 0,
@@ -142,8 +142,8 @@ def solved_design(
         structure = vibrating(stage, response.mesh, payload)
         found = found._replace(frequencies=modes(structure, LOWEST).frequencies[None])
     if repeated is not None:
-        strained = by_elements(stage, response, repeated)
-        found = found._replace(lives=lives(strained, lower(stage).fatigue, strength, repeated))
+        cycles = by_elements(stage, response, repeated)
+        found = found._replace(lives=lives(cycles, lower(stage).fatigue, strength, repeated))
     if driven:
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:

@@ -29,7 +29,7 @@ from flexfem.questions import bands, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
-from flexfem.questions.imposed import elements, imposed, imposed_bands, turned_hinges
+from flexfem.questions.imposed import commanded_hinges, elements, imposed, imposed_bands
 from flexfem.questions.setup import ModelAnswer, question, solved, stack_models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
@@ -457,7 +457,7 @@ def _solve_solid(stage: Stage, model: AnalyticResult, case: Case) -> CurveElemen
 def _solve_imposed(stage: Stage, model: AnalyticResult, case: Case) -> CurveElements:
     """Solve three meshes with the rotations or strokes that a model computes for the commands."""
     joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
-    hinges = turned_hinges(model.mobility) if case.drive == "joints" else ()
+    hinges = commanded_hinges(model.mobility) if case.drive == "joints" else ()
     meshes = [elements(stage, n, hinges) for n in levels(case.resolution)]
     commands, at_full = np.outer(case.commanded, joints.per_command[:, case.axis]), []
     for mesh, response in meshes:

@@ -58,7 +58,7 @@ class ImposedElements(NamedTuple):
     response: DrivenResponse
 
 
-def turned_hinges(mobility: int) -> tuple[int, ...]:
+def commanded_hinges(mobility: int) -> tuple[int, ...]:
     """Return the positions of the hinges whose rotations are commanded, the independent joints of the paper."""
     return (0,) if mobility == 3 else (0, 1)
 
@@ -70,7 +70,7 @@ def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
     determine the whole model, as with mobility three and six, this is (29), (30).
     """
     if drive == "joints":
-        positions = turned_hinges(model.mobility)
+        positions = commanded_hinges(model.mobility)
         couples = hinge_couples(stage, positions)
         C = driven_model(stage, model, couples).compliance
         per_command = C[3:, :3] @ inverse(C[:3, 3:] @ np.linalg.pinv(C[3:, 3:], RIGID, hermitian=True) @ C[3:, :3])
@@ -81,13 +81,13 @@ def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
 
 
 @once
-def elements(stage: Stage, resolution: int, turned: tuple[int, ...]) -> ImposedElements:
-    """Return finite elements loaded at the platform and at the hinges of positions `turned`, or at the stacks if empty.
+def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> ImposedElements:
+    """Return finite elements loaded at the platform and at the hinges of given positions, or at the stacks if none.
 
     Raises BadInput, ComputationFailed.
     """
     plate, mesh = plate_of(stage), build_mesh(stage, resolution)
-    stacks = hinge_couples(stage, turned) if turned else drive_of(stage).stacks
+    stacks = hinge_couples(stage, hinges) if hinges else drive_of(stage).stacks
     return ImposedElements(mesh, driven_response(mesh, plate, stacks))
 
 

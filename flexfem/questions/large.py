@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexfem import arguments
-from flexfem.analytic.large import along, at_pose, missed, outwards, summed_loads
+from flexfem.analytic.large import at_pose, axis_poses, linear_errors, outwards, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
 from flexfem.arrays import Array
@@ -115,7 +115,7 @@ def large(
         for direction, force in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True):
             highest = float(np.max(neck_stresses(stage, elements, force[None]).highest))
             warnings += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
-    boxes = [missed(paper, share * largest, lever) for share in (STATED[2] / STEPS, 1.0)]
+    boxes = [linear_errors(paper, share * largest, lever) for share in (STATED[2] / STEPS, 1.0)]
     paths = []
     for axis, direction in enumerate(DIRECTIONS):
         paths.append(_path(stage, paper, elements, axis, largest[axis]))
@@ -154,26 +154,26 @@ def _path(stage: Stage, paper: PaperModel, elements: Response | None, axis: int,
         percent[nonzero] = percentages(pose[nonzero], displacements[nonzero], direction, lever)
         return percent
 
-    exact = at_pose(paper, along(commanded, axis))
-    after, before = (at_pose(paper, along(commanded + side, axis)).load for side in (step, -step))
+    exact = at_pose(paper, axis_poses(commanded, axis))
+    after, before = (at_pose(paper, axis_poses(commanded + side, axis)).load for side in (step, -step))
     slopes = [state.stiffness()[..., axis] for state in (exact.without_terms, exact)] + [(after - before) / (2 * step)]
     summed = summed_loads(paper, commanded, axis)
     for theory, load in enumerate((summed["without"], summed["tangent"], exact.load)):
         tangent[:, theory] = 100 * (slopes[theory][:, axis] / rest.K_uu[axis, axis] - 1)
-        errors[:, theory] = relative_errors(load @ rest.C_uu - along(commanded, axis), commanded)
+        errors[:, theory] = relative_errors(load @ rest.C_uu - axis_poses(commanded, axis), commanded)
     loads[:, EXACT] = exact.load
     if elements is None:
         return values
     plate, C, places = plate_of(stage), elements.compliance, STEPS + SOLVED
     held_load, compliance, strain = np.zeros((len(SOLVED), 3)), np.tile(C, (len(SOLVED), 1, 1)), np.zeros(len(SOLVED))
     for side in outwards(SOLVED):
-        solution = imposed(elements.mesh, plate, along(commanded[places[side]], axis))
+        solution = imposed(elements.mesh, plate, axis_poses(commanded[places[side]], axis))
         held_load[side], compliance[side], strain[side] = solution.load, solution.compliance, solution.strain
     exact_load, pose = exact.load[STEPS + STATED], np.zeros((len(STATED), 3))
     for side in outwards(STATED):
         pose[side] = equilibrium(elements.mesh, plate, exact_load[side]).pose
     slope = np.linalg.inv(compliance)[:, axis, axis] / np.linalg.inv(C)[axis, axis]
     tangent[places, HELD], loads[places, HELD], values["strain"][places] = 100 * (slope - 1), held_load, strain
-    errors[places, HELD] = relative_errors(held_load @ C - along(commanded[places], axis), commanded[places])
+    errors[places, HELD] = relative_errors(held_load @ C - axis_poses(commanded[places], axis), commanded[places])
     errors[STEPS + STATED, LOADED] = relative_errors(exact_load @ C - pose, pose[:, axis])
     return values

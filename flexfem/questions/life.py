@@ -45,7 +45,7 @@ LEFT_OUT = (
 )
 
 
-class Repeated(NamedTuple):
+class CyclicMotion(NamedTuple):
     """Cyclic motion of the platform: amplitude and mean pose (3,), mm, mm, rad.
 
     proportional : whether the mean scales with the amplitude.   cycles : wanted life.   sensitivity : notch, 0 to 1.
@@ -58,11 +58,13 @@ class Repeated(NamedTuple):
     sensitivity: float = 1.0
 
 
-def repeated(amplitude: Array, mean: Array | None, ratio: float, cycles: float, sensitivity: float = 1.0) -> Repeated:
+def cyclic_motion(
+    amplitude: Array, mean: Array | None, ratio: float, cycles: float, sensitivity: float = 1.0
+) -> CyclicMotion:
     """Return a cyclic motion of amplitude (3,) about a mean (3,), or with a ratio of least to greatest displacement."""
     if mean is None:
-        return Repeated(amplitude, amplitude * (1.0 + ratio) / (1.0 - ratio), True, cycles, sensitivity)
-    return Repeated(amplitude, mean, not mean.any(), cycles, sensitivity)
+        return CyclicMotion(amplitude, amplitude * (1.0 + ratio) / (1.0 - ratio), True, cycles, sensitivity)
+    return CyclicMotion(amplitude, mean, not mean.any(), cycles, sensitivity)
 
 
 class StressCycles(NamedTuple):
@@ -93,7 +95,7 @@ class StressCycles(NamedTuple):
         return np.asarray(np.abs(self.mean) + self.amplitude)
 
 
-def by_wrenches(designs: Designs, wrench: Wrench, motion: Repeated) -> StressCycles:
+def by_wrenches(designs: Designs, wrench: Wrench, motion: CyclicMotion) -> StressCycles:
     """Return the stress at both sides of every neck of n designs from the wrenches (n, 3, 3, 3) of the necks."""
     bending, along = strength.surface_stress(wrench, designs.neck, designs.thickness, strength.stress_raised(designs))
     sides = np.stack([along + bending, along - bending], axis=3).reshape(len(along), 18, 3)
@@ -101,13 +103,13 @@ def by_wrenches(designs: Designs, wrench: Wrench, motion: Repeated) -> StressCyc
     return StressCycles(np.repeat(np.arange(9), 2), np.abs(sides @ motion.amplitude), sides @ motion.mean, part)
 
 
-def by_model(stage: Stage, result: AnalyticResult, motion: Repeated) -> StressCycles:
+def by_model(stage: Stage, result: AnalyticResult, motion: CyclicMotion) -> StressCycles:
     """Return the stress at both sides of every neck by the analytic model."""
     cycles = by_wrenches(lower(stage), Wrench(*(part[None] for part in result.wrench)), motion)
     return StressCycles(cycles.neck, *(part[0] for part in cycles[1:]))
 
 
-def by_elements(stage: Stage, response: Response, motion: Repeated) -> StressCycles:
+def by_elements(stage: Stage, response: Response, motion: CyclicMotion) -> StressCycles:
     """Return the stress at the nodes of every notch by plane finite elements."""
     out_of_plane, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
     shares = strength.fatigue_fraction(design.neck[0] / design.radius[0], motion.sensitivity)
@@ -130,7 +132,7 @@ class Lives(NamedTuple):
     safety: Array
 
 
-def lives(cycles: StressCycles, fatigue: Array, yield_strength: Array, motion: Repeated) -> Lives:
+def lives(cycles: StressCycles, fatigue: Array, yield_strength: Array, motion: CyclicMotion) -> Lives:
     """Return the lives of n designs whose mean scales with the amplitude; fatigue (n, 3) as in `Designs.fatigue`."""
     coefficient, exponent, walker = fatigue.T
     law, highest = Basquin(coefficient, exponent), np.max(cycles.equivalent(walker[:, None]), axis=-1)
@@ -138,7 +140,7 @@ def lives(cycles: StressCycles, fatigue: Array, yield_strength: Array, motion: R
     return Lives(law.cycles(highest), factor[:, None] * np.abs(motion.amplitude), safety)
 
 
-def of_preloads(stage: Stage) -> list[str]:
+def preload_warnings(stage: Stage) -> list[str]:
     """Warn that lives exclude preloads which stress the necks, those of single stacks."""
     if all(len(contacts(stage, 1, k)) == 2 or not actuator.preload for k, actuator in enumerate(stage.actuator)):
         return []
@@ -239,7 +241,7 @@ def life(
     wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
     chosen_law, notes = _law(stage, fit, law)
-    motion = repeated(pose, mean_pose, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
+    motion = cyclic_motion(pose, mean_pose, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
     assumed = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
     results, analytic_name = dict[str, ModelAnswer](), None
@@ -263,7 +265,7 @@ def life(
     for model, modelled in results.items():
         warnings += _warnings(stage, motion, chosen_law, model, modelled.values)
     farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
-    warnings += [*warning.of_motion(stage, farthest, "farthest pose"), *of_preloads(stage)]
+    warnings += [*warning.of_motion(stage, farthest, "farthest pose"), *preload_warnings(stage)]
     settings = {
         "material": stage.material.name,
         "amplitude": _with_units(motion.amplitude),
@@ -316,7 +318,7 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
 
 
 def _values_of_model(
-    stage: Stage, cycles: StressCycles, motion: Repeated, law: Basquin, error: tuple[float, float]
+    stage: Stage, cycles: StressCycles, motion: CyclicMotion, law: Basquin, error: tuple[float, float]
 ) -> dict[str, Any]:
     """Return the values of one model; error: relative error of the stress, from and to."""
     equivalent, peaks = cycles.equivalent(law.walker), cycles.peak
@@ -340,7 +342,7 @@ def _values_of_model(
     }
 
 
-def _warnings(stage: Stage, motion: Repeated, law: Basquin, model: str, values: dict[str, Any]) -> list[str]:
+def _warnings(stage: Stage, motion: CyclicMotion, law: Basquin, model: str, values: dict[str, Any]) -> list[str]:
     """Warn of lives outside the range of Basquin's law: above yield, or outside the fitted range of cycles."""
     (low, high), limit, messages = law.range, stage.material.yield_strength, list[str]()
     beyond = f"beyond the yield strength of {limit:.4g} MPa"

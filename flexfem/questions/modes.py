@@ -196,7 +196,7 @@ class Vibration(NamedTuple):
     """Mode shapes of unit modal mass on the finest mesh.
 
     shapes : (k, n, 2), or in three dimensions (k, n, m, 3) from face to face at `heights` (m,), mm.
-    tilting : (k,), whether the platform leaves the plane.   reduced : in the plane.
+    tilting : (k,), True if the platform leaves the plane.   reduced : in the plane.
     """
 
     mesh: StageMesh

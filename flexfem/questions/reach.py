@@ -213,7 +213,7 @@ def reach(
 def limits_of_commands(commanded: Commanding, driven: Driven, drive: StageDrive, load: Array) -> LinearLimits:
     """Return all limits of the commands (m,) of a driven stage under a load (3,), with the names that users see.
 
-    model : gives the neck stress by the stack forces of `driven`; necks are limited to the yield strength less
+    commanded : gives the neck stress by the stack forces of `driven`; necks are limited to the yield strength less
         `YIELD_MARGIN`. The preloads of a pair balance each other; that of a single stack stresses the necks.
     """
     stage, frames = commanded.stage, stage_frames(commanded.stage)

@@ -28,8 +28,6 @@ from flexfem.units import DIRECTIONS, PLANES
 
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
 MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
-
-
 Loads: TypeAlias = Callable[[Array], Array | None]  # returns the requested load for a stiffness
 
 

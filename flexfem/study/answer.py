@@ -41,7 +41,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.batch import LOWEST, Clock, batch_at_rest, solved_design
 from flexfem.questions.driven import drive_ranges, driven
-from flexfem.questions.life import Repeated, of_preloads, repeated
+from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, failed_row, row_of, sizes_of, values_of
@@ -198,22 +198,22 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
 
 
 def require_extra_numbers(loaded: LoadedStudy) -> None:
-    """Raise BadInput where a study requests a number that the analytic model does not give for the base stage."""
+    """Raise BadInput where a study requests a number that its model does not give for the base stage."""
     try:
-        if loaded.study.ask and loaded.study.model == "analytic":
+        if loaded.study.ask:
             extra_numbers(loaded, loaded.stage)
     except NoSuchNumber as error:
         raise bad_key(loaded.path, ("ask",), str(error)) from None
-    except BadInput:  # factors may set what the base stage lacks
+    except (BadInput, ComputationFailed):  # designs may have what the base stage lacks
         pass
 
 
-def _repeated(loaded: LoadedStudy) -> Repeated | None:
+def _repeated(loaded: LoadedStudy) -> CyclicMotion | None:
     """Return the cyclic pose of the platform where lives are requested, else None."""
     life = loaded.study.life
     if life is None:
         return None
-    return repeated(np.array(life.amplitude), None, life.ratio, life.cycles, life.notch_sensitivity)
+    return cyclic_motion(np.array(life.amplitude), None, life.ratio, life.cycles, life.notch_sensitivity)
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
@@ -261,7 +261,7 @@ def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
         yields, outside = np.asarray(safety < 1), np.asarray((cycles < low) | (cycles > high))
         flags.append(Broken("life by elastic stress, beyond yield", yields))
         flags.append(Broken("life extrapolated, outside the cycles of Basquin's law", outside & ~yields))
-        flags += [Broken(text, everywhere) for text in of_preloads(loaded.stage)]
+        flags += [Broken(text, everywhere) for text in preload_warnings(loaded.stage)]
     if study.drift is not None:
         flags += [Broken(f"drift: {text}", everywhere) for text in warning.of_stacks(loaded.stage)]
     reason = rows.reason.astype(object)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.large import along, at_pose, missed, summed_loads
+from flexfem.analytic.large import at_pose, axis_poses, linear_errors, summed_loads
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, dot, mechanism, rank_revealing, stiffness
 
 POSE = np.array([0.31, -0.24, 0.012])  # mm, mm, rad
@@ -38,7 +38,7 @@ def test_the_tangent_is_the_slope_of_the_exact_load(of) -> None:
 @pytest.mark.parametrize("axis", range(3))
 def test_the_tangent_summed_along_the_way_is_the_exact_load(of, axis) -> None:
     commanded = np.abs(POSE[axis]) * np.linspace(-1, 1, 21)
-    exact, found = at_pose(of, along(commanded, axis)).load, summed_loads(of, commanded, axis)
+    exact, found = at_pose(of, axis_poses(commanded, axis)).load, summed_loads(of, commanded, axis)
     scale = np.abs(exact).max(axis=0)
     np.testing.assert_allclose(found["tangent"] / scale, exact / scale, atol=SUM)
     assert np.abs((found["without"] - exact) / scale).max() > 1e-4
@@ -75,6 +75,6 @@ def test_both_terms_together_do_not_depend_on_the_independent_joints_and_each_al
 
 
 def test_what_a_box_misses_grows_with_it_and_vanishes_with_it(of) -> None:
-    near, far = (missed(of, part * np.abs(POSE), LEVER) for part in (1e-3, 1e-2))
+    near, far = (linear_errors(of, part * np.abs(POSE), LEVER) for part in (1e-3, 1e-2))
     for small, large in zip(near, far, strict=True):
         assert large / small == pytest.approx(10.0, rel=0.005)  # what follows the first order

@@ -11,8 +11,8 @@ from scipy.special import ndtr
 import flexfem
 from flexfem.design import outcome
 from flexfem.design.model import Model
-from flexfem.design.proof import ElementSolver, proof, scattered_stages
-from flexfem.design.scatter import OTHERS, REFUSED, stated
+from flexfem.design.proof import ElementSolver, proof, verified_quantiles
+from flexfem.design.scatter import OTHERS, REFUSED, coupling_quantiles
 
 from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, best, require, tolerance
 
@@ -51,7 +51,7 @@ def test_couplings_of_a_small_scatter_are_gaussian_with_the_slopes_of_nine_necks
     ways = step * np.eye(9).reshape(9, 3, 3)
     slopes = np.array([(couplings(stage, way) - couplings(stage, -way)) / (2 * step) for way in ways])
     expected = 1.959964 * 0.05e-3 * np.sqrt(np.sum(slopes**2, axis=0))
-    found = scattered_stages(Model(loaded), ElementSolver(loaded, Counter()), OWN[0])
+    found = verified_quantiles(Model(loaded), ElementSolver(loaded, Counter()), OWN[0])
     assert found.others[:3] == pytest.approx(expected, rel=0.01)
     assert np.all((found.low[:3] < expected) & (expected < found.high[:3]))
     assert found.others[3] > found.others[:3].max()
@@ -60,10 +60,10 @@ def test_couplings_of_a_small_scatter_are_gaussian_with_the_slopes_of_nine_necks
 def test_the_interval_holds_the_true_value_of_95_percent_of_samples_whatever_the_distribution():
     drawn = np.random.default_rng(5).random((1500, 3, 150))
     for true, samples in ((0.95, drawn), (2.995732, -np.log1p(-drawn))):
-        found = [stated(np.ones(4), each, []) for each in samples]
+        found = [coupling_quantiles(np.ones(4), each, []) for each in samples]
         held = np.mean([(each.low[:3] <= true) & (true <= each.high[:3]) for each in found])
         assert 0.945 <= held < 0.98
-    few = stated(np.ones(4), drawn[0, :, :72], [])
+    few = coupling_quantiles(np.ones(4), drawn[0, :, :72], [])
     assert np.array_equal(few.high[:3], drawn[0, :, :72].max(axis=-1))  # 0.95^72 = 0.0249
 
 
@@ -71,7 +71,7 @@ def test_a_quantile_is_off_by_no_more_than_the_misfit():
     rng = np.random.default_rng(3)
     model = 1e-2 * rng.normal(size=(3, 4000))
     elements = 0.97 * model + 1e-4 * rng.uniform(-1, 1, size=model.shape)
-    found = stated(np.ones(4), model, [elements])
+    found = coupling_quantiles(np.ones(4), model, [elements])
     assert found.factors[-1, :3] == pytest.approx([0.97] * 3, rel=1e-3)
     assert found.misfit[:3] == pytest.approx([1e-4] * 3, rel=0.05)
     off = np.quantile(np.abs(elements), 0.95, axis=1) - found.factors[-1, :3] * found.others[:3]
@@ -98,7 +98,7 @@ def test_the_record_states_other_stages_times_the_factor_of_finite_elements_with
     found = outcome.designed(loaded, Uneven(loaded, Counter()))
     (goal,), (twice,) = found.objectives, found.requirements
     assert found.agreed and goal.checked_by == "finite elements" and len(found.scattered.notes) == 1
-    stages = scattered_stages(Model(loaded), Uneven(loaded, Counter()), np.array([*found.design.values()]))
+    stages = verified_quantiles(Model(loaded), Uneven(loaded, Counter()), np.array([*found.design.values()]))
     others, factor, misfit = stages.others[3], stages.factors[-1, 3], stages.misfit[3]
     assert goal.uncorrected == pytest.approx(others) and others != stages.searched[3]
     assert factor == pytest.approx(0.96, abs=5e-4) and 2e-5 < misfit < 3e-5

@@ -20,7 +20,7 @@ from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.bands import error_matrix
 from flexfem.questions.case import LoadedCase
 from flexfem.questions.errors import run_case
-from flexfem.questions.imposed import imposed, turned_hinges
+from flexfem.questions.imposed import commanded_hinges, imposed
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT, UNLIKE, with_changes
@@ -91,7 +91,7 @@ def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
         )
     found = analyse(stage, mobility)
     given = imposed(stage, found, "joints")
-    positions = turned_hinges(found.mobility)
+    positions = commanded_hinges(found.mobility)
     numbers = [3 * chain + position for position in positions for chain in range(3)]
     rows = [(np.eye(9)[r], turn) for r, turn in zip(numbers, given.per_command @ POSE, strict=True)]
     _, reached = by_least_energy(stage, found.freedoms, rows, None)

@@ -15,7 +15,7 @@ import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import checked_law, equivalent
 from flexfem.plot.experiment import plot_life
-from flexfem.questions.life import Repeated, by_elements, by_model, factor_at, repeated
+from flexfem.questions.life import CyclicMotion, by_elements, by_model, cyclic_motion, factor_at
 from flexfem.questions.setup import solved
 from flexfem.results import ANALYTIC, ELEMENTS
 
@@ -151,9 +151,9 @@ def modelled(unlike):
 def test_the_amplitude_for_a_life_has_that_life(unlike, modelled, pose, about, cycles, walker):
     law = flexfem.Basquin(1340.0, -0.087, walker)
     mean, ratio = (np.array(about), -1.0) if isinstance(about, tuple) else (None, about)
-    motion = repeated(np.array(pose), mean, ratio, 1e6)
+    motion = cyclic_motion(np.array(pose), mean, ratio, 1e6)
     factor = factor_at(by_model(unlike, modelled, motion), law, cycles, motion.proportional)
-    again = by_model(unlike, modelled, repeated(factor * np.array(pose), mean, ratio, 1e6))
+    again = by_model(unlike, modelled, cyclic_motion(factor * np.array(pose), mean, ratio, 1e6))
     assert float(law.cycles(np.max(again.equivalent(law.walker)))) == pytest.approx(cycles, rel=1e-6)
 
 
@@ -203,7 +203,7 @@ def test_a_figure_counts_the_necks_whose_life_is_beyond_it(unlike):
 def test_a_mean_of_bending_pulls_one_surface_of_a_neck_whatever_its_sign(unlike, modelled):
     pose, mean = np.array([0.02, 0.01, 0.0]), np.array([0.06, 0.0, 0.0])
     for sign in (1, -1):
-        motion = Repeated(pose, sign * mean, False, 1e6)
+        motion = CyclicMotion(pose, sign * mean, False, 1e6)
         of, fe = by_model(unlike, modelled, motion), by_elements(unlike, solved(unlike, 5), motion)
         assert np.max(of.equivalent(0.5)) == pytest.approx(np.max(fe.equivalent(0.5)), rel=0.02)
         assert np.max(of.equivalent(0.5)) > 1.2 * np.max(of.amplitude)
