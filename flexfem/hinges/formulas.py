@@ -236,7 +236,7 @@ def register_formula(
         raise BadInput(f"hinge formula {shown(name)}: expected a name of letters, digits and hyphens")
     known = FORMULAS.get(name)
     if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
-        raise BadInput(f"hinge formula {name!r} is already registered, expected another name")
+        raise BadInput(f"hinge formula {name!r} is known already, expected another name")
     if not isinstance(source, str) or not source.strip() or not source.isprintable():
         raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
     low, high = _checked_range(name, valid)
