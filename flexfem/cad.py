@@ -149,10 +149,9 @@ def write_step(stage: Stage, part: Part, path: Path) -> None:
                 f"{path}: read back as {len(volumes)} solids of {volumes.sum():.12g} mm^3, {height:.6g} mm high, "
                 f"expected one of {volume:.12g} mm^3, {stage.thickness:g} mm high; nothing is written"
             )
-        name = "".join(
-            letter if letter.isascii() else f"\\X2\\{letter.encode('utf-16-be').hex().upper()}\\X0\\"
-            for letter in stage.name.replace("\\", "\\\\").replace("'", "''")
-        )
+        name = stage.name.replace("\\", "\\\\").replace("'", "''")  # encoded by ISO 10303-21
+        name = re.sub("[\u0080-\uffff]", lambda match: f"\\X2\\{ord(match[0]):04X}\\X0\\", name)
+        name = re.sub("[\U00010000-\U0010ffff]", lambda match: f"\\X4\\{ord(match[0]):08X}\\X0\\", name)
         product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # shown by CAD programs; OpenCASCADE writes its own
         text = product.sub(lambda match: f"{match[1]}'{name}','{name}'", temporary.read_text(), count=1)
         text = re.sub(r"(FILE_NAME\('[^']*',\s*)'[^']*'", r"\1'1970-01-01T00:00:00'", text, count=1)  # no date

@@ -184,7 +184,7 @@ GROWTH = 0.5  # per distance from the neck
 COARSEST = 0.35  # on the lug, per link width; twice that on the disc and the hub
 RING = 0.7  # on the disc and the hub, per width of the ring between them
 THIN = 1 / 8  # smallest on the ring, per radius of the hub: a thin ring is nearly rigid
-TURN = 0.4  # rad, of an arc
+ARC_ANGLE = 0.4  # rad, largest of an element on an arc
 BLOCK = 2.0  # length of the straight block, per link width
 
 
@@ -228,9 +228,9 @@ def _platform_body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
     disc = stage.platform.radius
     ring_size = min(max(RING * (disc - hub), THIN * hub), 2 * COARSEST * stage.chain.link_width)
     parts = [
-        divided([Segment(left[0].start, right[0].start)], size, TURN),
-        divided([*right, *reverse(left)], size, TURN),
-        divided([rim, circle], lambda _: ring_size, TURN),
+        divided([Segment(left[0].start, right[0].start)], size, ARC_ANGLE),
+        divided([*right, *reverse(left)], size, ARC_ANGLE),
+        divided([rim, circle], lambda _: ring_size, ARC_ANGLE),
     ]
     boundary, part = joined(parts)
     on_hub = np.abs(boundary.nodes) < (hub + disc) / 2
@@ -248,7 +248,7 @@ def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     edge, back = complex(end, -width / 2), complex(end, width / 2)
     sides = [*right, *polyline(right[-1].end, edge)], [*polyline(back, left[-1].end), *reverse(left)]
     paths = [[Segment(left[0].start, right[0].start)], sides[0], [Segment(edge, back)], sides[1]]
-    boundary, part = joined([divided(path, element_size(width, neck, hinge), TURN) for path in paths])
+    boundary, part = joined([divided(path, element_size(width, neck, hinge), ARC_ANGLE) for path in paths])
     at_neck = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
     moment, axial, shear = beam_stress(Pose(complex(end), 0.0), width, boundary.nodes, part == 2).T
     loads = at_neck - np.stack([moment, axial, shear - end * moment], axis=-1)
@@ -399,7 +399,7 @@ def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
         distance = min(abs(point - edge.start), abs(point - edge.end))
         return min(size(point), CORNER * width + GROWTH * distance)
 
-    boundary, part = joined([divided(path, graded_size, TURN) for path in ([edge], right, [end], reverse(left))])
+    boundary, part = joined([divided(path, graded_size, ARC_ANGLE) for path in ([edge], right, [end], reverse(left))])
     outward = np.repeat(-1j * (boundary.end - boundary.start) / np.abs(boundary.end - boundary.start), 3)
     field, traction = _edge_fields(boundary.nodes - middle, outward, poissons_ratio)
     u = field + displacements(boundary, -traction, part == 0, poissons_ratio)[0]

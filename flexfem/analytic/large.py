@@ -31,8 +31,8 @@ LOAD_STEPS = (1, 4, 16, 64)
 LARGEST_ROTATION = 0.1  # rad in one iteration; above it Newton may converge to another branch: the load is divided
 BUCKLED = 0.3  # rad, of a joint; above it the stacks have buckled the stage, or their forces are far too large
 ROUND_OFF = 1e-12  # relative to the largest singular value
-ONE = np.tile(np.eye(3), (3, 1))
-NONE = np.zeros(0)  # stiffness of no stacks
+TO_CHAINS = np.tile(np.eye(3), (3, 1))  # from the pose of the platform to those of the three chains
+NO_STACKS = np.zeros(0)  # their forces or stiffnesses
 
 
 class ChainStack(NamedTuple):
@@ -95,10 +95,10 @@ class Equilibrium(NamedTuple):
     G: Array
     J: Array
 
-    def stiffness(self, stacks: Array = NONE) -> Array:
+    def stiffness(self, stacks: Array = NO_STACKS) -> Array:
         """Return the tangent stiffness (..., 3, 3) of the platform; stacks (n,), N/mm, hold their strokes."""
         hessian, G = self.hessian + (self.J.T * stacks) @ self.J, self.G
-        K = ONE.T @ inverse(G @ np.linalg.solve(hessian, np.swapaxes(G, -1, -2))) @ ONE  # (16) to (18)
+        K = TO_CHAINS.T @ inverse(G @ np.linalg.solve(hessian, np.swapaxes(G, -1, -2))) @ TO_CHAINS  # (16) to (18)
         return np.asarray((K + np.swapaxes(K, -1, -2)) / 2)
 
     @property
@@ -147,13 +147,13 @@ def loaded(joints: Serial, force: Array, load: Array) -> Equilibrium:
 def _paper_equilibrium(model: PaperModel, target: Array, hold: bool) -> Equilibrium:
     root = np.sqrt(model.springs)
     chains, coefficients = [], first_order(model.joints, resting(model.frames, model.joints))
-    for G, own in zip(coefficients, model.joints.chains, strict=True):
-        t = G / root[..., None, own]
-        chains.append(ChainJoints(np.arange(own.start, own.stop), t[..., 0, :] + 1j * t[..., 1, :], t[..., 2, :], ()))
+    for G, slots in zip(coefficients, model.joints.chains, strict=True):
+        x, y, rotation = np.moveaxis(G / root[..., None, slots], -2, 0)
+        chains.append(ChainJoints(np.arange(slots.start, slots.stop), x + 1j * y, rotation, ()))
     joints = Serial(0, tuple(chains), np.eye(root.shape[-1]))
     singular = np.asarray(np.isnan(stiffness(model).K_uu).any(axis=(-2, -1)))
     for steps in LOAD_STEPS:
-        equilibrium = _equilibrium(joints, NONE, target, hold, steps)
+        equilibrium = _equilibrium(joints, NO_STACKS, target, hold, steps)
         diverged = np.asarray(np.isnan(equilibrium.displacement).any(axis=-1) & ~singular)
         if not diverged.any():
             pose, load = (np.where(singular[..., None], np.nan, part) for part in equilibrium[:2])
@@ -182,13 +182,13 @@ def _equilibrium(joints: Serial, force: Array, target: Array, hold: bool, steps:
             at = joint_state(joints, q, w, share * force)
             M = np.zeros((*lead, r + 12, r + 12))
             M[..., :r, :r], M[..., :r, r:-3] = at.hessian, -np.swapaxes(at.G, -1, -2)
-            M[..., r:-3, :r], M[..., r:-3, -3:] = at.G, -ONE
+            M[..., r:-3, :r], M[..., r:-3, -3:] = at.G, -TO_CHAINS
             if hold:
                 M[..., -3:, -3:], last = np.eye(3), share * target - u
             else:
-                M[..., -3:, r:-3], last = ONE.T, share * target - w @ ONE
+                M[..., -3:, r:-3], last = TO_CHAINS.T, share * target - w @ TO_CHAINS
             first = share * force @ at.J + apply(np.swapaxes(at.G, -1, -2), w) - q
-            residual = np.concatenate([first, u @ ONE.T - at.pose, np.broadcast_to(last, (*lead, 3))], axis=-1)
+            residual = np.concatenate([first, u @ TO_CHAINS.T - at.pose, np.broadcast_to(last, (*lead, 3))], axis=-1)
             diverged |= ~np.isfinite(M).all(axis=(-2, -1))
             M = np.where(diverged[..., None, None], np.eye(r + 12), M)
             step = np.linalg.solve(M, np.where(diverged[..., None], 0.0, residual)[..., None])[..., 0]
@@ -203,7 +203,7 @@ def _equilibrium(joints: Serial, force: Array, target: Array, hold: bool, steps:
         diverged |= ~converged
     at = joint_state(joints, q, w, force)
     q[diverged] = np.nan
-    return Equilibrium(u, w @ ONE, q, at.hessian, at.G, at.J)
+    return Equilibrium(u, w @ TO_CHAINS, q, at.hessian, at.G, at.J)
 
 
 class JointState(NamedTuple):
@@ -225,13 +225,14 @@ def serial(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], foll
     shared, size = np.arange(body.shape[1]), body.shape[1]
     chains, is_link = list[ChainJoints](), [np.zeros(size, dtype=bool)]
     for chain in CHAINS:
-        own = [(j, stack) for j, stack in enumerate(stacks) if stack.chain == chain - 1]
-        twists, shares, on_links = _joints(stage, chain, result, [push for _, stack in own for push in stack.pushes])
+        numbers = [j for j, stack in enumerate(stacks) if stack.chain == chain - 1]
+        twists, shares, on_links = _joints(stage, chain, result, [push for j in numbers for push in stacks[j].pushes])
         slots = np.concatenate([size + np.arange(twists.shape[1]), shared])
         twists = np.append(twists, -body[3 * chain - 3 : 3 * chain], axis=1)
         shares = np.pad(shares, ((0, 0), (0, len(shared))), mode="edge")  # the platform is distal to all its hinges
-        of_chain = tuple(_chain_stack(j, stack, shares[2 * k : 2 * k + 2], follows) for k, (j, stack) in enumerate(own))
-        chains.append(ChainJoints(slots, twists[0] + 1j * twists[1], twists[2], of_chain))
+        pairs = zip(numbers, shares.reshape(len(numbers), 2, len(slots)), strict=True)
+        chain_stacks = tuple(_chain_stack(j, stacks[j], share, follows) for j, share in pairs)
+        chains.append(ChainJoints(slots, twists[0] + 1j * twists[1], twists[2], chain_stacks))
         is_link.append(on_links)
         size += on_links.size
     joints = Serial(len(stacks), tuple(chains), np.zeros((size, 0)))
@@ -296,11 +297,11 @@ def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointS
     pose, G = np.zeros((*lead, 9)), np.zeros((*lead, 9, len(V)))
     hessian = np.broadcast_to(np.eye(V.shape[1]), (*lead, V.shape[1], V.shape[1])).copy()
     for i, chain in enumerate(joints.chains):
-        rows, own, zero = slice(3 * i, 3 * i + 3), eta[..., chain.slots], np.zeros((*lead, 1))
-        phi = own * chain.rotation
+        rows, motion, zero = slice(3 * i, 3 * i + 3), eta[..., chain.slots], np.zeros((*lead, 1))
+        phi = motion * chain.rotation
         psi = np.cumsum(phi, axis=-1)
         rotor = np.exp(1j * np.concatenate([zero, psi], axis=-1))
-        chord = own * chain.v * np.sinc(phi / (2 * np.pi)) * np.exp(0.5j * phi)
+        chord = motion * chain.v * np.sinc(phi / (2 * np.pi)) * np.exp(0.5j * phi)
         # displacement, by body, of the point that was at the platform centre
         origin = np.concatenate([zero, np.cumsum(rotor[..., :-1] * chord, axis=-1)], axis=-1)
         v = rotor[..., :-1] * chain.v - 1j * chain.rotation * origin[..., :-1]

@@ -135,7 +135,10 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
 def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
     """Return the fields of `Stated` for the quantity with index `k`."""
     loaded = model.loaded
-    names = loaded.requirements.names_of(requested.quantity)
+    names, label = loaded.requirements.names_of(requested.quantity), requested.title
+    for output in loaded.requirements.output:
+        if label == output.name and output.label:
+            label = f"{output.label} ({output.unit})" if output.unit else output.label
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
     spread = None
     if names & {*outputs.ENGAGED}:
@@ -149,7 +152,7 @@ def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Requ
     value, uncorrected = (float(x) if abs(x) > verified.round_off[k] else 0.0 for x in both)
     return {
         "name": requested.quantity,
-        "label": requested.title,
+        "label": label,
         "value": value,
         "band": float(verified.bands[k]) if sampled or by.startswith("finite") else None,
         "sampling": float(verified.sampling[k]) if sampled else None,

@@ -150,7 +150,7 @@ class ElementSolver:
         return _with_changes(self.loaded.study, changes)
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
-        """Return the rows of outputs of the tasks, those in the store without a solution."""
+        """Return the rows of outputs of the tasks; tasks with a stored result are not solved again."""
         inputs = {id(task): [part.model_dump(mode="json") for part in (task[0].study, task[1])] for task in tasks}
         self._counted |= {digest(plain) for plain in inputs.values()}
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._counted)
@@ -324,7 +324,7 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
 
 
 def verified_quantiles(model: Model, solver: ElementSolver, values: Array) -> CouplingQuantiles | None:
-    """Return couplings of a design (d,) under neck scatter, None if none is requested. Raises ComputationFailed."""
+    """Return the coupling quantiles of a design (d,), None if they are not requested. Raises ComputationFailed."""
     scatter, required = model.scatter, model.loaded.requirements
     if scatter is None or required.tolerance is None:
         return None

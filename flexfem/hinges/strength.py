@@ -132,7 +132,7 @@ def fatigue_fraction(ratio: Array, sensitivity: float) -> Array:
 
 
 class Basquin(NamedTuple):
-    """`sigma_a = sigma'_f (2 N)^b` at zero mean stress on unnotched specimens, N in cycles.
+    """Basquin's law `sigma_a = sigma'_f (2 N)^b` of unnotched specimens at zero mean stress, N in cycles.
 
     coefficient : sigma'_f, MPa.   exponent : b, negative; both of one material, or (n,) of n designs.
     walker : exponent gamma of Walker's mean-stress correction.

@@ -185,10 +185,11 @@ def plot_response(
 ) -> Axes:
     """Draw the response of one pose component under its own load, or under every stroke; return `ax`, or new axes.
 
-    Raises BadInput for an unknown direction or part, or for strokes of a model without engaged drives.
+    Raises BadInput for an unknown direction, kind or part, or for strokes of a model without engaged drives.
     """
-    if direction not in DIRECTIONS or part not in ("magnitude", "phase"):
-        raise BadInput(f"response {direction!r}, {part!r}, expected x, y or theta, and magnitude or phase")
+    if direction not in DIRECTIONS or kind not in ("load", "stroke") or part not in ("magnitude", "phase"):
+        expected = "expected x, y or theta; load or stroke; and magnitude or phase"
+        raise BadInput(f"response {direction!r}, {kind!r}, {part!r}, {expected}")
     row = DIRECTIONS.index(direction)
     inputs = [row] if kind == "load" else _strokes(model)
     if not inputs:

@@ -111,9 +111,10 @@ class Case(Sourced):
         required = "mrad" if self.direction == "theta" else "um"
         if given != [required]:
             raise refusal(f"amplitude_{required} and no other amplitude for direction {self.direction}", "direction")
-        labels, nonlinear = [curve.label for curve in self.curve], self.analysis == "nonlinear"
+        nonlinear = self.analysis == "nonlinear"
+        labels = [curve.label.replace(" ", "_") for curve in self.curve]  # as in the paths of numbers
         for index, curve in enumerate(self.curve):
-            if curve.label in labels[:index]:
+            if labels[index] in labels[:index]:
                 raise refusal("a label that no other curve has", "curve", index, "label")
             if curve.links and nonlinear:
                 where = ("curve", index, "links")

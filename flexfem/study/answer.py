@@ -198,13 +198,13 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
 
 
 def require_extra_numbers(loaded: LoadedStudy) -> None:
-    """Raise BadInput where a study requests a number that the analytic model does not give for the base stage."""
+    """Raise BadInput where a study requests a number that its model does not give for the base stage."""
     try:
-        if loaded.study.ask and loaded.study.model == "analytic":
+        if loaded.study.ask:
             extra_numbers(loaded, loaded.stage)
     except NoSuchNumber as error:
         raise bad_key(loaded.path, ("ask",), str(error)) from None
-    except BadInput:  # factors may set what the base stage lacks
+    except (BadInput, ComputationFailed):  # designs may have what the base stage lacks
         pass
 
 

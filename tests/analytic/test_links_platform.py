@@ -15,7 +15,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
 ROOT = Path(__file__).parents[2]
-SIZES = ("ACROSS", "GROWTH", "COARSEST", "RING", "TURN")
+SIZES = ("ACROSS", "GROWTH", "COARSEST", "RING", "ARC_ANGLE")
 ROUND_OFF = 1e-9
 CHART = 2e-3  # half hinges of fine boundary elements against the chart's finite elements: 0.9e-3 was seen
 ELEMENTS = 4e-2  # of what the platform adds, itself 2 % of the stage's, when all elements are halved: 2.3e-2 was seen

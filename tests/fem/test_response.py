@@ -22,9 +22,7 @@ from .conftest import GEOMETRY, bar, solved
 
 ROUND_OFF = 1e-12  # relative; the solver refines until steps are round-off
 THREEFOLD = 1e-10  # symmetry of the solution on an exactly symmetric mesh: conditioning times round-off
-ANOTHER_MESH = 3e-3  # change of the compliance from one coarse mesh to another of the same stage
 BALANCE = 1e-9  # of unit loads
-MATRIX = 1e-8  # of the energy: the product with the assembled matrix rounds; seen: 1e-9
 LOAD = np.array([1.3, -0.7, 41.0])  # N, N, N mm
 
 

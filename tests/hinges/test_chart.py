@@ -99,11 +99,7 @@ def test_the_edge_of_the_chart_is_on_it_whatever_the_round_off() -> None:
             "neck_mm = 0.07\nprismatic",
             r"hinges\.base\.neck_mm = 0\.07: t/R = 0\.0175 .*'calibrated', expected 0\.02 to 1\.2$",
         ),
-        (
-            "link_width_mm = 9.0",
-            "link_width_mm = 8.1",
-            r"hinges\.base\.radius_mm = 4, notch deeper than the link",
-        ),
+        ("link_width_mm = 9.0", "link_width_mm = 8.1", r"hinges\.base\.radius_mm = 4, notch deeper than the link"),
     ],
     ids=["t/R", "H/h"],
 )
