@@ -2,13 +2,14 @@
 The paper's claims, measured
 ============================
 
-Every claim of Yi, Chung, Na, Kim and Suh (2003) on its two stages, with the numbers that would bear it out: on the
-reference stages by finite elements, and over an ensemble of plausible pairs of stages; then what else could have
-produced the published error curves. `make claims` writes reports/claims.md, in two minutes.
+This script tests every claim of Yi, Chung, Na, Kim and Suh (2003) about its two stages. It measures the numbers that
+support or refute a claim on the reference stages by finite elements, and over an ensemble of plausible pairs of stages.
+It then measures what else could have produced the published error curves. `make claims` runs it in two minutes; it
+writes reports/claims.md.
 
-A claim holds when the 95 % interval of its share of the ensemble lies above 95 %, and does not hold when it lies below
-5 %. The finite elements of the ensemble are replaced by calibrated hinges with elastic pads, links and platform. That a
-possible cause resembles the paper's statements does not show that it was theirs.
+A claim holds if the 95 % interval of its share of the ensemble lies above 95 %. It does not hold if the interval lies
+below 5 %. The finite elements of the ensemble are replaced by calibrated hinges with elastic pads, links and platform.
+If a possible cause gives errors like those of the paper, this does not show that it was the cause there.
 """
 
 from __future__ import annotations
@@ -71,15 +72,15 @@ try:
     ROOT = Path(__file__).parents[1]
 except NameError:  # where a gallery executes it
     ROOT = Path.cwd().parent
-AMPLITUDE = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: the workspace, assumed; the paper's is not available
+AMPLITUDE = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: the workspace, assumed; that of the paper is not available
 OTHER = ~np.eye(3, dtype=bool)
 solved: Callable[[Stage, int], Response] = cache(solve_stage)
 
 
 class Side(NamedTuple):
-    """n stages that are modelled with one mobility, and what finite elements say of them.
+    """n stages that are modelled with one mobility, and their results by finite elements.
 
-    bodies : (n, 9, 9), compliance of pads, links and platform.   compliance : (n, 3, 3), finite elements'.
+    bodies : (n, 9, 9), compliance of pads, links and platform.   compliance : (n, 3, 3), by finite elements.
     stiffness : (n, 3, 3), of the model with rigid links.   percent : (n, 3, 3), error of the finite elements under the
     force of (18), column j for command j.   band : largest mesh uncertainty along, percentage points.
     """
@@ -116,7 +117,7 @@ class Side(NamedTuple):
         return self._replace(stages=kept, designs=self.designs.chosen(np.arange(len(self.stages))[which]), **arrays)
 
     def by(self, formula: str) -> Side:
-        """The same stages with the model's hinges by another formula."""
+        """The same stages with another hinge formula in the model."""
         K = model_stiffness(self.designs, self.mobility, formula)
         percent = error_matrix(K, self.compliance, self.lever)
         return self._replace(formula=formula, stiffness=K, percent=percent)
@@ -135,7 +136,7 @@ def model_stiffness(designs: Designs, mobility: int, formula: str) -> Array:
 
 
 def stacked(stages: tuple[Stage, ...]) -> Designs:
-    """Stages as arrays, the leading axis stages; what they share is the first's."""
+    """Stages as arrays, the leading axis stages; values that all stages share are those of the first."""
     each = [lower(stage) for stage in stages]
     found = each[0].repeated(len(each))
     for field in fields(Designs):
@@ -146,7 +147,7 @@ def stacked(stages: tuple[Stage, ...]) -> Designs:
 
 
 def calibrated_side(stages: tuple[Stage, ...], mobility: int) -> Side:
-    """Stages whose finite elements are calibrated hinges with elastic pads, links and platform."""
+    """Stages with calibrated hinges and elastic pads, links and platform in place of finite elements."""
     designs, bodies = stacked(stages), np.array([body_compliance(stage) for stage in stages])
     K = at_rest(designs, hinge_compliances(designs, CALIBRATED), freedoms_of(21), bodies).stiffness
     blank = Side(stages, designs, bodies, inverse(K), mobility, "", K, K)
@@ -172,7 +173,8 @@ def reference() -> Pairs:
 # %%
 # The ensemble
 # ------------
-# Stages of this kind that wire erosion makes, about the reference stages: assumed, none of it is the paper's.
+# Stages of this kind that wire erosion can make, around the reference stages. All ranges are assumed; none is from the
+# paper.
 
 DESIGNS, SEED = 1200, 2003  # pairs drawn independently; those that cannot be made are left out
 DRAWN = {  # least and largest, mm and degrees; one neck for all nine hinges, drawn by its logarithm
@@ -199,7 +201,7 @@ class Ensemble(NamedTuple):
 
 
 def drawn_values(designs: int) -> Array:
-    """Values (designs, numbers) of the ensemble, in blocks of 1024 from streams of their own."""
+    """Values (designs, numbers) of the ensemble; each block of 1024 has its own random stream."""
     ends = np.array(list(DRAWN.values()))
     blocks = [
         np.random.Generator(np.random.Philox(np.random.SeedSequence(SEED, spawn_key=(block,))))
@@ -224,7 +226,7 @@ def pair_of(stages: tuple[Stage, ...], values: Array) -> list[Stage]:
 
 
 def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
-    """Draw the ensemble about the two reference stages."""
+    """Draw the ensemble around the two reference stages."""
     stages = tuple(flexfem.load(ROOT / f"geometry/mobility{mobility}.toml") for mobility in (3, 6))
     values, kept, pairs, off_chart = drawn_values(designs), [], [], 0
     for index, row in enumerate(values):
@@ -252,7 +254,7 @@ def draw_ensemble(designs: int = DESIGNS) -> Ensemble:
 
 
 def answered(designs: Designs, formula: str) -> Array:
-    """Which designs (n,) a formula is meant for and has positive compliances for."""
+    """Mask (n,) of the designs that are in the range of a formula and have positive compliances with it."""
     with np.errstate(all="ignore"):
         broken = [each.where for each in invalid_hinges(designs, formula, hinge_compliances(designs, formula))]
         return np.all(in_range(designs, formula), axis=(1, 2)) & ~np.any(broken, axis=0)
@@ -261,11 +263,11 @@ def answered(designs: Designs, formula: str) -> Array:
 # %%
 # What is measured
 # ----------------
-# Each function takes n pairs and returns values (n, k), nan where a pair has none.
+# Each function takes n pairs and returns values (n, k); they are nan where a pair has no value.
 
 
 def axial_share(on: Pairs) -> Array:
-    """Per cent of the error of mobility six that its model without the axial freedom errs more."""
+    """How much larger the error of mobility six is without the axial freedom, per cent of the error without it."""
     six = on.six
     without = error_matrix(model_stiffness(six.designs, 3, six.formula), six.compliance, six.lever)
     without = np.diagonal(without, axis1=1, axis2=2)
@@ -273,7 +275,7 @@ def axial_share(on: Pairs) -> Array:
 
 
 def larger_radius(on: Pairs) -> Array:
-    """Per cent by which axial over rotational compliance of the base hinge grows from the small radius to the large."""
+    """Growth of axial over rotational compliance of the base hinge from the small radius to the large, per cent."""
 
     def ratio(designs: Designs) -> Array:
         found = hinge_compliances(designs, on.six.formula)
@@ -285,7 +287,7 @@ def larger_radius(on: Pairs) -> Array:
 
 
 def rotation_more(on: Pairs) -> Array:
-    """Points by which the error of mobility six in theta is larger than those in X and Y."""
+    """By how many points the error of mobility six in theta is larger than those in X and Y."""
     error = np.abs(on.six.along)
     return error[:, 2:] - np.max(error[:, :2], axis=-1, keepdims=True)
 
@@ -312,7 +314,7 @@ def mechanism_of(of: Side) -> PaperModel:
 
 
 def in_chunks(of: Side, ask: Callable[[Side], Array], step: int = 20) -> Array:
-    """What is asked of n stages, (n, k), some together; where some fail one by one, nan of those that fail."""
+    """Values (n, k) of n stages, computed in chunks; a failed chunk is computed stage by stage, nan if that fails."""
     found = []
     for start in range(0, len(of.stages), step):
         part = of.rows(np.arange(start, min(start + step, len(of.stages))))
@@ -330,7 +332,7 @@ def second_order(on: Pairs) -> Array:
 
 
 def second_order_of_error(on: Pairs) -> Array:
-    """Change of the error along each command by the exact load in place of (18), per cent of that error."""
+    """Change of the error along each command if the exact load replaces (18), per cent of that error."""
 
     def ask(of: Side) -> Array:
         poses = np.concatenate([np.diag(AMPLITUDE), -np.diag(AMPLITUDE)])
@@ -343,7 +345,7 @@ def second_order_of_error(on: Pairs) -> Array:
 
 
 def minimum_energy(on: Pairs, motions: int = 1000, stray: float = 0.1) -> Array:
-    """Least that random other joint motions to one pose store more than (29), per cent.
+    """Smallest excess of the energy of random other joint motions to one pose over that of (29), per cent.
 
     stray : root of the energy of the difference over that of (29).
     """
@@ -367,10 +369,11 @@ UNLIKE = ((MORE, 1.0, 1.0), (LESS, 1.0, 1.0), (MORE, LESS, 1.0))  # factors on t
 
 
 def gradients(on: Pairs) -> Array:
-    """By how many per cent a gradient moves unlike chains further than like ones: worst and best direction, (n, 6).
+    """How much further a gradient moves unlike chains than like ones, per cent: worst and best direction, (n, 6).
 
-    By calibrated hinges, every freedom, elastic links, and pads whose clamped edges the frame strains and bows. The
-    effect is the largest pose, rotation times l3, by a gradient of any direction; coefficients of expansion cancel.
+    The model has calibrated hinges with all freedoms, elastic links, and pads whose clamped edges the frame strains and
+    bends. The effect is the largest pose, with rotation times l3, by a gradient of any direction. The coefficients of
+    expansion cancel.
     """
     of = on.six
     edges = {factor: np.array([edge_motions(stage, factor) for stage in of.stages]) for factor in (1.0, MORE, LESS)}
@@ -397,12 +400,12 @@ def gradients(on: Pairs) -> Array:
 
 
 class Claim(NamedTuple):
-    """What is claimed, the measurement that decides, and the values that bear it out.
+    """A claim, the measurement that decides it, and the values that support it.
 
-    low, high : limits of every value, per cent.   slack : percentage points by which values of the ensemble may be off
-    those of finite elements: measured on 20 pairs, at worst 0.064 for an error, 0.003 for the difference of two
-    stages, 0.027 for that of two commands, 0.0009 for gradients.   most : pairs that are measured, the first ones.
-    by_formula : whether values follow the hinge formula.   missing : what is missing to decide.
+    low, high : limits of every value, per cent.   slack : percentage points by which values of the ensemble may differ
+    from those of finite elements. Largest measured on 20 pairs: 0.064 for an error, 0.003 for the difference of two
+    stages, 0.027 for that of two commands, 0.0009 for gradients.   most : number of pairs measured, from the first.
+    by_formula : whether the values depend on the hinge formula.   missing : what is missing for a decision.
     """
 
     id: str
@@ -417,37 +420,38 @@ class Claim(NamedTuple):
     missing: str = ""
 
     def holds(self, values: Array, slack: float = 0.0) -> Array:
-        """Whether values (n, k) are all as expected, each limit moved outwards by `slack`."""
+        """Whether all values (n, k) are within the limits, each moved outwards by `slack`."""
         return np.all((values >= self.low - slack) & (values <= self.high + slack), axis=-1)
 
 
 CURVES = "Section V, Figs. 5 to 7"
 CLAIMS = (
-    Claim("six-commanded", "mobility six errs 5 to 10 % in the commanded direction", CURVES,
+    Claim("six-commanded", "the error of mobility six in the commanded direction is 5 to 10 %", CURVES,
           lambda on: np.abs(on.six.along), 5.0, 10.0, 0.07, by_formula=True),
-    Claim("six-across", "mobility six errs negligibly across (at most 0.5 %, a tenth of the least quoted)", CURVES,
-          lambda on: on.six.across, high=0.5, by_formula=True),
-    Claim("three-along", "mobility three errs severely (above 10 %) in the commanded direction", CURVES,
+    Claim("six-across", "the error of mobility six across is negligible (at most 0.5 %, a tenth of the least quoted)",
+          CURVES, lambda on: on.six.across, high=0.5, by_formula=True),
+    Claim("three-along", "the error of mobility three in the commanded direction is severe (above 10 %)", CURVES,
           lambda on: np.abs(on.three.along), 10.0, slack=0.07, by_formula=True),
-    Claim("three-across", "mobility three errs severely (above 10 %) in all other directions", CURVES,
+    Claim("three-across", "the error of mobility three in all other directions is severe (above 10 %)", CURVES,
           lambda on: on.three.across, 10.0, by_formula=True),
     Claim("six-better", "mobility six is more accurate than mobility three", "abstract, Sections V and VII",
           lambda on: np.abs(on.three.along) - np.abs(on.six.along), 0.0, slack=0.004, by_formula=True),
-    Claim("axial-cause", "the axial freedom is the cause: of at least half of the error", "abstract, Section I",
+    Claim("axial-cause", "the axial freedom causes at least half of the error", "abstract, Section I",
           axial_share, 50.0, by_formula=True),
-    Claim("larger-radius", "a larger radius gives a hinge its second freedom (at least doubles it)", "Section I",
+    Claim("larger-radius", "a larger radius gives a hinge its second freedom "
+          "(at least doubles the axial over the rotational compliance)", "Section I",
           larger_radius, 100.0, by_formula=True),
-    Claim("rotation-more", "rotation errs more than translation", "Section VI, of Fig. 7",
+    Claim("rotation-more", "the error in rotation is larger than in translation", "Section VI, of Fig. 7",
           rotation_more, 0.0, slack=0.03, by_formula=True),
     Claim("diagonal", "K_uu is diagonal with K_xx = K_yy at rest (to 1e-5 %)", "below (18); Section VI, Fig. 11",
           off_diagonal, high=1e-5),
-    Claim("second-order", "the second-order terms of (16) matter by 3 to 5 % of the position", "Section VI",
+    Claim("second-order", "the second-order terms of (16) amount to 3 to 5 % of the position", "Section VI",
           second_order, 3.0, 5.0, most=100),
-    Claim("second-order-error", "they matter by 3 to 5 % of the error", "Section VI",
+    Claim("second-order-error", "the second-order terms of (16) amount to 3 to 5 % of the error", "Section VI",
           second_order_of_error, 3.0, 5.0),
     Claim("minimum-energy", "(29) is the joint motion of least energy", "Section IV, (29)", minimum_energy, 0.0),
-    Claim("temperature-gradient", "the symmetric structure reduces the effect of a gradient of temperature: necks 10 % "
-          "wider or narrower in one chain, or both in two, in the worst direction", "Section II",
+    Claim("temperature-gradient", "the symmetric structure reduces the effect of a gradient of temperature, compared "
+          "with necks 10 % wider or narrower in one chain, or both in two, in the worst direction", "Section II",
           lambda on: gradients(on)[:, :3], 0.0, slack=0.001),
     Claim("measured-stiffness", "the real stage's stiffness is within 2.6 and 31 % of the simulated one",
           "Section VI, Fig. 11, Table II", softer, missing="Table II"),
@@ -457,9 +461,9 @@ CLAIMS = (
 
 
 class Share(NamedTuple):
-    """Of how many pairs a claim holds with one hinge formula; `low`, `high` : ends of the 95 % interval of the share.
+    """Number of pairs for which a claim holds with one hinge formula; `low`, `high` : 95 % interval of the share.
 
-    surely, perhaps : of how many if every value is as far off as the slack.
+    surely, perhaps : this number if every value is off by the slack, against or in favour of the claim.
     """
 
     formula: str
@@ -472,7 +476,7 @@ class Share(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """By the whole interval, so that few pairs cannot tip it."""
+        """The verdict uses the whole interval, so that a few pairs cannot change it."""
         if self.low >= 0.95:
             return "holds"
         if self.high <= 0.05:
@@ -481,7 +485,7 @@ class Share(NamedTuple):
 
 
 def share_of(claim: Claim, formula: str, values: Array) -> Share | None:
-    """The share of a claim by the values (n, k) of an ensemble, with the exact interval of Clopper and Pearson."""
+    """The share of pairs for which a claim holds, from values (n, k), with the exact Clopper-Pearson interval."""
     known = values[np.all(np.isfinite(values), axis=-1)]
     if not len(known):
         return None
@@ -491,7 +495,7 @@ def share_of(claim: Claim, formula: str, values: Array) -> Share | None:
 
 
 class Verdict(NamedTuple):
-    """What became of a claim: values (k,) on the reference stages, shares by formula, and the number that decides."""
+    """Result of a claim: values (k,) on the reference stages, shares by formula, and the number that decides most."""
 
     claim: Claim
     values: Array
@@ -500,12 +504,12 @@ class Verdict(NamedTuple):
 
     @property
     def verdict(self) -> str:
-        """The paper's formula decides."""
+        """The verdict is that of the formula of the paper."""
         return "cannot be decided" if self.claim.missing else self.shares[0].verdict
 
 
 def judge(claim: Claim, on: Pairs, ensemble: Ensemble) -> Verdict:
-    """A claim on the reference stages and over the ensemble."""
+    """Test a claim on the reference stages and over the ensemble."""
     own = claim.values(on)[0]
     if claim.missing:
         return Verdict(claim, own, [], None)
@@ -527,7 +531,8 @@ def judge(claim: Claim, on: Pairs, ensemble: Ensemble) -> Verdict:
 def deciding(claim: Claim, values: Array, numbers: dict[str, Array]) -> tuple[str, Array, Array] | None:
     """The number whose distributions differ most where a claim holds and where it fails (Kolmogorov and Smirnov).
 
-    Its 5 % and 95 % quantiles follow, where the claim holds and where not. None where it holds everywhere or nowhere.
+    Also returns its 5 % and 95 % quantiles, where the claim holds and where it fails. None if it holds everywhere or
+    nowhere.
     """
     known = np.all(np.isfinite(values), axis=-1)
     holding = claim.holds(values) & known
@@ -541,11 +546,11 @@ def deciding(claim: Claim, values: Array, numbers: dict[str, Array]) -> tuple[st
 # %%
 # What else could have produced the curves
 # ----------------------------------------
-# Each alternative is put in the place of the model or of the finite elements; errors (3, 3), per cent.
+# Each alternative replaces the model or the finite elements; errors (3, 3), per cent.
 
 
 def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
-    """Platform compliances by other finite elements than those of the verification, which come first."""
+    """Platform compliances by other finite elements; those of the verification come first."""
     fine, plate = solved(stage, RESOLUTION), plate_of(stage)
     yield "none: curved quadratic triangles, as verified", fine.compliance
     for n in (1, 2, 4, 8):
@@ -557,7 +562,7 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
     held = plate_of(stage.model_copy(update={"model": "plane_strain"}))
     strain = unit_response(fine.sectors, held).compliance
     yield "finite elements in plane strain, the limit of wide necks", strain
-    solid = solve_solid(stage, *SOLID)  # what three dimensions change, on one mesh of the plane
+    solid = solve_solid(stage, *SOLID)  # the change by three dimensions, on one mesh of the plane
     change = solid.compliance - unit_response(solid.sectors, plate).compliance
     yield "finite elements in three dimensions", fine.compliance + change
     if (thick := thick_compliance(stage)) is not None:
@@ -566,7 +571,7 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
 
 
 def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
-    """Platform compliance (3, 3) by straight linear triangles on the corners of a mesh: `K = b A B^T D B`."""
+    """Platform compliance (3, 3) of straight linear triangles on the corners of a mesh: `K = b A B^T D B`."""
     corners = int(mesh.triangles[:, :3].max()) + 1  # the first nodes
     edges = {name: edge[:, :2] for name, edge in mesh.edges.items()}
     straight = StageMesh(mesh.nodes[:corners], mesh.triangles[:, :3], mesh.bodies, edges)
@@ -594,7 +599,7 @@ def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
 
 
 def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
-    """Errors of every alternative that takes one of the two stages."""
+    """Errors of every alternative that uses one of the two stages."""
     K, lever = analyse(stage, mobility).stiffness, stage.chain.link_lengths[2]
     C = solved(stage, RESOLUTION).compliance
     for name, compliance in other_elements(stage):
@@ -605,14 +610,14 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
                 yield f"hinge formula {name}", error_matrix(analyse(stage, mobility, name).stiffness, C, lever)
         except BadInput:  # off its chart, or not positive here
             continue
-    for change, what in ((0.01, "thicker"), (-0.01, "thinner")):  # mm, what wire cutting may leave: assumed
+    for change, what in ((0.01, "thicker"), (-0.01, "thinner")):  # mm, deviation of wire cutting, assumed
         necks = {name: stage.hinge(1, name).neck + change for name in HINGE_NAMES}
         cut = solved(stage.replace(neck=necks), RESOLUTION).compliance
         yield f"necks 10 um {what} than drawn", error_matrix(K, cut, lever)
     percent = np.abs(scattered(stage, K))
     for name, share in (("median", 0.5), ("95 %", 0.95)):
         yield f"necks scattered by 5 um, {name} of 200 stages", np.quantile(percent, share, axis=0)
-    beside = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 0.5, 1.0]])  # wrench at the centre of one 0.5 mm off it
+    beside = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.5, 0.5, 1.0]])  # wrench of a load 0.5 mm off the centre
     where = "0.5 mm off the centre in X and in Y"
     yield f"load applied {where}", error_matrix(K, C @ beside, lever)
     yield f"pose read {where}", error_matrix(K, beside.T @ C, lever)
@@ -630,7 +635,7 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
 
 
 def scattered(stage: Stage, K: Array) -> Array:
-    """Errors (200, 3, 3) of stages whose nine necks scatter by 5 um; the model knows the drawn dimensions."""
+    """Errors (200, 3, 3) of stages whose nine necks scatter by 5 um; the model has the drawn dimensions."""
     designs = lower(stage).repeated(200)
     designs.neck[:] += 0.005 * np.random.default_rng(2003).normal(size=(200, 3, 3))
     hinges = hinge_compliances(designs, CALIBRATED)
@@ -639,7 +644,7 @@ def scattered(stage: Stage, K: Array) -> Array:
 
 
 def preload_stiffness(stage: Stage, force: float) -> Array:
-    """What an axial force in all base necks, N, adds to the stiffness: `- tau_p o H_p` of (16) with six freedoms."""
+    """Change of stiffness by an axial force, N, in all base necks: `- tau_p o H_p` of (16) with six freedoms."""
     of = assemble(stage, 6)
     at, base = stiffness(of), (of.joints.kind == AXIAL) & (of.joints.hinge == 0)
     _, tau_p = split(np.where(base, force, 0.0), of.choice)
@@ -648,7 +653,7 @@ def preload_stiffness(stage: Stage, force: float) -> Array:
 
 
 def joints_commanded(stage: Stage, mobility: int) -> Array:
-    """Errors when the rotations of (30) are imposed on a stage of 21 freedoms with rigid links: least energy (29)."""
+    """Errors if the rotations of (30) are imposed on a stage of 21 freedoms with rigid links: least energy (29)."""
     of, every = assemble(stage, mobility), assemble(stage, 21)
     known, at = stiffness(of), stiffness(every)
     given = known.C_aa @ known.influence.G_u.T @ known.K_uu  # (29), (30)
@@ -706,10 +711,11 @@ def page(verdicts: list[Verdict], ensemble: Ensemble, on: Pairs, others: list[tu
     return "\n\n".join(
         [
             "# Claims of Yi, Chung, Na, Kim and Suh (2003)",
-            f"Dimensions and workspace are assumed. Judged over {drawn} pairs of stages: {DESIGNS} drawn with seed "
-            f"{SEED}, {ensemble.infeasible} that cannot be made and {ensemble.off_chart} off the hinge chart left out. "
-            f"Their finite elements are calibrated hinges with elastic bodies, {off:.3f} points off on the reference "
-            f"stages; mesh uncertainty there is at most {max(side.band or 0.0 for side in on):.3f} points. "
+            f"Dimensions and workspace are assumed. The claims are judged over {drawn} pairs of stages. Of {DESIGNS} "
+            f"pairs drawn with seed {SEED}, {ensemble.infeasible} cannot be made and {ensemble.off_chart} are off the "
+            "hinge chart; these are left out. The finite elements of the pairs are replaced by calibrated hinges with "
+            f"elastic bodies. On the reference stages these differ from finite elements by {off:.3f} points; the mesh "
+            f"uncertainty there is at most {max(side.band or 0.0 for side in on):.3f} points. "
             f"(1) gives mobilities {models}.",
             markdown_table(head, rows),
             "## What else could have produced the errors, in per cent",

@@ -1,10 +1,11 @@
 """
-What does the drive reach?
-==========================
+Which poses does the drive reach?
+=================================
 
-Poses in X and Y that six pairs of stacks reach together, within their strokes, contacts that only push, blocking
-forces and yield; and how far along X when the stacks push link 1 farther from the base hinge. All numbers of the drive
-are assumed. The figure numbers the edges counter-clockwise, as `section` lists them.
+The figure shows the poses in X and Y that six pairs of piezo stacks reach together. The limits are the strokes and
+blocking forces of the stacks, contacts that only push, and yield of the necks. The edges are numbered
+counter-clockwise, as `section` lists them. The script then prints the reach along X for stacks that push link 1 farther
+from the base hinge. All numbers of the drive are assumed.
 """
 
 from matplotlib import pyplot
@@ -16,7 +17,7 @@ figure, ax = pyplot.subplots(figsize=(6.5, 5.5), layout="constrained")
 flexfem.plot.plot_section(ax, flexfem.reach(stage, models="analytic"))
 
 # %%
-# A longer arm turns the hinge less for the same stroke:
+# With a longer arm, the same stroke turns the hinge less:
 
 for arm in (9.0, 10.0, 12.0):
     overrides = {(chain, "actuator", "base"): {"arm": arm} for chain in (1, 2, 3)}

@@ -2,8 +2,8 @@
 Where does the error come from?
 ===============================
 
-The error of the paper's model in X, split into shares that add up to it, for necks of 0.2 and of 0.5 mm. Thin necks
-are what formula (2) was made for; with thick ones it is most of the error. Dimensions are assumed.
+The figure splits the error of the analytic model of the paper in X into shares that add up to it, for necks of 0.2 and
+0.5 mm. Formula (2) was made for thin necks; for thick necks it causes most of the error. Dimensions are assumed.
 """
 
 from matplotlib import pyplot

@@ -2,8 +2,8 @@
 How fast may the platform be driven?
 ====================================
 
-The answer of the platform to a force in X over the frequency, without and with a payload of 50 g. The damping, 1 % of
-critical, is assumed, as the dimensions are.
+The figure shows the response of the platform to a force in X over the frequency, without and with a payload of 50 g.
+The damping, 1 % of critical, and the dimensions are assumed.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ for ax, (payload, model) in zip(axes, models.items(), strict=True):
     ax.set_title(f"payload {1e3 * payload[0]:g} g", loc="left")
 
 # %%
-# The lowest frequencies, by finite elements:
+# The lowest eigenfrequencies by finite elements:
 
 for payload, model in models.items():
     lowest = model.frequencies[:3] / (2 * np.pi)

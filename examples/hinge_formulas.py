@@ -2,8 +2,9 @@
 Which hinge formula is right?
 =============================
 
-Formulas for the rotation of a circular hinge, over finite elements of one hinge in plane stress. Several of them are
-one beam integral in different algebra: they agree with one another and err alike.
+The figure shows the rotational compliance of a circular hinge by several formulas, divided by that of finite elements
+of one hinge in plane stress. Some formulas are the same beam integral in different algebra. These agree with one
+another and have the same error.
 """
 
 from matplotlib import pyplot
@@ -15,10 +16,10 @@ figure, ax = pyplot.subplots(figsize=(8, 5), layout="constrained")
 flexfem.plot.plot_formulas(ax, review, "rotation")
 
 # %%
-# What the stage is worth by each of them: the stiffness in X of the reference stage, whose dimensions are assumed.
+# The stiffness in X of the reference stage by each formula. The dimensions of the stage are assumed.
 
 stage = flexfem.load("../geometry/mobility6.toml")
 for name, known in flexfem.known_formulas().items():
     stiffness = flexfem.analyse(stage, mobility=6, formula=name).stiffness[0, 0]
     low, high = known.t_over_R
-    print(f"{name:24} {stiffness:7.2f} N/mm   meant for t/R from {low:g} to {high:g}")
+    print(f"{name:24} {stiffness:7.2f} N/mm   valid for t/R from {low:g} to {high:g}")

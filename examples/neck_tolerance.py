@@ -1,10 +1,10 @@
 """
-What does a tolerance of the necks cost?
-========================================
+How does a tolerance of the necks change the stiffness?
+=======================================================
 
-Nine necks, each off by its own amount: by how much does the stiffness scatter, and what couples that symmetry keeps
-apart? 400 stages by the analytic model, whose necks are drawn from a normal distribution of 5 µm; dimensions and
-scatter are assumed.
+Each of the nine necks deviates by its own amount from the drawn width. The figure shows the scatter of the stiffness,
+and the coupling of X and Y, which is zero on a symmetric stage. The analytic model computes 400 stages. Their necks
+are drawn from a normal distribution with a standard deviation of 5 µm. Dimensions and scatter are assumed.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ hinges = [(chain, hinge) for chain in (1, 2, 3) for hinge in ("base", "elbow", "
 
 
 def drawn():
-    """The stiffness (3, 3) of one stage as it may be cut."""
+    """Return the stiffness (3, 3) of one stage with random deviations of its necks."""
     necks = 0.5 + scatter * rng.standard_normal(9)
     cut = stage.replace(override={at: {"neck": neck} for at, neck in zip(hinges, necks, strict=True)})
     return flexfem.analyse(cut, formula="calibrated", mobility=21).stiffness

@@ -2,8 +2,8 @@
 Thinner elbow necks
 ===================
 
-How far does a stage reach when its elbow necks are thinner, and what stiffness does that cost? Answers by the analytic
-model with elastic links for eleven necks, by finite elements for two of them.
+The figure shows how the range at yield and the stiffness of a stage change with the width of its elbow necks. The
+analytic model with elastic links gives values for eleven necks, finite elements for two of them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ STAGE = Path("../geometry/mobility6.toml")
 
 
 def compare(file: str | Path | None = None, resolution: int = 8) -> list[tuple[float, float, float]]:
-    """Print a row for every solved neck, draw both models; returns neck (mm), stiffness (N/mm) and range (um) in x."""
+    """Print a row for every neck solved by finite elements and draw both models.
+
+    Returns neck (mm), stiffness (N/mm) and range (um) in x.
+    """
     stage = flexfem.load(STAGE)
     necks = np.linspace(0.3, 0.6, 11)
     models = [flexfem.analyse(stage.replace(neck={"elbow": t}), formula="calibrated", links=True) for t in necks]

@@ -2,9 +2,10 @@
 Which frame for an aluminium stage?
 ===================================
 
-A gradient of 1 K/mm across the stage moves the platform in proportion to the difference of two expansions, of the metal
-and of its frame. Left, the stage on a steel frame, displacements exaggerated; right, over the expansion of the frame.
-Dimensions and coefficients are assumed.
+A temperature gradient of 1 K/mm across the stage moves the platform. The displacement is proportional to the difference
+of the expansions of the stage and of its frame. The left plot shows the stage on a steel frame, with exaggerated
+displacements. The right plot shows the displacement over the expansion of the frame. Dimensions and coefficients are
+assumed.
 """
 
 from matplotlib import pyplot

@@ -1,9 +1,10 @@
 """
-Which metal goes farthest?
-==========================
+Which metal has the longest range?
+==================================
 
-The range at yield of one drawing, cut from each of the registered metals: what is strong for its modulus goes
-far. By the analytic model with calibrated hinges and elastic links; dimensions are assumed.
+The figure shows the range at yield and the stiffness of the same stage in each of the registered metals. A metal with
+a high strength for its modulus has a long range. The analytic model has calibrated hinges and elastic links.
+Dimensions are assumed.
 """
 
 from matplotlib import pyplot
@@ -28,7 +29,7 @@ ax.set(
 ax.grid(color="0.9")
 
 # %%
-# And how many times, of those whose fatigue constants are known, it goes to 320 µm and back:
+# The life for a motion to 320 µm and back, for the metals whose fatigue constants are known:
 
 for name, metal in flexfem.materials().items():
     if metal.fatigue_strength_coefficient:
