@@ -331,8 +331,8 @@ def plot_solid(ax: Any, found: Reach) -> Any:
 
 COLUMNS: dict[Any, str] = {
     "tangent": "tangent stiffness",
-    "along": "error of linear theory along",
-    "across": "error of linear theory across",
+    "along": "linear theory, error along command",
+    "across": "linear theory, error across command",
 }
 MARKS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
 THEORIES: dict[int, tuple[str, dict[str, Any]]] = {
