@@ -159,7 +159,7 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["--bogus"], "--bogus"),
         (["solve", STAGE], "this command is now: flexfem stiffness --models elements"),
         (["--with", "pipe.py", "check", STAGE], "pipe.py: a directory, pipe, socket or device, expected a Python file"),
-        (["--install-completion", "nosh"], "--install-completion nosh: expected nothing behind it"),
+        (["--install-completion", "nosh"], "--install-completion nosh: expected no argument after it"),
         (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),
         (["check", STAGE, "-o", "new"], "no such option: -o"),
         (["new", "there.toml"], "there.toml: exists, expected the name of a new file; nothing is written"),

@@ -290,7 +290,7 @@ def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
     table.status[:] = "refused"
-    with pytest.raises(BadInput, match="none of 28 designs has an answer"):
+    with pytest.raises(BadInput, match="none of 28 designs has a result"):
         findings(Source(loaded, table, {}))
 
 
