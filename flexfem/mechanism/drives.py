@@ -169,7 +169,7 @@ def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact
     if (np.exp(1j * direction) * np.conj(inward)).real < LEAST_COSINE:
         key, angle = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
         raise BadInput(
-            f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(angle or 0.0):g}, not into the outline of "
+            f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(angle or 0.0):g}, not directed into "
             f"{body} at [{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of "
             f"{np.rad2deg(np.angle(inward)) % 360:.4g}, the inward normal there"
         )

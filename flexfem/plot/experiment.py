@@ -144,7 +144,7 @@ def life_figure(found: Life) -> Figure:
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
         cycles = "infinite life" if np.isinf(life) else f"{life:.3g} cycles"
         chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
-        first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
+        first.append(f"By {model}: {cycles}, first at the {HINGE_NAMES[hinge]} hinge of chain {chain + 1}")
     law, *_, left_out = found.notes
     lines = [
         f"{settings['material']}; amplitude {settings['amplitude']} about {settings['about']}. {'. '.join(first)}.",

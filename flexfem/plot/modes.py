@@ -91,7 +91,7 @@ def title_of(found: NaturalModes, number: int) -> str:
     largest = int(np.argmax(share))
     value, band = (hertz * values[number - 1, -1] for values in (found.frequency, found.band("frequency")))
     label, frequency = found.axes["mode"][number - 1], f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
-    return f"mode {label}: {frequency}; effective mass {share[largest]:.2g} % in {found.axes['base'][largest]}"
+    return f"mode {label}: {frequency}; mass {share[largest]:.2g} % in {found.axes['base'][largest]}"
 
 
 def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float = math.pi / 2) -> Axes:

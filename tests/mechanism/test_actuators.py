@@ -79,8 +79,8 @@ ANYWHERE = (SIDE, "#")
 BAD = [  # edits of the first actuator, what is said, what is named
     ([(LINK, "point_mm = [44.0, -35.0]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the body", "[44, -36.5]"),
     ([(LINK, "point_mm = [54.0, -36.5]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the body", "of chain 1"),
-    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 270.0 #"), ANYWHERE], "not into the outline", "of 90"),
-    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 0.0 #"), ANYWHERE], "not into the outline", "84 degrees"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 270.0 #"), ANYWHERE], "not directed into", "of 90"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 0.0 #"), ANYWHERE], "not directed into", "84 degrees"),
     ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 90.0 #")], "not both", "side"),
     ([(LINK, "point_mm = [44.0, -36.5] #"), ANYWHERE], "or point_mm and direction_deg", "the position of the contact"),
     ([(LINK, 'hinge = "base"\narm_mm = 4.0 #')], "contact off the link", "between 4 and 28.5"),
