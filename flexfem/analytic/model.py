@@ -222,7 +222,7 @@ class ModelChoice(NamedTuple):
 def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool, warnings: list[str]) -> ModelChoice:
     """Return the requested model in the plane of the stage's file, or `best_model` by default. Raises BadInput."""
     if links and mobility not in (None, 21):
-        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links require all freedoms")
+        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links need all freedoms")
     if mobility is None and formula is None and not links:
         return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula

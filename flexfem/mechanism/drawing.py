@@ -102,7 +102,7 @@ def cut_path(part: Part, kerf: float) -> Part:
     if validity != "Valid Geometry":
         x, y = map(float, validity.partition("[")[2].rstrip("]").split())
         raise BadInput(
-            f"kerf of {kerf:g} mm, expected less than every gap of the part: the wire would cut metal at {x:.1f}, "
+            f"kerf of {kerf:g} mm, expected less than every gap of the part: the wire would cut the part at {x:.1f}, "
             f"{y:.1f}"
         )
     hub, *mounting = (hole._replace(radius=hole.radius - half) for hole in part.holes)

@@ -392,7 +392,7 @@ class MeshConvergence(Result):
 def converge(
     stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MeshConvergence:
-    """Solve a stage on successively finer meshes: observed order, extrapolated compliance, band.
+    """Solve a stage on increasingly fine meshes; compute observed order, extrapolated compliance and mesh band.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Curve(Table):
     @model_validator(mode="after")
     def _links_go_with_all_freedoms(self) -> Curve:
         if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links require all freedoms of the hinges", "links")
+            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
         return self
 
 

@@ -36,7 +36,7 @@ SHARED = {
     'models : {"both", "analytic", "elements"}': "The models to compute.",
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
-    "layers : int, optional": "Three dimensions, with this number of layers in half the thickness, from 3.",
+    "layers : int, optional": "Three-dimensional model with this number of layers in half the thickness, from 3.",
     "progress : callable, optional": "Called with a line of text after each completed part.",
 }
 RAISES = """

@@ -79,7 +79,7 @@ def test_a_design_never_replaces_its_base_stage(load, tmp_path):
     base = tmp_path / "wanted-stage.toml"
     base.write_text(STAGE)
     path = load(NECK, RANGE, head=HEAD.replace(str(REFERENCE), base.name)).path
-    with pytest.raises(BadInput, match=r"wanted-stage.toml: is read for what is to be written"):
+    with pytest.raises(BadInput, match=r"wanted-stage.toml: is an input of this command"):
         flexfem.run_design(path, tmp_path)
     assert base.read_text() == STAGE and len(list(tmp_path.iterdir())) == 2
 

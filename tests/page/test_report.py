@@ -116,7 +116,7 @@ def test_the_line_that_made_a_page_is_quoted():
         ([STAGE], "page.html", ["magic"], "sections 'magic', expected some of analytic, elements"),
         ([STAGE], "page.html", ["life"], "without an amplitude"),
         ([STAGE, ROOT / "geometry/mobility3.toml"], "page.html", ["analytic"], "expected one stage"),
-        ([STAGE], "none/page.html", ["analytic"], "no folder .*none, expected one that is there"),
+        ([STAGE], "none/page.html", ["analytic"], "no folder .*none, expected an existing folder"),
         ([Path("/dev/zero.json")], "page.html", ["analytic"], "expected none: they apply to a stage"),
         ([], "page.html", ["analytic"], "no file"),
         ([ROOT / "cases/study-trust.toml"], "page.html", ["modes"], "they apply to a stage, and this is a study"),
@@ -150,7 +150,7 @@ def test_a_page_never_replaces_what_it_is_of(tmp_path):
     stage.write_text(STAGE.read_text())
     (tmp_path / "other.html").symlink_to(stage)
     for output in ("stage.html", "other.html"):
-        with pytest.raises(BadInput, match=r"html.*: .*is read for what is to be written, expected another file"):
+        with pytest.raises(BadInput, match=r"html.*: .*is an input of this command, expected another file"):
             report(stage, tmp_path / output, sections=["analytic"])
     assert stage.read_text() == STAGE.read_text()
 
