@@ -317,7 +317,7 @@ def _in_words(of: dict[str, Any]) -> str:
         count = f"{least} of" if least == most else f"{least} to {most} of" if most else f"{least} or more of"
         return f"{count if most or least else 'array of'}: {_in_words(of['items'])}"
     if kind == "object":
-        return "text by quoted key path"
+        return "text for each key path in quotes"
     if kind in NUMBERS:
         return ", ".join(filter(None, [WORDS[kind], _limits(of)]))
     return "key path of a stage file" if "anyOf" in of else WORDS[of["type"]]

@@ -128,7 +128,7 @@ def print_status(facts: dict[str, Any]) -> None:
     for text in facts["warnings"]:
         print(f"warning: {text}")
     print(f"accuracy: {facts['stress_accuracy']}")
-    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
+    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers of the study "):
         print(f"{text}: --json lists them")
     if "next" in facts:
         print(f"next: {facts['next']}")

@@ -346,7 +346,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
             warnings.append(f"{subject} extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
         amplitude = abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
         if columns["safety_factor"] * amplitude < columns[name]:  # mean and amplitude grow together
-            warnings.append(f"{subject} by elastic stress, beyond yield")
+            warnings.append(f"{subject} from elastic stress, beyond yield")
     if required.used & {*SCATTERED} and required.tolerance is not None and not required.tolerance.checked:
         warnings.append("coupling under tolerance is by the analytic model alone: tolerance.checked is 0")
     return warnings

@@ -88,11 +88,11 @@ class Free(Factor):
 
 
 class Require(Table):
-    """A requirement: the ends between which an expression of columns and keys must lie."""
+    """A requirement: the limits between which an expression of columns and keys must lie."""
 
     quantity: plan.Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
-    at_least: End = Field(default=None, description="The lower end", examples=[100.0])
-    at_most: End = Field(default=None, description="The upper end; at least one of the two", examples=[150.0])
+    at_least: End = Field(default=None, description="Lower limit", examples=[100.0])
+    at_most: End = Field(default=None, description="Upper limit; one or both are needed", examples=[150.0])
     label: Label | None = Field(default=None, examples=["stiffness in X"])
     """Name in the output"""
 
@@ -223,7 +223,7 @@ class Requirements(Sourced):
             if low is not None and high is not None:
                 least = low + 0.02 * self.accuracy_percent * max(abs(low), abs(high))
                 if high < least:
-                    expected = f">= {least:.6g}, with both ends twice accuracy_percent apart"
+                    expected = f">= {least:.6g}, with both limits twice accuracy_percent apart"
                     raise refusal(expected, "require", index, "at_most")
         return self
 

@@ -239,7 +239,7 @@ class Designed(Record):
         )  # fmt: skip
         add(
             "requirements", "Requirements with their margins",
-            ["requirement", "limits", "value", "verdict", "margin (% of the end)", limit, *check],
+            ["requirement", "limits", "value", "verdict", "margin (% of the limit)", limit, *check],
             ([r.label, r.limits, r.formatted(plain), r.verdict,
               f"{r.margin_percent:.3g}" + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
               limit * r.active, r.checked_by, f"{r.uncorrected:.6g}"] for r in self.requirements),

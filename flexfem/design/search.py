@@ -88,7 +88,7 @@ class _Search:
             self.note(float(merits.min()))
             *_, (evaluations, objective, _) = self.history
             shown = "none feasible" if objective is None else f"{objective:.6g}"
-            self.model.say(f"{evaluations:,} designs by the analytic model, best: {shown}")
+            self.model.say(f"{evaluations:,} analytic evaluations, best: {shown}")
             return merits
 
         order = np.argsort(merit(u), kind="stable")

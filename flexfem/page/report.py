@@ -142,7 +142,7 @@ def report(
     check_file(target, *paths)
     subject = _subject(paths, names, amplitude, studies_folder)
     require_unread(target)  # stages, studies and materials are read by now
-    assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers behind this page ")
+    assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers of this page ")
     page_sections = []
     for name, make in subject.parts:
         if progress is not None:

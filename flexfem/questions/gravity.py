@@ -36,7 +36,7 @@ HEAVIEST = 1e4  # kg
 class Gravity(Result):
     """Displacement and neck stress of a stage under its own weight and that of its payload."""
 
-    title = "weight"
+    title = "displacement under weight"
     labels: ClassVar = {"out of plane": ("z", "tilt x", "tilt y")}
     columns = ("direction", "out of plane")
     pose = Quantity("displacement of the platform", "motion", ("model", "direction"), FRESH, "pose", prefixed=True)

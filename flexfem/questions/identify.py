@@ -341,8 +341,8 @@ def conclusion(best: Fit, dof: int, offset: float, allowed: list[bool], distinct
             (False, False): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
         }[by_necks, by_fixture]
     causes = {
-        (True, True): f" N{necks} alone and a soft fixture alone both agree with the data.",
-        (True, False): f" N{necks} alone agree with the data, a soft fixture alone does not.",
+        (True, True): f" Either cause alone agrees with the data: n{necks}, or a soft fixture.",
+        (True, False): f" N{necks} agree with the data, a soft fixture alone does not.",
         (False, True): " A soft fixture alone agrees with the data, a neck offset alone does not.",
         (False, False): "",
     }[by_necks, by_fixture]

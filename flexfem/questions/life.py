@@ -168,17 +168,17 @@ class Life(Result):
 
     title = "fatigue life"
     figure = "experiment.life_figure"
-    life = Quantity("cycles of the neck that fails first", "", ("model",), Gate(0.05))
+    life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05))
     fewest = Quantity("fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
     most = Quantity("most cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
     safety = Quantity("yield strength over the highest stress", "", ("model",), STRESS)
     factor = Quantity("factor on the amplitude for the wanted life", "", ("model",), STRESS)
     peak_at_largest = Quantity("highest stress at that amplitude", "mpa", ("model",), STRESS)
-    equivalent = Quantity("fully reversed stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
+    equivalent = Quantity("equivalent fully reversed stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
     peak = Quantity("largest magnitude of the stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
     amplitude = Quantity("amplitude of the stress", "mpa", NECK, STRESS, "all", shown=False)
     mean = Quantity("mean of the stress", "mpa", NECK, STRESS, "all", shown=False)
-    cycles = Quantity("cycles of each neck", "", NECK, Gate(0.05), shown=False)
+    cycles = Quantity("cycles to failure of each neck", "", NECK, Gate(0.05), shown=False)
     largest = Quantity("amplitude for the wanted life", "motion", ("model", "direction"), STRESS, prefixed=True)
     law: Basquin  # for figures, as is the yield strength, MPa
     yield_strength: float
@@ -311,7 +311,7 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
     (low, high), assumed = chosen.range, "" if chosen.range_stated else ", assumed"
     rule = "Smith, Watson and Topper" if chosen.walker == 0.5 else f"Walker, {chosen.walker:g}"
     description = (
-        f"Basquin's law with {chosen.coefficient:g} MPa and {chosen.exponent:g}, for {low:.4g} to {high:.4g} cycles"
+        f"Basquin's law, {chosen.coefficient:g} MPa, exponent {chosen.exponent:g}, for {low:.4g} to {high:.4g} cycles"
         f"{assumed}; mean stress by {rule}; {source}"
     )
     return chosen, [description, *notes]

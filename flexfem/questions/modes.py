@@ -54,8 +54,8 @@ ABOVE_THIRD = (
     "with calibrated hinges 5 to 163 % too high; the first three were within 0.11 % (elastic) and 3.4 % (rigid links)"
 )
 OUT_OF_PLANE = (
-    "motion in the plane only: these modes exclude those in which the platform leaves the plane, the lowest of which "
-    "can be below these"
+    "motion in the plane only: modes in which the platform leaves the plane are excluded; the lowest of them can be "
+    "below these"
 )
 NO_STACKS = "engaged stacks are springs that hold their strokes; the mass of the stacks is neglected"
 AT_ITS_PLACE = (
@@ -152,7 +152,7 @@ class DynamicModel(NamedTuple):
         above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
         return (
             f"K_cb and M_cb are truncated to {kept} with the platform held: as many of their lowest frequencies are "
-            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of all freedoms"
+            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of the full model"
         )
 
     def response(self, frequencies: Array) -> Any:

@@ -59,8 +59,8 @@ class Reach(Result):
         FRESH, "pose", prefixed=True,
     )  # fmt: skip
     rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose", prefixed=True)
-    circle = Quantity("radius about rest in X and Y at theta 0", "um", (), SOLVED)
-    ball = Quantity("radius about rest, rotations times the lever", "um", (), SOLVED)
+    circle = Quantity("radius of the largest circle about rest at theta 0", "um", (), SOLVED)
+    ball = Quantity("radius of the largest ball about rest, theta times lever", "um", (), SOLVED)
     volume = Quantity("volume of all poses", "um2_mrad", (), SOLVED)
     vertices = Quantity("vertices of all poses", "motion", ("vertex", "direction"), SOLVED, "all", shown=False)
     commands = Quantity("actuator strokes at the vertices", "um", ("vertex", "actuator"), SOLVED, "all", shown=False)
@@ -193,7 +193,7 @@ def reach(
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
     notes = [
         f"{direction}, others {others}: "
-        + "; ".join(f"{end} end stopped by {stops[others, direction, end]}" for end in ("low", "high"))
+        + "; ".join(f"{end} end limited by {stops[others, direction, end]}" for end in ("low", "high"))
         for others in ("zero", "free")
         for direction in DIRECTIONS
         if (others, direction, "low") in stops

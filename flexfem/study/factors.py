@@ -152,7 +152,7 @@ def require_keys(table: Table, choice: str, required: tuple[str, ...], optional:
 
 def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
-        raise refusal("no star in keys: all of them take one value", *at)
+        raise refusal("no star in keys: all of them take the same value", *at)
     if key not in keys():
         raise refusal(f"a number of the stage format{key_suggestion(key, keys()) or ', see flexfem schema stage'}", *at)
 

@@ -438,7 +438,7 @@ class Study(Sourced):
     """Whether `verify` also computes the mesh band of each percentage, from three meshes"""
     check: Literal["closed_form", "drawing"] | None = None
     """How designs are checked for overlapping bodies: `drawing` draws every design. By default `closed_form` with
-    `analytic`; designs that are meshed are always drawn"""
+    `analytic`; meshed designs are always drawn"""
     time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(default=60.0, alias="time_limit_s")
     """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the worker has loaded
     it, without time in which the worker or the whole run is suspended. A worker that takes 10 s longer is killed and

@@ -74,7 +74,7 @@ def test_numbers_of_the_page_are_those_of_the_records(written):
 def test_assumed_numbers_are_counted_first_and_listed(written):
     page, stage = written.read_text(), flexfem.load(written.with_name("hostile.toml"))
     keys = {*stage.assumed, *stage.drive_assumptions.assumed}
-    assert f"{len(keys)} of the numbers behind this page are assumed" in page.split("<nav")[0]
+    assert f"{len(keys)} of the numbers of this page are assumed" in page.split("<nav")[0]
     listed = cells(page.split("Sources of the numbers</h2>")[1])
     assert {key for key in keys if listed[listed.index(key) + 1] == "assumed"} == keys and len(keys) > 20
 
