@@ -247,10 +247,10 @@ class Actuator(Dimensioned):
     def contact(self) -> str:
         """Description of the contact with the driven body."""
         if self.ball_radius is None:
-            return "a rigid contact" if self.contact_stiffness is None else "its contact of stated stiffness"
+            return "a rigid contact" if self.contact_stiffness is None else "a contact of stated stiffness"
         if self.ball_loose:
-            return "its loose ball, two contacts"
-        return f"its ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
+            return "a loose ball, two contacts"
+        return f"a ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
 
     def stiffness_with(self, material: Material) -> float:
         """Stiffness, N/mm, of the stack in series with its contact on a body of this material."""
