@@ -1,4 +1,4 @@
-# flexfem: `make` installs, `make help` lists the targets. Everything runs in .venv, which is made when it is missing.
+# flexfem: `make` installs flexfem, and `make help` lists the targets. All commands run in .venv. It is created if it is missing.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -19,7 +19,7 @@ MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py fl
 .PHONY: install help reproduce-figures full-report test test-slow test-all check docs claims validation baselines regression studies designs chart bench clean
 .DELETE_ON_ERROR:
 
-install: $(SETUP) ## install flexfem and what it needs into .venv (the default)
+install: $(SETUP) ## install flexfem and its dependencies into .venv (default)
 	@echo "flexfem is installed; next:"
 	@echo "    source .venv/bin/activate"
 	@echo "    flexfem --help"
@@ -29,7 +29,7 @@ install: $(SETUP) ## install flexfem and what it needs into .venv (the default)
 help: ## list the targets
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 22
 
-reproduce-figures: reports/verification.md ## Figures 5 to 7 and the drawings of the stages, into reports/
+reproduce-figures: reports/verification.md ## draw Figures 5 to 7 and the stages, into reports/
 	@echo "figures: reports/fig5.png, reports/fig6.png, reports/fig7.png (and .pdf); all of them: reports/verification.md"
 
 reports/verification.md: $(RESULTS) $(PLOT_CODE)
@@ -39,7 +39,7 @@ reports/verification.md: $(RESULTS) $(PLOT_CODE)
 $(RESULTS) &: $(CASES) $(STAGES) $(MODEL_CODE) $(SETUP) # one command for all cases: it solves each stage once
 	@$(FLEXFEM) verify $(CASES) --output reports
 
-full-report: reproduce-figures ## also joints commanded, error budgets, large displacements, mesh studies, hinge formulas and the paper's claims
+full-report: reproduce-figures ## run reproduce-figures, and report commanded joints, error budgets, large displacements, mesh studies, hinge formulas and the paper's claims
 	@$(FLEXFEM) verify $(JOINTS) --output reports/joints && \
 	    $(FLEXFEM) plot $(JOINTS:cases/%.toml=reports/joints/%.json) --output reports/joints >/dev/null
 	@for stage in mobility3 mobility6; do \
@@ -49,52 +49,52 @@ full-report: reproduce-figures ## also joints commanded, error budgets, large di
 	@$(FLEXFEM) formulas --output reports
 	@$(BIN)/python examples/claims.py --page reports/claims.md
 
-studies: $(SETUP) ## run and draw the shipped design studies, into reports/
+studies: $(SETUP) ## run the shipped design studies and draw their figures, into reports/
 	@for study in cases/study-*.toml; do \
 	    $(FLEXFEM) study run $$study --output reports && $(FLEXFEM) study plot $$study --output reports || exit 1; done
 
-designs: $(TEST_SETUP) ## run the worked designs, minutes each, into reports/, and their figures into docs/
+designs: $(TEST_SETUP) ## run the worked designs, some minutes each, into reports/, and copy their figures into docs/
 	@for file in cases/design-*.toml; do \
 	    name=$$(basename $$file .toml); $(FLEXFEM) design $$file --output reports || exit 1; \
 	    for figure in reports/$$name-design*.png; do \
 	        cp $$figure docs/$$name$${figure#reports/$$name-design} || exit 1; done; done
 	@$(BIN)/python -m tests.test_docs
 
-test: $(TEST_SETUP) ## the tests but the slow ones
+test: $(TEST_SETUP) ## run all tests except the slow ones
 	@$(BIN)/python -m pytest -n 2 -m "not slow"
 
-test-slow: $(TEST_SETUP) ## the slow tests only
+test-slow: $(TEST_SETUP) ## run only the slow tests
 	@failed=0; $(BIN)/python -m pytest -n 2 --dist loadgroup -m slow --ignore tests/study || failed=1; \
 	    $(BIN)/python -m pytest -m slow tests/study || failed=1; exit $$failed # these start processes, and stop them by the clock
 
-test-all: test test-slow ## all tests
+test-all: test test-slow ## run all tests
 
-check: $(TEST_SETUP) ## ruff and mypy
+check: $(TEST_SETUP) ## run ruff and mypy
 	@$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 
-docs: $(DOCS_SETUP) ## the documentation, executed as it is built, into build/docs
+docs: $(DOCS_SETUP) ## build the documentation into build/docs and execute its examples
 	@$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs
 	@echo "documentation: build/docs/index.html"
 
-claims: $(SETUP) ## the paper's claims measured, and what else could have produced its curves: reports/claims.md (two minutes)
+claims: $(SETUP) ## measure the paper's claims and other possible causes of its curves, into reports/claims.md (two minutes)
 	@$(BIN)/python examples/claims.py --page reports/claims.md
 
-validation: $(TEST_SETUP) ## published problems and other solvers: reports/verification-manual.md
+validation: $(TEST_SETUP) ## compare with published problems and other solvers, into reports/verification-manual.md
 	@$(BIN)/python -m tests.validation.manual
 
-regression: $(SETUP) ## compare what reports print with what was accepted, tests/baselines (a minute)
+regression: $(SETUP) ## compare the computed numbers with the accepted ones in tests/baselines (a minute)
 	@$(FLEXFEM) regression tests/baselines
 
-baselines: $(SETUP) ## accept the present numbers: make baselines REASON="why"
+baselines: $(SETUP) ## accept the present numbers, with make baselines REASON="why"
 	@$(FLEXFEM) baseline $(ACCEPTED) --baselines tests/baselines --reason "$(REASON)"
 
-chart: $(SETUP) ## compute the hinge chart again, by finite elements
+chart: $(SETUP) ## compute the hinge chart again by finite elements
 	@$(BIN)/python -m flexfem.fem.chart
 
-bench: $(TEST_SETUP) ## measure, as ratios in one run
+bench: $(TEST_SETUP) ## run the benchmarks, which measure ratios within one run
 	@for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done
 
-clean: ## remove results, figures and caches; .venv stays
+clean: ## remove results, figures and caches, but not .venv
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .hypothesis build *.egg-info docs/gallery docs/jupyter_execute
 	find reports -mindepth 1 ! -name README.md -delete
 	find . -name __pycache__ -not -path './.venv/*' -prune -exec rm -rf {} +

@@ -22,4 +22,4 @@ stage = flexfem.load("../geometry/mobility6.toml")
 for name, known in flexfem.known_formulas().items():
     stiffness = flexfem.analyse(stage, mobility=6, formula=name).stiffness[0, 0]
     low, high = known.t_over_R
-    print(f"{name:24} {stiffness:7.2f} N/mm   meant for t/R from {low:g} to {high:g}")
+    print(f"{name:24} {stiffness:7.2f} N/mm   valid for t/R from {low:g} to {high:g}")

@@ -85,19 +85,19 @@ class Checked(NamedTuple):
 
 
 def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
-    """Compare what flexfem answers now with accepted baselines: inputs that changed, numbers that moved, came or went.
+    """Compare present results with accepted baselines: changed inputs; numbers that moved, appeared or disappeared.
 
     Parameters
     ----------
     *baselines : Path
-        Baselines, or folders of them.
+        Baselines, or folders of baselines.
     progress : callable, optional
         Called with the name of every baseline.
 
     Raises
     ------
     BadInput
-        A folder has no baselines, or a file is none.
+        A folder has no baselines, or a file is not a baseline.
     """
     checked, findings = list[str](), list[str]()
     for place in map(checked_path, baselines):
@@ -120,14 +120,14 @@ def regression(*baselines: Path, progress: Progress | None = None) -> Checked:
 
 
 def baseline(*files: Path, reason: str, baselines: Path | None = None, progress: Progress | None = None) -> list[Path]:
-    """Accept what flexfem answers of input files now as their baselines; returns the files written.
+    """Accept the present results of input files as their baselines; returns the files written.
 
     Parameters
     ----------
     *files : Path
-        Stages, cases, studies, charts of flexfem itself.
+        Stages, cases, studies, and charts of flexfem itself.
     reason : str
-        Why numbers may move; kept in the history of each baseline.
+        Why numbers may move; stored in the history of each baseline.
     baselines : Path, optional
         Folder of the baselines; by default `baselines` beside each file.
     progress : callable, optional
@@ -198,9 +198,9 @@ def check(path: Path) -> list[str]:
     data = read(path)
     source = Path(os.path.normpath(path.parent / data["file"]))
     if not source.exists():
-        return [f"{path}: its input is gone: {source}"]
+        return [f"{path}: its input file is missing: {source}"]
     if source.stem != path.stem or kind_of(source) != data["kind"]:
-        return [f"{path}: the baseline of a {data['kind']} {source}, which is of kind {kind_of(source)}"]
+        return [f"{path}: the baseline of a {data['kind']}, but {source} is of kind {kind_of(source)}"]
     was, now = (
         {(file, key): value for file, keys in inputs.items() for key, value in keys.items()}
         for inputs in (data["inputs"], inputs_of(source))
@@ -239,7 +239,7 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
         # round-off decides which of equal stresses has the band, so bands are compared by quantity
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
         for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)}:
-            yield f"{name}: {question}.{quantity}: its bands came or went"
+            yield f"{name}: {question}.{quantity}: its bands appeared or disappeared"
 
 
 def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
@@ -338,7 +338,7 @@ def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
         arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {"nodes": made.nodes}
         arrays |= {"triangles": made.triangles.astype(np.int32), "bodies": made.bodies.astype(np.int8)}
         write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
-    held = read_arrays(place, "a kept mesh")
+    held = read_arrays(place, "a stored mesh")
     try:
         edges = {name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")}
         bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))

@@ -81,7 +81,7 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
     kerf : float, optional
         Width of the wire's cut, mm; with it a drawing also has the centre line of the cut.
     holes : float, optional
-        Diameter of a mounting hole in every pad, mm; the models have no such holes.
+        Diameter of a mounting hole in every pad, mm; the models do not include these holes.
 
     Raises
     ------
@@ -95,24 +95,24 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
         given = f"extension {target.suffix!r}" if target.suffix else "no extension"
         raise BadInput(f"{place_of(target)}: {given}, expected a file name that ends in one of {', '.join(FORMATS)}")
     if kerf is not None and target.suffix == ".step":
-        raise BadInput(f"{place_of(target)}: a kerf with .step, expected .dxf or .svg: the path of a wire is flat")
+        raise BadInput(f"{place_of(target)}: a kerf with .step, expected .dxf or .svg: a wire path is two-dimensional")
     kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
     holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
     check_file(target, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
     part = part_of(stage, holes)
     wire = None if kerf is None else cut_path(part, kerf)
-    warnings = ["the models clamp the pads along their back edges alone, and fill the hub hole with a rigid disc"]
+    warnings = ["the models clamp only the back edges of the pads and fill the hub hole with a rigid disc"]
     if holes is not None:
-        warnings.append("the mounting holes are in no model: they make the pads softer")
+        warnings.append("the models do not include the mounting holes, which make the pads softer")
     if kerf is not None:
-        warnings.append(f"the wire leaves sharp inner corners filled with a radius of {kerf / 2:g} mm")
+        warnings.append(f"the wire cuts sharp inner corners with a radius of {kerf / 2:g} mm")
     layers = list[str]()
     if target.suffix == ".step":
         write_step(stage, part, target)
     else:
         notes = [*_notes(stage), *warnings]
         if kerf is not None:
-            notes.append(f"{WIRE}: middle of a cut {kerf:.6g} mm wide, wire and spark gap together")
+            notes.append(f"{WIRE}: centre line of a cut {kerf:.6g} mm wide, the wire plus its spark gap")
         sheet = sheet_of(stage, part, wire, notes)
         text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
         write_atomically(target, lambda file: file.write(text.encode()))

@@ -104,7 +104,7 @@ class Quantity:
         try:
             return instance.values[self.name]
         except KeyError:
-            raise AttributeError(f"{owner.__name__} without {self.name!r}: {self.meaning} was not computed") from None
+            raise AttributeError(f"{owner.__name__} has no {self.name!r}: {self.meaning} was not computed") from None
 
     def unit_at(self, place: tuple[int, ...]) -> Unit:
         """Return the unit of the value at an index of the array."""
@@ -236,7 +236,7 @@ class Result:
 
     def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
         if quantity not in self.values:
-            raise BadInput(f"{self.kind()}.{quantity} is not there, expected one of: {', '.join(self.values)}")
+            raise BadInput(f"{self.kind()}.{quantity} is not in this result, expected one of: {', '.join(self.values)}")
         over = self.quantities[quantity].over
         for axis, label in labels.items():
             if axis not in over or label not in self.axes[axis]:
@@ -326,7 +326,7 @@ class Result:
             found = kind(about, parts["values"], parts["bands"], **rest)
             found.versions = data["versions"]
         except (KeyError, TypeError, ValueError, AssertionError):
-            raise BadInput(f"{place_of(path)}: not what this version of flexfem stores, make it again") from None
+            raise BadInput(f"{place_of(path)}: not in the format of this version of flexfem, store it again") from None
         return found
 
     @classmethod
@@ -480,7 +480,7 @@ class Result:
     def sentences(self) -> list[str]:
         """Return the explanations below the tables."""
         banded = any(np.any(np.isfinite(band)) for band in self.bands.values())
-        band = ["±: half-width of the numerical uncertainty, by meshes"] if banded else []
+        band = ["±: half-width of the numerical uncertainty, from the meshes"] if banded else []
         noted = (one for name, one in self.quantities.items() if one.note and name in self.values)
         notes = [f"{one.meaning}: {one.note}" for one in noted]
         return [*self.reading, *notes, *self.notes, *band]
@@ -601,7 +601,7 @@ def unsealed(path: PathLike) -> dict[str, Any]:
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BadInput(f"{place_of(path)}: expected a result that flexfem stored as JSON") from None
     if not same:
-        raise BadInput(f"{place_of(path)}: changed since it was stored, its digest is of other content")
+        raise BadInput(f"{place_of(path)}: changed since it was stored, its digest does not match")
     return data
 
 

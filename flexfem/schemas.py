@@ -62,24 +62,24 @@ FORMATS = {
     "stage": Format(
         Stage,
         "Stage file",
-        "One TOML file a stage. `flexfem new` writes one, `flexfem check` explains one.",
+        "One TOML file for each stage. `flexfem new` writes a stage file, `flexfem check` explains it.",
     ),
     "case": Format(
         Case,
         "Case file",
-        "One TOML file a comparison: a platform displacement is commanded, (18) says which force should produce it, "
-        "that force is applied to the finite-element stage, and the difference is the error. `flexfem verify` runs it.",
+        "One TOML file for each comparison: (18) gives the force for a commanded platform displacement, finite "
+        "elements give the displacement under this force, and the difference is the error. `flexfem verify` runs it.",
     ),
     "study": Format(
-        Study, "Study file", "One TOML file a study: many designs of one base stage. `flexfem study run` runs it."
+        Study, "Study file", "One TOML file for each study: many designs of one base stage, run by `flexfem study run`."
     ),
     "requirements": Format(
         Requirements,
         "Requirements file",
-        "One TOML file a design: what of a base stage is free, required, and to be best, for `flexfem design`.",
+        "One TOML file for each design: free keys of a base stage, requirements and objective, for `flexfem design`.",
     ),
     "fixture": Format(
-        Fixture, "Fixture file", "One TOML file a set-up of the stiffness experiment, for `flexfem experiment`."
+        Fixture, "Fixture file", "One TOML file for each set-up of the stiffness experiment, for `flexfem experiment`."
     ),
     "measured": Format(
         Measurement,
@@ -89,13 +89,13 @@ FORMATS = {
     "material": Format(
         Entry,
         "Materials file",
-        "Materials of your own, a table each, beside a stage file that names one: `name` and `file` in `[material]`.",
+        "Your own materials, one table each, in a file that the stage file names: `name` and `file` in `[material]`.",
         named="material",
     ),
     "necks": Format(
         Necks,
         "Measured necks",
-        "The nine necks as measured, for `flexfem as-built`; a CSV file does, too.",
+        "The nine necks as measured, for `flexfem as-built`, which also reads a CSV file.",
     ),
 }
 
@@ -110,23 +110,23 @@ class Schema(dict[str, Any]):
 
 
 def schema(name: str | None = None, *, output: Path | None = None) -> Schema | list[Path]:
-    """Give the JSON schema of a kind of file, by which editors and programs check it, or the table of its keys.
+    """Give the JSON schema of a kind of file, which editors and programs use to check it, or the table of its keys.
 
-    Hinge formulas, materials and stacks are those that are known now, the user's own included. Editors that know TOML
-    complete and check a file whose first line is `#:schema` and the path of a schema.
+    The schema lists the hinge formulas, materials and stacks that are known now, including your own. Editors that know
+    TOML complete and check a file whose first line is `#:schema` and the path of a schema.
 
     Parameters
     ----------
     name : str, optional
         Kind of input file: stage, case, study, requirements, fixture, measured, material or necks; or of result:
-        stiffness, drift and others. Without it all kinds are named.
+        stiffness, drift and others. By default all kinds are listed.
     output : path, optional
-        Folder for the schema as a file; without a name those of all input files are written.
+        Folder for the schema as a file; without a name, for the schemas of all input files.
 
     Returns
     -------
     dict or list of path
-        The schema, or the files written. Raises BadInput when there is no such kind, or the folder takes no file.
+        The schema, or the files written. Raises BadInput when there is no such kind, or the folder cannot be written.
 
     Examples
     --------
@@ -157,7 +157,7 @@ def _lines(name: str) -> Iterator[str]:
     """Yield the keys of a file, or the quantities of a result, each with its meaning on the next line."""
     if name not in FORMATS:
         for quantity, meaning, unit, axes in results()[name].reference().rows:
-            yield f"{quantity}{f' {unit}' if unit else ''}: for each {axes}\n    {meaning}"
+            yield f"{quantity}{f' {unit}' if unit else ''}: {'for each ' * (axes != 'one number')}{axes}\n    {meaning}"
         return
     for table in tables_of(name):
         yield f"{table.header}  {table.about}" if table.name else FORMATS[name].about
@@ -317,7 +317,7 @@ def _in_words(of: dict[str, Any]) -> str:
         count = f"{least} of" if least == most else f"{least} to {most} of" if most else f"{least} or more of"
         return f"{count if most or least else 'array of'}: {_in_words(of['items'])}"
     if kind == "object":
-        return "text by quoted key path"
+        return "text for each key path in quotes"
     if kind in NUMBERS:
         return ", ".join(filter(None, [WORDS[kind], _limits(of)]))
     return "key path of a stage file" if "anyOf" in of else WORDS[of["type"]]

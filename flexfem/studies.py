@@ -114,7 +114,7 @@ def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
         raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
     if parts.loaded.stem != folder.name:
         raise BadInput(
-            f"{path}: a folder of results of {parts.loaded.path}, expected it to be called {parts.loaded.stem}"
+            f"{path}: a folder of results of {parts.loaded.path}, expected it to be named {parts.loaded.stem}"
         )
     return status_facts(parts)
 
@@ -128,7 +128,7 @@ def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = Fal
 def collect_study(
     study: PathLike, output: PathLike = REPORTS, to: PathLike | None = None, partial: bool = False
 ) -> Collected:
-    """Join the finished designs to one table, in their order.
+    """Join the finished designs in one table, in their order.
 
     Parameters
     ----------

@@ -184,7 +184,7 @@ def reason_of(error: BaseException) -> str:
         return str(changed)
     frame = deepest(error)
     where = f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})" if frame else ""
-    return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows all of it"
+    return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows the traceback"
 
 
 @contextmanager

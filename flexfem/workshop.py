@@ -47,9 +47,9 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     file : path
         Stage file to write, .toml; must not exist yet.
     case : bool
-        Also write a case of it, FILE-case.toml, for verify.
+        Also write a case of this stage, FILE-case.toml, for verify.
     study : bool
-        Also write a study of it, FILE-study.toml, for study run.
+        Also write a study of this stage, FILE-study.toml, for study run.
 
     Raises
     ------
@@ -73,19 +73,19 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     return NewFiles(
         [str(new) for new in paths.values()],
         [f"flexfem {name} {shlex.quote(str(new))}" for kind, new in paths.items() for name in next_commands[kind]],
-        ["all numbers are those of flexfem's reference stage: they are assumed, replace them by yours"],
+        ["all numbers are those of flexfem's reference stage: they are assumed, replace them with your own"],
     )
 
 
 def view(file: Path, *, output: Path | None = None) -> View:
-    """Draw a stage with its dimensions, in a window where there is a display; an incomplete one as far as possible.
+    """Draw a stage with its dimensions, in a window if there is a display; an incomplete stage as far as possible.
 
     Parameters
     ----------
     file : path
         Stage file.
     output : path, optional
-        Folder of the picture; default: a window where there is a display, otherwise the current folder.
+        Folder of the picture; default: a window if there is a display, otherwise the current folder.
 
     Raises
     ------
@@ -100,13 +100,13 @@ def view(file: Path, *, output: Path | None = None) -> View:
     stage, missing = partial = load_partly(source)
     skeleton = partial.states("chain.link_lengths_mm", "chain.joint_angles_deg")
     if not (partial.whole or skeleton or partial.states("platform.radius_mm")):
-        raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg to begin")
+        raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg first")
     window, written = target is None and drawing.show_window(stage, missing), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
         written = write_beside(place, drawing.drawing_figure(stage, missing))
-    warnings = [f"{', '.join(missing)}: missing, and what needs it is not drawn"] if missing else []
+    warnings = [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
     return View(str(source), stage.name, missing, list(map(str, written)), window, warnings, *partial.assumptions)
 
 

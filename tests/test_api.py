@@ -177,7 +177,7 @@ def test_a_formula_of_ones_own_answers(stage):
     )
     stiffness, warnings = rigid(stage, mobility=3, formula="half-koster")
     np.testing.assert_allclose(stiffness, 2 * koster, rtol=1e-9, atol=1e-9 * koster.max())
-    assert any("half-koster is meant for t/R from 0.3 to 0.9, and is used at 0.136" in each for each in warnings)
+    assert any("half-koster is valid for t/R from 0.3 to 0.9, and is used at 0.136" in each for each in warnings)
     assert "half-koster" in flexfem.formulas() and made.source == "a test"
 
 

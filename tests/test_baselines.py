@@ -47,7 +47,7 @@ def test_what_was_accepted_stands_within_its_gate(accepted):
         (lambda numbers: numbers.update({KEY: [numbers[KEY][0] * (1 + 1e-3)]}), [f"paper.{KEY} was ", "moved -0.0"]),
         (lambda numbers: numbers.update(of_old=[1.0]), ["paper.of_old is gone, was 1"]),
         (lambda numbers: numbers.pop(KEY), [f"paper.{KEY} is new: "]),
-        (lambda numbers: numbers[KEY].append(0.5), ["paper.stiffness: its bands came or went"]),
+        (lambda numbers: numbers[KEY].append(0.5), ["paper.stiffness: its bands appeared or disappeared"]),
     ],
 )
 def test_what_moved_came_or_went_is_named(accepted, change, said):

@@ -104,7 +104,7 @@ def test_view_says_where_the_picture_is_and_what_is_missing(flexfem, monkeypatch
     Path("half.toml").write_text(text.replace("thickness_mm = 10.0", "").replace('"thickness_mm" =', '"name" ='))
     code, out, err = flexfem("view", "half.toml")
     assert (code, err) == (0, "") and "half-drawing.png" in out and Path("half-drawing.pdf").stat().st_size
-    assert "warning: thickness_mm: missing, and what needs it is not drawn\n" in out
+    assert "warning: thickness_mm: missing; the parts that need it are not drawn\n" in out
 
 
 def test_names_with_markup_are_printed_as_they_are(flexfem, project):
@@ -159,14 +159,14 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
         (["--bogus"], "--bogus"),
         (["solve", STAGE], "this command is now: flexfem stiffness --models elements"),
         (["--with", "pipe.py", "check", STAGE], "pipe.py: a directory, pipe, socket or device, expected a Python file"),
-        (["--install-completion", "nosh"], "--install-completion nosh: expected nothing behind it"),
+        (["--install-completion", "nosh"], "--install-completion nosh: expected no argument after it"),
         (["drift", STAGE, "-o", STAGE], "is a file, expected a folder"),
         (["check", STAGE, "-o", "new"], "no such option: -o"),
         (["new", "there.toml"], "there.toml: exists, expected the name of a new file; nothing is written"),
         (["new", "there", "--case"], "there: expected a file name that ends in .toml"),
         (["new", "fresh.toml", "--study"], "fresh-study.toml: exists"),
         (["new", "link.toml"], "link.toml: exists"),
-        (["new", "none/mine.toml"], "no folder none, expected one that is there"),
+        (["new", "none/mine.toml"], "no folder none, expected an existing folder"),
         (["new", "two\nlines.toml"], r"two\nlines.toml: expected a plain file name"),
         (["new", ".hidden.toml"], ".hidden.toml: expected a plain file name"),
         (["new", f"{234 * 'x'}.toml", "--case"], "x-case.toml: a name of more than 240 bytes"),
@@ -241,5 +241,5 @@ def test_no_command_writes_over_a_file_that_it_has_read(flexfem, monkeypatch, co
     monkeypatch.setattr(sources, "_begun", set())
     code, out, err = flexfem("--with", "own.py", *command)
     assert (code, out, err.count("\n")) == (2, "", 1), err
-    assert target in err and "which is read for what is to be written, expected another file" in err
+    assert target in err and "which is an input of this command, expected another file" in err
     assert {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()} == before

@@ -85,7 +85,7 @@ def test_labels_choose_parts_and_unknown_ones_are_refused(found: Trial) -> None:
     np.testing.assert_array_equal(found.at("stress", case="very hot", hinge="platform"), [3.0, 1.0])
     with pytest.raises(BadInput, match="case 'warm', expected one of: cold, very hot"):
         found.at("stress", case="warm")
-    with pytest.raises(BadInput, match=r"trial\.stres is not there, expected one of: mass, pose, stress"):
+    with pytest.raises(BadInput, match=r"trial\.stres is not in this result, expected one of: mass, pose, stress"):
         found.band("stres")
 
 

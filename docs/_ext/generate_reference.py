@@ -25,7 +25,7 @@ FOLDER = ROOT / "docs/reference"
 OVERRIDE = "override"  # its other keys are those of hinges and actuators
 MARKED = r"Keys marked \* must be given; a file with other keys than these is refused."
 COMMON = (
-    "Options stand before or after arguments; `--json` prints for machines. Exit code 0: done; 1: a check or a "
+    "Options stand before or after arguments; `--json` prints the result as JSON. Exit code 0: done; 1: a check or a "
     "computation failed; 2: bad input; 128 + n: stopped by signal n."
 )
 SCHEMAS = """# JSON schemas

@@ -140,7 +140,7 @@ def loaded(joints: Serial, force: Array, load: Array) -> Equilibrium:
     eta = joints.basis @ equilibrium.displacement
     largest = max(np.max(np.abs(eta[chain.slots] * chain.rotation)) for chain in joints.chains)
     if not largest <= BUCKLED:  # also raises for nan
-        raise ComputationFailed("no equilibrium with these forces of the stacks: they are at or beyond buckling")
+        raise ComputationFailed("no equilibrium with these stack forces: they reach or exceed the buckling load")
     return equilibrium
 
 
@@ -162,8 +162,8 @@ def _paper_equilibrium(model: PaperModel, target: Array, hold: bool) -> Equilibr
     where = f", design {tuple(failed[0].tolist())} the first of {len(failed)}" if diverged.shape else ""
     goal = "holding the pose" if hold else "under the load"
     raise ComputationFailed(
-        f"no equilibrium {goal}{where}: Newton on (13) did not converge in {LOAD_STEPS[-1]} load steps; the target is"
-        " beyond a singular configuration or beyond buckling"
+        f"no equilibrium {goal}{where}: Newton's method on (13) did not converge in {LOAD_STEPS[-1]} load steps;"
+        " the target is beyond a singular configuration or beyond buckling"
     )
 
 

@@ -56,7 +56,7 @@ class AnalyticResult(NamedTuple):
     """The analytic model of one stage at rest.
 
     stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.   mobility : by (1).
-    freedoms, hinges : of each hinge, 3 chains by 3 hinges.   in_range : (3, 3), whether `formula` is meant for its t/R.
+    freedoms, hinges : of each hinge, 3 chains by 3 hinges.   in_range : (3, 3), whether `formula` is valid for its t/R.
     links : whether pads, links and platform are elastic.   plane : the reduction to a plane problem.
     wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
     """
@@ -101,7 +101,7 @@ def hinge_compliances(designs: Designs, formula: str) -> Compliance:
 
 
 def in_range(designs: Designs, formula: str) -> NDArray[np.bool_]:
-    """Return whether the formula is meant for each hinge (n, 3, 3). Raises BadInput for an unknown formula."""
+    """Return whether the formula is valid for each hinge (n, 3, 3). Raises BadInput for an unknown formula."""
     return formulas.formula(formula).in_range(designs.radius, designs.neck, designs.link_width[:, None, None])
 
 
@@ -222,7 +222,7 @@ class ModelChoice(NamedTuple):
 def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool, warnings: list[str]) -> ModelChoice:
     """Return the requested model in the plane of the stage's file, or `best_model` by default. Raises BadInput."""
     if links and mobility not in (None, 21):
-        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links go with all freedoms")
+        raise BadInput(f"links with mobility {mobility}, expected 21 or None: elastic links need all freedoms")
     if mobility is None and formula is None and not links:
         return best_model(stage, warnings)
     name = DEFAULT_FORMULA if formula is None else formula
@@ -242,14 +242,14 @@ def best_model(stage: Stage, warnings: list[str], formula: str | None = None) ->
             hinge_compliance(stage, CALIBRATED)
             formula = CALIBRATED
         except BadInput as refusal:
-            warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is taken instead")
+            warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is used instead")
             formula = DEFAULT_FORMULA
     if "model" not in stage.model_fields_set:
         try:
             hinge_compliance(corrected(stage), formula)
             stage = corrected(stage)
         except BadInput as refusal:
-            warnings.append(f"{refusal.reason}; {PLANES[stage.model]} is taken instead")
+            warnings.append(f"{refusal.reason}; {PLANES[stage.model]} is used instead")
     return ModelChoice(stage, None, formula, True)
 
 

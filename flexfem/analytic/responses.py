@@ -295,7 +295,7 @@ def require_expansion(stage: Stage, frame: bool = False) -> None:
     if stage.material.expansion is None:
         raise BadInput(f"material.expansion_um_per_m_k {MISSING} (aluminium 23.6)")
     if frame and stage.frame.expansion is None:
-        reason = "one that expands as the stage does leaves the platform at rest"
+        reason = "with the expansion of the stage it does not move the platform"
         raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {reason}")
 
 

@@ -34,14 +34,14 @@ from flexfem.study import MOST_WORKERS
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
-    "Ask a stage": ("stiffness", "formulas"),
+    "Analyse a stage": ("stiffness", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
     "Measure": ("experiment", "identify", "as-built"),
     "Many designs": ("study", "design"),
-    "Pass on": ("export", "mesh", "report", "schema"),
-    "Check and trust": ("regression", "baseline"),
+    "Export and report": ("export", "mesh", "report", "schema"),
+    "Regression checks": ("regression", "baseline"),
 }
 RENAMED = {  # old names of commands, with their replacements
     "solve": "flexfem stiffness --models elements",
@@ -68,7 +68,7 @@ class Commands(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse arguments after the completion options, which apply to the current shell."""
         if args and args[0] in ("--install-completion", "--show-completion") and args[1:]:
-            ctx.fail(f"{args[0]} {args[1]}: expected nothing behind it, it is of the shell in which it is run")
+            ctx.fail(f"{args[0]} {args[1]}: expected no argument after it: it applies to the current shell")
         return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -126,10 +126,10 @@ app.add_typer(study.app, name="study")
 def design(
     requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
     output: OutputFolder = None,
-    workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="For finite elements; 1 is this process.")] = 1,
+    workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="Processes for finite elements.")] = 1,
     json: Json = False,
 ) -> None:
-    """Find the best stage that meets requirements, and check it by finite elements; exit code 1 where none does."""
+    """Find the best stage that meets requirements, and check it by finite elements; exit code 1 if none does."""
     os.environ.update(ONE_THREAD)  # before the import of numpy: threads change the last bits of results
     from flexfem.design.run import run_design
 
@@ -271,7 +271,7 @@ def _common(
     ] = False,
     formulas: Annotated[
         Path | None,
-        typer.Option("--with", metavar="FILE", help="Python file, run to register formulas and materials."),
+        typer.Option("--with", metavar="FILE", help="Python file that registers formulas and materials."),
     ] = None,
 ) -> None:
     manifest()  # before the import of modules that compute

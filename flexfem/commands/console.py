@@ -26,9 +26,9 @@ def usable(folder: Path | None) -> Path | None:
     return folder
 
 
-OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for what is written.")
+OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
 OutputFolder = Annotated[Path | None, OUTPUT]
-Json = Annotated[bool, typer.Option("--json", help="Print JSON for machines.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
 def plain(value: Any) -> Any:

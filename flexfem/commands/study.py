@@ -20,27 +20,27 @@ if TYPE_CHECKING:
     from flexfem.study.run import Parts, Progress
 
 app = typer.Typer(
-    help="Study many designs: run, see how far it is, collect the table, plot.",
+    help="Study many designs: run, count finished designs, collect the table, plot.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
-Output = Annotated[Path, typer.Option("--output", "-o", help="Folder for what is written, in a folder of the study.")]
-Partial = Annotated[bool, typer.Option("--partial", help="Leave out designs that are still open.")]
-Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes here; default one a processor.")]
+Output = Annotated[Path, typer.Option("--output", "-o", help="Folder of results, with a folder for each study.")]
+Partial = Annotated[bool, typer.Option("--partial", help="Leave out open designs.")]
+Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes, by default one per processor.")]
 
 
 @app.command()
 def run(
     study: StudyFile,
     workers: Workers = None,
-    shard: Annotated[str, typer.Option(metavar="I/N", help="Only the I-th of N shares, for job arrays.")] = "1/1",
+    shard: Annotated[str, typer.Option(metavar="I/N", help="Compute share I of N, for job arrays.")] = "1/1",
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
     output: Output = REPORTS,
-    retry: Annotated[bool, typer.Option("--retry", help="Also try again what failed or ran out of time.")] = False,
+    retry: Annotated[bool, typer.Option("--retry", help="Repeat designs that failed or timed out.")] = False,
     json: Json = False,
 ) -> None:
-    """Compute the designs of a study that are still open; stopped or killed, it goes on where it was."""
+    """Compute the open designs of a study. A run that was stopped or killed continues where it was."""
     from flexfem import studies
 
     share = studies.shard_of(shard)
@@ -71,8 +71,8 @@ def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
 
             yield watch
     except Stopped as stop:
-        kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "what is done is"
-        stop.said = f"stopped; {kept} kept in {parts.folder}, the same command goes on"
+        kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "finished parts are"
+        stop.said = f"stopped; {kept} kept in {parts.folder}, the same command continues"
         raise
 
 
@@ -103,7 +103,7 @@ def status(
     output: Output = REPORTS,
     json: Json = False,
 ) -> None:
-    """Count the designs of a study that are done, refused, failed with reasons, and open."""
+    """Count the designs of a study by status. The output states the reasons of refusals and failures."""
     from flexfem import studies
 
     show(studies.study_status(study, output), json, print_status)
@@ -124,11 +124,11 @@ def print_status(facts: dict[str, Any]) -> None:
     for text in facts["damaged"]:
         print(f"{text}; flexfem study run computes it again")
     if facts["stale"]:
-        print(f"{facts['stale']:,} parts of other inputs or versions there; flexfem study clean removes them")
+        print(f"{facts['stale']:,} parts there belong to other inputs or versions; flexfem study clean removes them")
     for text in facts["warnings"]:
         print(f"warning: {text}")
     print(f"accuracy: {facts['stress_accuracy']}")
-    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers behind it "):
+    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers of the study "):
         print(f"{text}: --json lists them")
     if "next" in facts:
         print(f"next: {facts['next']}")
@@ -138,10 +138,10 @@ def print_status(facts: dict[str, Any]) -> None:
 def clean(
     study: StudyFile,
     output: Output = REPORTS,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be removed.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Count the parts without removing them.")] = False,
     json: Json = False,
 ) -> None:
-    """Remove parts of other inputs or versions than the study has now; nothing else."""
+    """Remove parts of other inputs or versions. Parts of the present study file and versions stay."""
     from flexfem import studies
 
     def print_removed(facts: dict[str, Any]) -> None:
@@ -159,7 +159,7 @@ def collect(
     partial: Partial = False,
     json: Json = False,
 ) -> None:
-    """Join what is done to one table, design after design."""
+    """Join the finished designs in one table, in their order."""
     from flexfem import studies
 
     table = studies.collect_study(study, output, to, partial)
@@ -168,7 +168,7 @@ def collect(
 
 @app.command()
 def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, json: Json = False) -> None:
-    """Collect the table of a study and draw its figures, as PNG and PDF; what they show is in the JSON, as numbers."""
+    """Collect the table and draw the figures. They are PNG and PDF files; --json prints their numbers."""
     from flexfem import studies
     from flexfem.plot.study import write_study_figures
     from flexfem.study.findings import Refused

@@ -272,7 +272,7 @@ class Model:
             checks = conditions(designs)
             notch, clear, apart, hub = (
                 np.column_stack([check.room.min(axis=1) for check in checks if word in check.wrong])
-                for word in ("notch", "swallows", "closer", "hub larger")
+                for word in ("notch", "covers", "closer", "hub larger")
             )
             gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]
         return np.hstack([*ends, self.margins(quantities)[:, len(self.sizes) :], gaps])

@@ -230,7 +230,7 @@ def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array
         between = searched(replace(model, bounds={1: float(bounds[k])}), designs[k + 1], store)
         if between.merit < MISSED:
             designs.append(between.values)
-        model.say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} by the analytic model")
+        model.say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} analytic evaluations")
     return _non_dominated(model, designs)
 
 
@@ -301,11 +301,11 @@ def _scattered(model: Model, last: Proof) -> record.Scattered | None:
         if couplings is not None and name in requirements.used:
             searched, others, low, high = (values[k] for values in couplings[:4])
             text = (
-                f"{name} of {OTHERS:,} stages that no search has seen, by the model: {others:.4g}, 95 % interval "
-                f"{low:.4g} to {high:.4g}; of the {tolerance.stages:,} searched {searched:.4g}"
+                f"{name} of {OTHERS:,} stages outside the search, by the model: {others:.4g}, 95 % interval "
+                f"{low:.4g} to {high:.4g}; of the {tolerance.stages:,} of the search: {searched:.4g}"
             )
-            solved = f"; finite elements of {tolerance.checked}: {couplings.factors[-1, k]:.4f} times that, off by at"
-            notes.append(text + (f"{solved} most {couplings.misfit[k]:.2g} in one" if np.any(couplings.misfit) else ""))
+            solved = f"; finite elements of {tolerance.checked}: {couplings.factors[-1, k]:.4f} times the model, within"
+            notes.append(text + (f"{solved} {couplings.misfit[k]:.2g}" if np.any(couplings.misfit) else ""))
     return record.Scattered(share=share_kept(model, last, tolerance), stages=SHARED, notes=notes)
 
 
@@ -333,7 +333,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
     if not agreed:
         still = f"model and finite elements still differ by {100 * last.gap:.3g} %"
         if 100 * last.gap <= required.accuracy_percent:
-            still = "a requirement is still not kept with its band, or within it where there is no room"
+            still = "a requirement is still not met with its band, or within it where no room is left"
         warnings.append(f"after {len(rounds)} rounds {still}")
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
     reason = str(with_warnings(loaded.study, last.values[None], row).reason[0])
@@ -346,9 +346,9 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
             warnings.append(f"{subject} extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
         amplitude = abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
         if columns["safety_factor"] * amplitude < columns[name]:  # mean and amplitude grow together
-            warnings.append(f"{subject} by elastic stress, beyond yield")
+            warnings.append(f"{subject} from elastic stress, beyond yield")
     if required.used & {*SCATTERED} and required.tolerance is not None and not required.tolerance.checked:
-        warnings.append("coupling under tolerance is of the analytic model: tolerance.checked is 0")
+        warnings.append("coupling under tolerance is by the analytic model alone: tolerance.checked is 0")
     return warnings
 
 

@@ -259,7 +259,7 @@ def searched(model: Model, near: Array | None, store: Store, everywhere: bool = 
             finite = np.isfinite(model.evaluate(best.values[None])).all()
             why = "its bodies cannot be drawn" if finite else "a quantity without a finite value"
             reason = model.columns(best.values[None])[1][0] or why
-            raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions can be answered: {reason}")
+            raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions has a result: {reason}")
         return [best.values.tolist(), best.relaxed.tolist(), best.merit, [list(step) for step in best.history]]
 
     inputs = [inputs_of(model), None if near is None else near.tolist(), everywhere]

@@ -73,9 +73,9 @@ class Free(Factor):
         if self.start is not None and self.end is not None:
             length = self.end - self.start
             if length < self.step:
-                raise refusal(f"at most {length:g}, from end to end", "step")
+                raise refusal(f"at most {length:g}, the length of the range", "step")
             if length / self.step > MOST_STEPS:
-                raise refusal(f"at most {MOST_STEPS} steps from end to end", "step")
+                raise refusal(f"at most {MOST_STEPS} steps in the range", "step")
         return self
 
     @property
@@ -88,11 +88,11 @@ class Free(Factor):
 
 
 class Require(Table):
-    """A requirement: the ends between which an expression of columns and keys must lie."""
+    """A requirement: the limits between which an expression of columns and keys must lie."""
 
     quantity: plan.Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
-    at_least: End = Field(default=None, description="The lower end", examples=[100.0])
-    at_most: End = Field(default=None, description="The upper end; at least one of the two", examples=[150.0])
+    at_least: End = Field(default=None, description="Lower limit", examples=[100.0])
+    at_most: End = Field(default=None, description="Upper limit; one or both are needed", examples=[150.0])
     label: Label | None = Field(default=None, examples=["stiffness in X"])
     """Name in the output"""
 
@@ -101,7 +101,7 @@ class Require(Table):
         plan.require_ends(self, "at_least", "at_most")
         for key, end in (("at_least", self.at_least), ("at_most", self.at_most)):
             if 0 < abs(end or 0.0) < 1 / LARGEST:
-                raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are in parts of it", key)
+                raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are relative to it", key)
         return self
 
     @property
@@ -168,13 +168,13 @@ class Requirements(Sourced):
 
     kind: ClassVar[str] = "requirements file"
 
-    name: Label = Field(description="Of the designed stage, and title of figures", examples=["Long range"])
+    name: Label = Field(description="Name of the designed stage, and title of figures", examples=["Long range"])
     stage: Label = Field(examples=["stage.toml"])
     """File of the base stage, relative to this one, with the values of all dimensions that are not free"""
     formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
     paper_formula: FormulaName = DEFAULT_FORMULA
     """Formula of the model, with the stage's own mobility, whose errors are `error_x_percent` and the like"""
-    mobility: Mobility | None = Field(default=21, description="Of the analytic model")
+    mobility: Mobility | None = Field(default=21, description="Mobility of the analytic model")
     links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
     seed: int = Field(ge=0, lt=2**63, description="Seed of the search", examples=[2003])
     accuracy_percent: Accuracy = 0.1
@@ -195,7 +195,7 @@ class Requirements(Sourced):
     drift: plan.DriftTable | None = None
     """Requests the drift with temperature; the table has no keys"""
     tolerance: Tolerance | None = None
-    """Requests the share of stages that keep all requirements when their nine necks scatter, and the 95 % quantiles of
+    """Requests the share of stages that meet all requirements when their nine necks scatter, and the 95 % quantiles of
     the couplings: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`"""
 
     @model_validator(mode="after")
@@ -223,7 +223,7 @@ class Requirements(Sourced):
             if low is not None and high is not None:
                 least = low + 0.02 * self.accuracy_percent * max(abs(low), abs(high))
                 if high < least:
-                    expected = f">= {least:.6g}, with both ends twice accuracy_percent apart"
+                    expected = f">= {least:.6g}, with both limits twice accuracy_percent apart"
                     raise refusal(expected, "require", index, "at_most")
         return self
 
@@ -307,6 +307,6 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
     derived = {output.name for output in required.output}
     for index, objective in enumerate(required.objective):
         if all(is_fixed(name, columns, stage) for name in required.names_of(objective.quantity) - derived):
-            given = f"objective[{index}].{objective.key} = {shown(objective.quantity)}"
-            raise bad_key(path, ("objective", index, objective.key), f"{given}, expected what a free dimension changes")
+            given = f"objective[{index}].{objective.key} = {shown(objective.quantity)}, expected"
+            raise bad_key(path, ("objective", index, objective.key), f"{given} a quantity that free dimensions change")
     return LoadedRequirements(Path(path), required, stage, columns)

@@ -55,8 +55,8 @@ class Stated(Record):
     def formatted(self, plain: bool = False) -> str:
         """Return value, band and unit as text, with the part of sampling in the band."""
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
-        sampling = "" if self.sampling is None else f", of that {self.sampling:.2g} by sampling"
-        spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the pushes"
+        sampling = "" if self.sampling is None else f", of which {self.sampling:.2g} by sampling"
+        spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the forces"
         return f"{text} {self.unit.label(plain)}".rstrip() + sampling + spread
 
 
@@ -184,7 +184,7 @@ class Designed(Record):
     @property
     def state(self) -> str:
         """Verdict on all requirements as text."""
-        nearest = "does not meet all requirements: the nearest that was found"
+        nearest = "does not meet all requirements, and is the nearest design found"
         return "meets all requirements" if self.feasible else nearest
 
     def heading(self) -> str:
@@ -194,20 +194,20 @@ class Designed(Record):
     def sentences(self) -> list[str]:
         """Return notes on the tables: bands, tightened requirements, scatter, and agreement of the models."""
         notes = [
-            "±: band of the meshes, and of the stages drawn for a coupling under tolerance; without one a value is "
-            "exact, or of the analytic model alone"
+            "±: band of the meshes, and for a coupling under tolerance of the random stages; a value without a band is "
+            "exact, or by the analytic model alone"
         ]
         tight = [f"{r.label} by {r.tightened_percent:.2g} %" for r in self.requirements if r.tightened_percent]
         if tight:
             notes.append(
                 "the search tightened requirements by their bands, and with continuous dimensions by "
-                f"accuracy_percent, {self.accuracy_percent:g} %, by which model and finite elements may differ: "
+                f"{self.accuracy_percent:g} % (accuracy_percent), the allowed difference of model and finite elements: "
                 f"{', '.join(tight)}"
             )
         if self.scattered is not None:
-            share = f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages whose necks scatter"
-            notes += [f"{share} keep every requirement, by the corrected model", *self.scattered.notes]
-        agreed = "came to agree" if self.agreed else "did not come to agree"
+            share = f"{100 * self.scattered.share:.3g} % of {self.scattered.stages:,} stages with scattered necks"
+            notes += [f"{share} meet every requirement, by the corrected model", *self.scattered.notes]
+        agreed = "agree" if self.agreed else "do not agree"
         agreement = f"corrected model and finite elements {agreed} within {self.accuracy_percent:g} % at the design"
         return [*notes, agreement]
 
@@ -223,7 +223,7 @@ class Designed(Record):
             if filled := list(rows):
                 sections.setdefault(section, []).append(TextTable(head, filled, names, caption))
 
-        limit, check = "limits the objective", ["checked by", "model by itself"]
+        limit, check = "limits the objective", ["checked by", "uncorrected model"]
         labels = {each.name: each.label for each in (*self.requirements, *self.objectives)}
         objectives = [goal.label_with_unit(plain) for goal in self.objectives]
         add(
@@ -239,7 +239,7 @@ class Designed(Record):
         )  # fmt: skip
         add(
             "requirements", "Requirements with their margins",
-            ["requirement", "wanted", "value", "verdict", "margin (% of the end)", limit, *check],
+            ["requirement", "limits", "value", "verdict", "margin (% of the limit)", limit, *check],
             ([r.label, r.limits, r.formatted(plain), r.verdict,
               f"{r.margin_percent:.3g}" + (f" ± {r.band_percent:.2g}" if r.band_percent else ""),
               limit * r.active, r.checked_by, f"{r.uncorrected:.6g}"] for r in self.requirements),
@@ -249,16 +249,16 @@ class Designed(Record):
         sole = [(relaxed.requirement, "alone", relaxed.relax_to, relaxed.percent) for relaxed in self.alternatives]
         add(
             "requirements", "Smallest relaxations, by the model", ["requirement", "relaxed", "to", "by (%)"],
-            ([name, how, *(["none is enough", ""] if to is None or by is None else [f"{to:.6g}", f"{by:.3g}"])]
+            ([name, how, *(["not sufficient", ""] if to is None or by is None else [f"{to:.6g}", f"{by:.3g}"])]
              for name, how, to, by in (*joint, *sole)), 2,
         )  # fmt: skip
         add(
-            "sensitivity", "Change (%) for 1 % more of a dimension", ["dimension", *labels.values()],
+            "sensitivity", "Change (%) per 1 % increase of a dimension", ["dimension", *labels.values()],
             ([name, *("not known" if row[key] is None else f"{row[key]:+.3g}" for key in labels)]
              for name, row in self.sensitivities.items()),
         )  # fmt: skip
         add(
-            "front", "Designs that no other beats in both objectives, solved by finite elements",
+            "front", "Pareto front of both objectives, solved by finite elements",
             ["design", *self.design, *objectives, *(f"{title}, corrected model" for title in objectives),
              *(f"margin of {r.label} (%)" for r in self.requirements), "requirements"],
             ([str(k), *(f"{x:.6g}" for x in (*point.design.values(), *point.values, *point.predicted)),
@@ -294,5 +294,5 @@ def read_design(path: str | os.PathLike[str]) -> Designed:
         return Designed.model_validate_json(json.dumps(unsealed(path)))
     except ValidationError as error:
         where = ".".join(map(str, error.errors()[0]["loc"]))
-        problem = f"{where}: not what this version of flexfem design stores, which makes it again"
+        problem = f"{where}: not a record of this version of flexfem; run flexfem design again"
         raise BadInput(f"{place_of(path)}: {problem}") from None

@@ -31,7 +31,7 @@ CHEBYSHEV = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
 LAGRANGE = np.linalg.inv(chebvander(CHEBYSHEV, NODES - 1))  # Lagrange polynomials as sums of Chebyshev polynomials
 WIDEST = 0.5  # deviation over neck up to which the interpolation error is 1e-6
 UPPER = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # entries of a symmetric matrix: xx, xy, xt, yy, yt, tt
-REFUSED = f"tolerance.neck_um: a neck that scatters is off the chart of its hinge, or by more than {WIDEST:.0%}"
+REFUSED = f"tolerance.neck_um: a scattered neck is outside the chart of its hinge, or deviates by over {WIDEST:.0%}"
 
 
 def deviations(tolerance: Tolerance, stages: int, seed: int) -> Array:

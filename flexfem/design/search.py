@@ -87,8 +87,8 @@ class _Search:
             merits = self.merit(self.space.from_unit(u))
             self.note(float(merits.min()))
             *_, (evaluations, objective, _) = self.history
-            shown = "none that meets all" if objective is None else f"{objective:.6g}"
-            self.model.say(f"{evaluations:,} designs by the analytic model, best {shown}")
+            shown = "none feasible" if objective is None else f"{objective:.6g}"
+            self.model.say(f"{evaluations:,} analytic evaluations, best: {shown}")
             return merits
 
         order = np.argsort(merit(u), kind="stable")

@@ -20,7 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 from flexfem.arrays import Array, Index
 from flexfem.refused import ComputationFailed
 
-SINGULAR = "finite-element equations singular to working precision: a part is not held, or a neck too thin"
+SINGULAR = "finite-element equations singular to working precision: a part is not supported, or a neck is too thin"
 UNSTABLE = "tangent stiffness singular to working precision: a limit or bifurcation load"
 FACTORISED_TWICE = 12_000  # unknowns from which a second factorisation is faster than a solve per boundary unknown
 WHOLE, FORWARD, BACKWARD, PERMUTE, RESTORE = 0, 4, 5, 7, 8  # CHOLMOD: K x = b, L x = b, L' x = b, x = P b, x = P' b

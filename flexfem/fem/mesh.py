@@ -170,11 +170,11 @@ def check_triangles(mesh: StageMesh, drawn: float) -> None:
     links = sp.coo_array((np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n))
     pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
     if pieces != 1:
-        raise ComputationFailed(f"mesh falls into {pieces} pieces, expected 1: a neck is severed")
+        raise ComputationFailed(f"mesh has {pieces} separate parts, expected 1: a neck is severed")
     determinants = jacobians(mesh)
     meshed = float(np.sum(determinants[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
-        raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} to {AREA_ERROR:g}")
+        raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} within {100 * AREA_ERROR:g} %")
     quality = least_scaled_jacobian(determinants)
     if quality < LEAST_JACOBIAN:
         raise ComputationFailed(f"mesh has a scaled Jacobian of {quality:.3g}, expected > {LEAST_JACOBIAN:g}")

@@ -211,8 +211,8 @@ def _advance(
         part = min(2 * part, 1.0 - done)
     condition = "holding the hub at" if hold else "under the load"
     raise ComputationFailed(
-        f"no equilibrium {condition} {target.tolist()}: Newton fails beyond {100 * done:.3g} % of the way, after"
-        f" {iterations} iterations; that is at or beyond buckling, or the load is far too large"
+        f"no equilibrium {condition} {target.tolist()}: Newton's method fails beyond {100 * done:.3g} % of the way "
+        f"after {iterations} iterations: the stage buckles, or the load is far too large"
     )
 
 
@@ -263,8 +263,8 @@ def _entries(model: LargeStructure, step: _Step, load: Array | None) -> tuple[An
     internal, state, compliance = model.internal(step.state), step.state, step.unit[-3:]
     if internal.strain > LARGEST_STRAIN:
         raise ComputationFailed(
-            f"equilibrium refused: strain of {internal.strain:.2g}, expected at most {LARGEST_STRAIN:g}, beyond which "
-            "the material law means nothing"
+            f"equilibrium refused: strain of {internal.strain:.2g}, expected at most {LARGEST_STRAIN:g}, above which "
+            "the material law is not valid"
         )
     if load is None:  # the nodal residual corrects the hub force for the round-off of stiff bodies
         residual = np.append(-internal.forces[:-3], np.zeros(3))

@@ -54,7 +54,7 @@ def plate_of(stage: Stage) -> Plate:
     with located(stage):
         if stage.model == "corrected":
             raise BadInput(
-                'model = "corrected", which has hinges of three dimensions, expected "plane_stress" or "plane_strain": '
+                'model = "corrected", with three-dimensional hinges, expected "plane_stress" or "plane_strain": '
                 "the finite elements are plane"
             )
     E, nu = stage.elastic

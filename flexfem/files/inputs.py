@@ -56,7 +56,7 @@ def require_unread(*paths: Path, read: Iterable[Path] = ()) -> None:
         node = _node(path)
         if node in names and node is not None and os.path.abspath(path) not in _written:
             same = "" if names[node] == str(path) else f"the same file as {place_of(names[node])}, which "
-            raise BadInput(f"{place_of(path)}: {same}is read for what is to be written, expected another file")
+            raise BadInput(f"{place_of(path)}: {same}is an input of this command, expected another file")
 
 
 def wrote(path: Path) -> None:

@@ -66,7 +66,7 @@ def above_zero(ends: Ends) -> tuple[Any, ...]:
 
     def checked(value: float) -> float:
         if value < ends.least:
-            raise refusal(f"at least {ends.least:g}: less is a unit mistake")
+            raise refusal(f"at least {ends.least:g}: smaller values are a unit mistake")
         return value
 
     return Field(gt=0, le=ends.most), AfterValidator(checked), keywords(minimum=ends.least)
@@ -87,7 +87,7 @@ def zero_or(least: float, signed: bool = False, unit: str = "") -> tuple[AfterVa
 
     def checked(value: float) -> float:
         if 0 < abs(value) < least:
-            raise refusal(f"0, or at least {least:g}{unit}: less is a unit mistake")
+            raise refusal(f"0, or at least {least:g}{unit}: smaller values are a unit mistake")
         return value
 
     possible: list[dict[str, float]] = [{"const": 0}, {"minimum": least}]

@@ -191,7 +191,7 @@ def read_toml(path: PathLike) -> TomlFile:
     except ValueError:  # int() refuses more than 4300 digits, and tomllib names no line
         digits = re.search(r"[0-9_]{4000}", text)
         place = place_of(path, line_of(text, digits.start()) if digits else None)
-        raise BadInput(f"{place}: not TOML: a number of too many digits") from None
+        raise BadInput(f"{place}: not TOML: a number with too many digits") from None
     except RecursionError:
         raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
@@ -236,8 +236,8 @@ def require_plain_stem(path: PathLike) -> None:
     device = stem.partition(".")[0].rstrip().upper() in DEVICES
     if stem[:1] in ("", ".", "-", " ") or stem[-1] in ". " or device or not stem.isprintable() or "\\" in stem:
         raise BadInput(
-            f"{place_of(path)}: expected a plain file name, for results are named after it: no dot, blank or hyphen in "
-            "front, no dot or blank behind, no control character, no backslash, no device of Windows such as CON"
+            f"{place_of(path)}: expected a plain file name, since results are named after it: no leading dot, blank or "
+            "hyphen, no trailing dot or blank, no control character, no backslash, no device of Windows such as CON"
         )
 
 

@@ -76,7 +76,7 @@ def check_file(path: Path, *read: Path) -> None:
     """Raise BadInput for an output file that the user has named: as `check_name`, or its folder cannot take it."""
     check_name(path, *read)
     if not path.parent.is_dir():
-        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected one that is there")
+        raise BadInput(f"{place_of(path)}: no folder {place_of(path.parent)}, expected an existing folder")
     check_folder(path.parent)
 
 

@@ -24,7 +24,7 @@ class Formula:
 
     name : the key in `FORMULAS`.   source : citation.
     status : certainty of the printed form, and the comparisons made with it.
-    valid : smallest and largest t/R for which the formula is meant (`status` states the origin of the range).
+    valid : smallest and largest t/R for which the formula is valid (`status` states the origin of the range).
     rotation, axial, bending : dimensionless functions of t/R (see `chart`), None where the source states none.
     charted : whether they are multiplied by the factors of the hinge chart, which is not extrapolated.
     """
@@ -109,9 +109,9 @@ _ENTRIES = (
     Formula(
         "paros-weisbord",
         "J. M. Paros, L. Weisbord, How to design flexure hinges, Machine Design 37, 151-156 (1965)",
-        "(2) and (3) as recovered, equal to the beam integrals; shear is the Timoshenko beam integral in our own"
-        " algebra. No published range: the range is where the algebra is tested. For t/R up to 1 beam theory itself is"
-        " up to 16 % too stiff against plane-stress finite elements",
+        "(2) and (3) as recovered, equal to the beam integrals; shear is the Timoshenko beam integral, derived here. No"
+        " published range: the range is where the algebra is tested. For t/R up to 1 beam theory is up to 16 % stiffer"
+        " than plane-stress finite elements",
         BEAM_RANGE,
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
@@ -119,8 +119,8 @@ _ENTRIES = (
     Formula(
         "paros-weisbord-short",
         "J. M. Paros, L. Weisbord (1965), approximation for t << R as widely printed",
-        "found in several public sources; axial with 2.57 as printed, the limit of (3) being 1 + pi/2 = 2.5708."
-        " Range ours: rotation within 1.3 % and axial within 5 % of the full form",
+        "from several public sources; axial with 2.57 as printed; the limit of (3) is 1 + pi/2 = 2.5708. Range chosen"
+        " here: rotation within 1.3 % and axial within 5 % of the full form",
         (1e-4, 0.1),
         lambda tau: 4.5 * np.pi * tau**-2.5,
         lambda tau: np.pi / np.sqrt(tau) - 2.57,
@@ -128,8 +128,8 @@ _ENTRIES = (
     Formula(
         "wu-zhou",
         "Y. Wu, Z. Zhou, Design calculations for flexure hinges, Rev. Sci. Instrum. 73, 3101 (2002)",
-        "recalled; the same beam integrals as Paros-Weisbord in other algebra, whose numbers are those given here."
-        " No published range",
+        "cited from memory; the same beam integrals as Paros-Weisbord in other algebra, computed by those formulas. No"
+        " published range",
         BEAM_RANGE,
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
@@ -137,9 +137,9 @@ _ENTRIES = (
     Formula(
         "lobontiu",
         "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), symmetric circular hinge",
-        "rotation and transverse form found in public code under his name, the book itself not seen; axial recalled."
-        " The same beam integrals in other algebra, whose numbers are those given here; the transverse form holds for"
-        " a force at the hinge's end and is moved to the centre. No published range",
+        "rotation and transverse form from public code under his name, the book was not seen; axial form from memory."
+        " The same beam integrals in other algebra, computed by the formulas of Paros-Weisbord; the transverse form is"
+        " for a force at the hinge's end and is moved to the centre. No published range",
         BEAM_RANGE,
         chart.rotation_paros_weisbord,
         chart.axial_paros_weisbord,
@@ -148,30 +148,30 @@ _ENTRIES = (
     Formula(
         "smith-chetwynd",
         "S. T. Smith, D. G. Chetwynd, Foundations of Ultraprecision Mechanism Design, Gordon and Breach (1992)",
-        "coefficients found in public code, attribution recalled; range t < R < 5 t recalled",
+        "coefficients from public code; attribution and range t < R < 5 t from memory",
         (0.2, 1.0),
         lambda tau: 24.0 * (0.565 * tau + 0.166) * tau**-3.0,  # theta/M = 24 K R/(E b t^3)
     ),
     Formula(
         "koster",
         "M. P. Koster, Constructieprincipes voor het nauwkeurig bewegen en positioneren, Twente Univ. Press (1998)",
-        "recalled; 2 to 7 % from plane-stress finite elements. Published range not known, the range is the one of"
-        " that comparison",
+        "cited from memory; 2 to 7 % from plane-stress finite elements. Published range not known; the range is that"
+        " of the comparison",
         (0.02, 1.0),
         lambda tau: 1.0 / (0.093 * np.sqrt(0.5 * tau) * tau**2),  # M/theta = 0.093 sqrt(t/(2R)) E b t^2
     ),
     Formula(
         "schotborgh",
         "W. O. Schotborgh et al., Dimensionless design graphs for flexure elements, Precis. Eng. 29, 41-47 (2005)",
-        "recalled; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % off at 1. Published range not"
-        " known, the range is where it is within 3 %",
+        "cited from memory; within 3 % of plane-stress finite elements for t/R 0.02 to 0.3, 22 % at 1. Published"
+        " range not known; the range is where it is within 3 %",
         (0.02, 0.3),
         lambda tau: 12.0 / (tau**2 * (-0.0089 + 1.3556 * np.sqrt(0.5 * tau) - 0.5227 * 0.5 * tau)),
     ),
     Formula(
         "quadrature",
         "the Timoshenko beam integrals by Gauss quadrature, our own",
-        "the slow reference of the closed forms; same range",
+        "slow reference for the closed forms; same range",
         BEAM_RANGE,
         lambda tau: 12.0 * chart.quadrature(tau, 0, 3),
         lambda tau: chart.quadrature(tau, 0, 1),
@@ -180,8 +180,8 @@ _ENTRIES = (
     Formula(
         "calibrated",
         "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
-        "the full beam integrals times charted factors, for the links' height beside the notch, any H/h from 1 on;"
-        " mesh-extrapolated and interpolated to 1e-4 or better. Outside its range of t/R it has no value. H/h above 3:"
+        "the full beam integrals times charted factors, for the height of the links beside the notch, any H/h from 1;"
+        " mesh-extrapolated and interpolated to 1e-4 or better. It has no value outside its range of t/R. H/h above 3:"
         " hinge_chart_high.json",
         hinge_chart().low.ends[0],
         chart.rotation_paros_weisbord,
@@ -216,7 +216,7 @@ def register_formula(
     name : letters, digits and hyphens.
     function : of t/R (...), returns the dimensionless `E b R^2 theta/M` (...).
     source : origin of the formula, one line.
-    valid : smallest and largest t/R for which it is meant; outside, results carry a warning.
+    valid : smallest and largest t/R for which it is valid; outside, results carry a warning.
     axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes Paros-Weisbord's.
 
     Raises

@@ -170,7 +170,7 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
     except (TypeError, ValueError):
         low = high = 0.0
     if not 0 < low < high:
-        raise BadInput(f"law: range {basquin.range!r}, expected fewer and more cycles")
+        raise BadInput(f"law: range {basquin.range!r}, expected two numbers of cycles, the smaller first")
     return basquin
 
 
@@ -202,7 +202,7 @@ def required_law(material: Material, alternative: str = "") -> Basquin:
     """Return Basquin's law of a material. Raises BadInput without constants; its text ends with the `alternative`."""
     if material.fatigue_strength_coefficient is None or material.fatigue_strength_exponent is None:
         known = ", ".join(name for name, metal in materials().items() if metal.fatigue_strength_exponent is not None)
-        raise BadInput(f"{KEY} is missing: expected fatigue constants, as {known} have them{alternative}")
+        raise BadInput(f"{KEY} is missing: expected fatigue constants, as of {known}{alternative}")
     return Basquin(
         material.fatigue_strength_coefficient,
         material.fatigue_strength_exponent,
@@ -251,7 +251,7 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     """
     x, y = np.log10(_positive("stress", stress)), np.log10(_positive("cycles", cycles))
     if x.shape != y.shape or x.size < FEWEST_POINTS:
-        raise BadInput(f"{x.size} stresses and {y.size} cycles, expected as many of both, {FEWEST_POINTS} or more")
+        raise BadInput(f"{x.size} stresses and {y.size} cycles, expected the same number, {FEWEST_POINTS} or more")
     if np.ptp(x) < SAME_STRESS:
         raise BadInput(f"stress: all are {10 ** x[0]:g} MPa, expected two stresses or more")
     confidence = arguments.between("confidence", confidence, 50.0, 99.9)
@@ -261,7 +261,7 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     slope, error, n = float(line.slope), float(line.stderr), x.size
     if not slope < 0 or not STEEPEST <= 1.0 / slope <= FLATTEST:
         result = f"an exponent of {1.0 / slope:.3g}" if slope else "a life that does not change with stress"
-        raise BadInput(f"S-N points give {result}, expected {STEEPEST:g} to {FLATTEST:g}: life falls with stress")
+        raise BadInput(f"S-N points give {result}, expected {STEEPEST:g} to {FLATTEST:g}: life must fall with stress")
     half = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2)) * error
     coefficient, A = (float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0))
     low, high, spread = slope - half, slope + half, float(np.sum((x - x.mean()) ** 2))

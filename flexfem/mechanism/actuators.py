@@ -180,7 +180,7 @@ class Actuator(Dimensioned):
         if between[0] == between[1]:
             raise refusal("two bodies: the one that carries the stack and the one that it pushes")
         if between[1] == "frame":
-            raise refusal("a body that moves in the second place, the pushed one; name the frame first")
+            raise refusal("a moving body in second place, the one that is pushed; the frame comes first")
         return between
 
     @model_validator(mode="after")
@@ -193,7 +193,7 @@ class Actuator(Dimensioned):
             if key in stated:
                 raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
         if not set(place) <= set(stated):
-            raise refusal("where the contact is: hinge, arm_mm and side, or point_mm and direction_deg")
+            raise refusal("the position of the contact: hinge, arm_mm and side, or point_mm and direction_deg")
         ends = ENDS.get(self.between[1], ())
         if self.hinge is not None and self.hinge not in ends:
             where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
@@ -208,9 +208,9 @@ class Actuator(Dimensioned):
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
         for key in BALL_KEYS:
             if key in stated and self.ball_radius is None:
-                raise refusal("ball_radius_mm with it", key)
+                raise refusal("also ball_radius_mm", key)
         if self.ball_radius is not None and self.preload == 0:
-            raise refusal("a preload_n with it: a ball without preload has no stiffness", "ball_radius_mm")
+            raise refusal("also a preload_n: a ball without preload has no stiffness", "ball_radius_mm")
         blocking_force = self.rating.blocking_force
         if self.preload > blocking_force * (1 + BLOCKING_ROUND_OFF):
             raise refusal(f"at most the blocking force of the stack, {blocking_force:g}", "preload_n")
@@ -247,10 +247,10 @@ class Actuator(Dimensioned):
     def contact(self) -> str:
         """Description of the contact with the driven body."""
         if self.ball_radius is None:
-            return "a rigid contact" if self.contact_stiffness is None else "its contact of stated stiffness"
+            return "a rigid contact" if self.contact_stiffness is None else "a contact of stated stiffness"
         if self.ball_loose:
-            return "its loose ball, two contacts"
-        return f"its ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
+            return "a loose ball, two contacts"
+        return f"a ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
 
     def stiffness_with(self, material: Material) -> float:
         """Stiffness, N/mm, of the stack in series with its contact on a body of this material."""

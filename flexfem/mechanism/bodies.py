@@ -112,7 +112,7 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
             given = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
         raise BadInput(
             f"{given}: the neck of chain {chain} points past the platform, expected the platform centre at least "
-            f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, is {front:g}"
+            f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, not {front:g}"
         )
     if aside > 0 and front < disc:  # the face of the hinge meets the disc
         return tuple(_filleted(corner, across, -along, disc, fillet))
@@ -130,7 +130,7 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
     foot = centre - fillet * outside
     if ((foot - start) / heading).real < 0:
         raise BadInput(
-            f"platform.radius_mm = {disc:g}, the platform swallows the platform hinge; expected a smaller disc or a "
+            f"platform.radius_mm = {disc:g}, the platform covers the platform hinge; expected a smaller disc or a "
             "longer chain.link_lengths_mm[2]"
         )
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
@@ -151,7 +151,7 @@ def cut_angle(stage: StageContent) -> float:
     if covered > CHAIN_TURN - NARROWEST_RIM:
         raise BadInput(
             f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough for its three lugs, "
-            f"each takes {np.rad2deg(covered):.0f} of 120 degrees"
+            f"each covers {np.rad2deg(covered):.0f} of 120 degrees"
         )
     return float(middle + (min(first) + max(last) - CHAIN_TURN) / 2)
 

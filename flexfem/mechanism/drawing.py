@@ -67,7 +67,7 @@ def part_of(stage: Stage, mounting: float | None = None) -> Part:
     width = stage.chain.link_width
     if mounting is not None and not mounting < width:
         raise BadInput(
-            f"mounting holes of {mounting:g} mm, expected less than the pads: chain.link_width_mm = {width:g}"
+            f"mounting holes of {mounting:g} mm, expected less than the pad width: chain.link_width_mm = {width:g}"
         )
     left, right = (  # edges of the chains, from the back of a pad to the rim of the platform
         [turn([segment for body in body_sides(stage, chain, side) for segment in body], chain) for chain in CHAINS]
@@ -102,7 +102,7 @@ def cut_path(part: Part, kerf: float) -> Part:
     if validity != "Valid Geometry":
         x, y = map(float, validity.partition("[")[2].rstrip("]").split())
         raise BadInput(
-            f"kerf of {kerf:g} mm, expected less than every gap of the part: the wire would cut metal at {x:.1f}, "
+            f"kerf of {kerf:g} mm, expected less than every gap of the part: the wire would cut the part at {x:.1f}, "
             f"{y:.1f}"
         )
     hub, *mounting = (hole._replace(radius=hole.radius - half) for hole in part.holes)

@@ -122,8 +122,8 @@ def contacts(stage: StageContent, chain: int, index: int) -> tuple[Contact, ...]
     opposite = [t for t in crossings if t > ON_OUTLINE * stage.chain.link_width]
     if not opposite:
         raise BadInput(
-            f"{key_of_actuator(stage, chain, index, 'pair')} = true: nothing of {body} of chain {chain} is opposite "
-            "to the contact, expected an outline there for the partner to push on"
+            f"{key_of_actuator(stage, chain, index, 'pair')} = true: {body} of chain {chain} has no outline opposite "
+            "to the contact, expected one for the second stack"
         )
     partner = Contact(complex(first.point + min(opposite) * direction), first.direction + np.pi)
     _check_contact(stage, chain, index, partner, outline)
@@ -140,7 +140,7 @@ def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
     s, gap = actuator.arm - radius, BESIDE * stage.chain.link_width
     if not gap < s < length - gap:  # at a corner there is no normal
         raise BadInput(
-            f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}, contact off the metal: expected "
+            f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}, contact off the link: expected "
             f"between {radius:g} and {radius + length:.6g}, from notch to notch of {body} of chain {chain}"
         )
     s = s if actuator.hinge == ENDS[body][0] else length - s
@@ -163,13 +163,13 @@ def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact
         on_link = actuator.point is None
         key, value = ("arm_mm", f"{actuator.arm:g}") if on_link else ("point_mm", str(list(actuator.point or ())))
         raise BadInput(
-            f"{key_of_actuator(stage, chain, index, key)} = {value}, contact off the metal: expected a point of the "
+            f"{key_of_actuator(stage, chain, index, key)} = {value}, contact off the body: expected a point of the "
             f"outline of {body}, the nearest is [{place.real:.4g}, {place.imag:.4g}]"
         )
     if (np.exp(1j * direction) * np.conj(inward)).real < LEAST_COSINE:
         key, angle = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
         raise BadInput(
-            f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(angle or 0.0):g}, not into the metal of "
+            f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(angle or 0.0):g}, not directed into "
             f"{body} at [{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of "
             f"{np.rad2deg(np.angle(inward)) % 360:.4g}, the inward normal there"
         )
@@ -218,7 +218,7 @@ def drives_of(
     for chain, row in enumerate(chains):
         for index, actuator in enumerate(row):
             wrenches[chain, index], valid, outside = _contact(designs, chain, index, actuator)
-            reason[outside & (reason == "")] = f"actuator.{actuator.name}.arm_mm: contact off the metal"
+            reason[outside & (reason == "")] = f"actuator.{actuator.name}.arm_mm: contact off the link"
             to_draw |= ~valid
     _draw(designs, np.flatnonzero(to_draw & (reason == "")), wrenches, reason, stage_at)
     stacks = list[Stack]()

@@ -69,8 +69,8 @@ def conditions(designs: Designs) -> list[Condition]:
     wrong, limit = "hub larger than the platform", "< platform.radius_mm = {:g}"
     checks.append(Condition("platform.hub_radius_mm", wrong, limit, hub, disc - hub))
     for k, name in enumerate(HINGE_NAMES):
-        wrong = f"the platform swallows the {name} hinge"
-        limit = "< {:g} (distance of the hinge from the platform centre less its notch)"
+        wrong = f"the platform covers the {name} hinge"
+        limit = "< {:g} (distance of the hinge from the platform centre minus its notch)"
         checks.append(Condition("platform.radius_mm", wrong, limit, discs, disc_margin[..., k]))
     for i, j in combinations_with_replacement(range(len(HINGE_NAMES)), 2):
         pairs = tuple(k for k, (a, b) in enumerate(PAIRS) if {a[1], b[1]} == {i, j})
@@ -89,7 +89,7 @@ def check_feasible(stage: StageContent) -> None:
 def check_closed_form(stage: StageContent) -> None:
     """Raise BadInput for a stage that violates one of `conditions`; unlike `check_feasible`, draw no outlines."""
     if not isinstance(stage, StageContent):
-        raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load gives it for a file")
+        raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load returns it")
     with located(stage):
         _check_conditions(stage)
 

@@ -26,7 +26,7 @@ STEEPEST, FLATTEST = -0.5, -0.01  # limits of Basquin's exponent b; metals have 
 SWT = 0.5  # Walker's exponent for which his equation equals that of Smith, Watson and Topper
 # limits of sigma'_f / yield strength; sigma'_f is near the true fracture strength, up to ten times yield in soft metals
 STRENGTHS = (0.5, 50.0)
-UNLIKELY = "{:g} to {:g} of {}: other than that is a unit mistake"
+UNLIKELY = "{:g} to {:g} of {}: other values are a unit mistake"
 
 Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES), keywords(**COUNT)]
 Walker: TypeAlias = Annotated[float, *quantities.above_zero(quantities.WALKER), keywords(**COUNT)]
@@ -109,7 +109,7 @@ class Material(Dimensioned):
         if given and unlikely(self.fatigue_strength_coefficient or 0.0, self.yield_strength):
             raise refusal(UNLIKELY.format(*STRENGTHS, key["yield_strength"]), key[coefficient])
         if self.fatigue_range is not None and not self.fatigue_range[0] < self.fatigue_range[1]:
-            raise refusal("fewer cycles first", key[cycles])
+            raise refusal("the lower number of cycles first", key[cycles])
         return self
 
     @model_validator(mode="after")
@@ -120,7 +120,7 @@ class Material(Dimensioned):
         for key, place in zip(KEYS, _keys(info), strict=True):
             if key in registered and values[key] != registered[key]:
                 number = f"{registered[key]:g}" if isinstance(registered[key], float) else shown(registered[key])
-                raise refusal(f"{number} as of the registered material {self.name}, or another name", place)
+                raise refusal(f"{number} of the registered material {self.name}, or another name", place)
         return self
 
     @property
@@ -294,7 +294,7 @@ def read_materials(path: PathLike) -> dict[str, Registered]:
     registered = {}
     for name, entry in zip(data, (getattr(tables, field) for field in fields), strict=True):
         if "name" in data[name]:
-            text = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: a material goes by its table's"
+            text = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: that of the table is used"
             raise bad_key(path, (name, "name"), text)
         content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
         registered[name] = Registered(Material(**content), entry.source, entry.sources)
@@ -321,7 +321,7 @@ def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any
     available = read_materials(source)
     if name not in available:
         names = ", ".join(available) or "one material or more"
-        raise bad_key(path, at, f"material.name = {shown(name)}, expected one that {place_of(source)} has: {names}")
+        raise bad_key(path, at, f"material.name = {shown(name)}, expected one of {place_of(source)}: {names}")
     sources = {key: f"{text}, {file}" for key, text in available[name].provenance.items()}
     numbers = available[name].material.model_dump(by_alias=True, exclude_none=True)
     return data | {"material": numbers, "provenance": sources | stated}

@@ -184,7 +184,7 @@ class _Target(Dimensioned):
     @model_validator(mode="after")
     def _has_one_target(self) -> Self:
         if (self.hinge is None) == (self.actuator is None):
-            raise refusal("the hinge or the actuator that it is about, one of the two")
+            raise refusal("either a hinge or an actuator")
         about, possible = ("a hinge", OF_HINGES) if self.actuator is None else ("an actuator", OF_ACTUATORS)
         keys = {name: field.alias or name for name, field in type(self).model_fields.items()}
         known = ", ".join(keys[name] for name in possible)
@@ -309,7 +309,7 @@ def _check_overrides(stage: StageContent) -> None:
     actuators = {actuator.name: actuator for actuator in stage.actuator}
     for index, override in enumerate(stage.override):
         if places[index] in places[:index]:
-            raise refusal(f"each {'hinge' if override.hinge else 'actuator'} overridden once", "override", index)
+            raise refusal(f"one override for each {'hinge' if override.hinge else 'actuator'}", "override", index)
         if override.actuator is None:
             continue
         if override.actuator not in actuators:

@@ -58,7 +58,7 @@ Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alt
 QUESTIONS: dict[str, Section] = {
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
-    "budget": ("Error budget", partial(budget, plane=True), "Bars of the shares of the error, a panel a direction."),
+    "budget": ("Error budget", partial(budget, plane=True), "Bars of the shares of the error by direction."),
     "drive": ("Drive", partial(reach, models="analytic"), "Poses that the drive reaches."),
     "large": ("Large displacements", large, "Tangent stiffness and errors of linear theory over the command."),
     "modes": ("Natural modes", modes, "Shapes of the modes listed in the table."),
@@ -68,11 +68,11 @@ QUESTIONS: dict[str, Section] = {
 DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # with the function of the figure
     "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),
     "requirements": ("Requirements", None, ""),
-    "sensitivity": ("Sensitivity to each dimension", sensitivity_figure, "Bars of how quantities follow it."),
-    "front": ("Front", front_figure, "The front by finite elements, and its designs to one scale."),
+    "sensitivity": ("Sensitivity to each dimension", sensitivity_figure, "Bars of the changes of the quantities."),
+    "front": ("Pareto front", front_figure, "The front by finite elements, and its designs to one scale."),
     "search": ("Search", None, ""),
 }
-PROVENANCE = "Where the numbers come from"
+PROVENANCE = "Sources of the numbers"
 STRESS_AMPLITUDES = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
 KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # labels of the kinds of assumptions
 
@@ -121,11 +121,11 @@ def report(
     output : Path
         Page to write, .html.
     sections : sequence of str
-        Of a stage, with commas: analytic, elements, budget, stress, drive, large, modes, drift, life; or all.
+        Sections of a stage, with commas: analytic, elements, budget, stress, drive, large, modes, drift, life; or all.
     amplitude : tuple of float, optional
-        Of the platform, mm, mm, rad, fully reversed, for the section life.
+        Amplitude of the platform for the section life, fully reversed: mm, mm, rad.
     folder : Path
-        Of a study, where its designs are kept.
+        Folder of the results of a study.
     progress : callable, optional
         Called with the name of every part before it is computed.
 
@@ -142,7 +142,7 @@ def report(
     check_file(target, *paths)
     subject = _subject(paths, names, amplitude, studies_folder)
     require_unread(target)  # stages, studies and materials are read by now
-    assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers behind this page ")
+    assumptions = assumptions_said(subject.assumed, subject.not_stated, "of the numbers of this page ")
     page_sections = []
     for name, make in subject.parts:
         if progress is not None:
@@ -179,9 +179,9 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     *results : Path
         Results of verify or design, as JSON.
     output : Path
-        Folder for what is written.
+        Folder for the written files.
     displacement : bool
-        Show displacements in the commanded direction, errors across.
+        Show displacements along the commanded direction, and errors across it.
 
     Raises
     ------
@@ -211,7 +211,7 @@ def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...
     if "life" in names and amplitude is None:
         raise BadInput("section life without an amplitude, expected the amplitude of the platform: mm, mm, rad")
     if "life" not in names and amplitude is not None:
-        raise BadInput("an amplitude without section life, expected none: it is of no other section")
+        raise BadInput("an amplitude without section life, expected none: no other section uses it")
     if amplitude is not None:
         checked_amplitude(amplitude)
     return names
@@ -234,7 +234,7 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
         raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
     if tuple(sections) != STANDARD or amplitude is not None:
         this = "a study" if kind == "study file" else kind
-        raise BadInput(f"{first}: sections or an amplitude, expected none: they are of a stage, and this is {this}")
+        raise BadInput(f"{first}: sections or an amplitude, expected none: they apply to a stage, and this is {this}")
     return _stored_subject(files) if stored else _study_subject(files[0], folder)
 
 

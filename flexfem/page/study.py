@@ -30,7 +30,7 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
     ----------
     source, found : from `studies.study_findings`.   status : from `studies.study_status`.
     """
-    parts: list[Part] = [("what the study asks", partial(setup_section, source, status))]
+    parts: list[Part] = [("settings of the study", partial(setup_section, source, status))]
     for n, shown in enumerate(found.values(), 1):
         title = source.loaded.study.figure[n - 1].title or f"Figure {n}"
         parts.append((f"figure {n}", partial(_figure_section, f"study-figure-{n}", title, shown)))
@@ -39,7 +39,7 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
 
 def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSection:
     if isinstance(shown, Refused):
-        return PageSection(name, title, notes([f"It is not drawn. {shown.reason}"]))
+        return PageSection(name, title, notes([f"This figure is not drawn: {shown.reason}"]))
     title, numbers = shown.caption.title, shown.table
     rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
     limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
@@ -61,25 +61,25 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
     outputs = [[quantity.name, name, quantity.unit, methods[name]] for name, quantity in quantities.items()]
     limits = [[limit.title, limit.value, limit.expected] for limit in study.constraint]
     counts = {
-        "asked for": status["designs"],
-        "with an answer": status["ok"],
-        "of these, keep all constraints": int(source.table.kept.sum()),
-        "refused: cannot be made, or break a constraint on factors": status["refused"],
+        "requested": status["designs"],
+        "with a result": status["ok"],
+        "of these, satisfy all constraints": int(source.table.kept.sum()),
+        "refused: impossible, or violate a constraint on factors": status["refused"],
         "failed or out of time": status["failed"],
-        "still open": status["open"],
+        "open": status["open"],
     }
     reasons = [(text, state, n) for state, numbers in status["reasons"].items() for text, n in numbers.items()]
     reasons.sort(key=lambda row: -row[2])
     tables = [
         TextTable(["factor", "keys", "unit", "values", "source"], [*_factors(loaded)], 5, "Factors"),
-        TextTable(["output", "column", "unit", "found by"], outputs, 4, "Outputs"),
+        TextTable(["output", "column", "unit", "computed by"], outputs, 4, "Outputs"),
         TextTable(["constraint", "expression", "expected"], limits, 3, "Constraints"),
         TextTable(["designs", "number"], [[name, thousands(n)] for name, n in counts.items()], 1, "Designs"),
         TextTable(["reason", "status", "designs"], [[text, state, thousands(n)] for text, state, n in reasons], 2,
-                  "Designs without an answer"),
+                  "Designs without a result"),
     ]  # fmt: skip
     html = [facts(_settings_of(loaded)), notes(status["warnings"]), *map(table, tables)]
-    return PageSection("study-asked", "What the study asks", Markup("\n").join(html))
+    return PageSection("study-asked", "Settings of the study", Markup("\n").join(html))
 
 
 def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
@@ -94,8 +94,8 @@ def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
         section = getattr(study, name)
         if section is not None:
             settings = section.model_dump(exclude_unset=True)
-            yield name, ", ".join(f"{key} = {value}" for key, value in settings.items()) or "asked"
-    yield "hash of its inputs", loaded.hash
+            yield name, ", ".join(f"{key} = {value}" for key, value in settings.items()) or "requested"
+    yield "hash of the inputs", loaded.hash
 
 
 def _factors(loaded: LoadedStudy) -> Iterator[list[str]]:
@@ -111,7 +111,7 @@ def range_of(column: Column) -> str:
     """Return the values of a factor as text, in the unit of its column."""
     given = column.factor
     if given.kind == "given":
-        return "of the table of designs"
+        return "from the table of designs"
     if given.values is not None:
         first = ", ".join(f"{value:g}" for value in given.values[:8])
         return f"{first} and {len(given.values) - 8} more" if len(given.values) > 8 else first

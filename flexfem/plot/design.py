@@ -22,13 +22,13 @@ LABEL_WIDTH, FONT_SIZE = 2.7, 7.5  # of a requirement's name: in, points
 MARKS = {"met": "o", "within the band": "s", "missed": "X"}
 COLUMNS, CELL_WIDTH = 4, 2.75  # panels per row; width of a panel, in
 SENSITIVITY_NOTE = (
-    "Change of each quantity in per cent for 1 % more of one dimension, the others kept: logarithmic derivatives of "
-    "the corrected model at the design, by central differences, or one-sided ones where only one side can be made; "
-    "steps that can be made are left aside."
+    "Change of each quantity (%) when one dimension increases by 1 %: logarithmic derivatives of the corrected model "
+    "at the design, by central differences, one-sided where only one side can be made. Dimensions are not rounded to "
+    "their steps."
 )
 FRONT_NOTE = (
-    "Designs that no other beats in both objectives, by finite elements; each is a stage file, by its number. The "
-    "design is the best in the first objective; there the model is corrected, and along the front it differs."
+    "Designs that no other design improves in both objectives, by finite elements; each number is a stage file. The "
+    "chosen design is the best in the first objective; the model is corrected at this design only."
 )
 
 
@@ -41,7 +41,7 @@ def design_figure(found: Designed) -> Figure:
         "; ".join(f"{goal.label}: {goal.formatted()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
         "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
         f"Evaluations: {evaluations}. Seed {found.seed}. Corrected model and finite elements differ by at most "
-        f"{significant(found.rounds[-1].gap_percent, 2)} % of a quantity at this design.",
+        f"{significant(found.rounds[-1].gap_percent, 2)} % in any quantity at this design.",
         *found.warnings,
     ]
     columns = 4 if found.front else 3
@@ -49,7 +49,7 @@ def design_figure(found: Designed) -> Figure:
     figure, axes = panels(size, found.name, lines, 1, columns, found)
     titled(plot_stage(axes[0], _stage(found.stage)), "a", "designed stage")
     titled(plot_margins(axes[1], found), "b", "margins of the requirements")
-    titled(plot_history(axes[2], found), "c", "first search, by the model")
+    titled(plot_history(axes[2], found), "c", "first search, by the analytic model")
     if found.front:
         titled(plot_tradeoff(axes[3], found), "d", "front")
     return figure
@@ -80,7 +80,7 @@ def plot_margins(ax: Axes | None, found: Designed) -> Axes:
     ax.set(xlim=limits, ylim=(-0.5, max(last + 0.8, 0.8)), yticks=[])
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("margin over the end that is wanted (%);\nlinear to 1 %; bars: band; hollow: model alone")
+    ax.set_xlabel("margin to the limit (%), linear scale below 1 %;\nbars: uncertainty; hollow: analytic model")
     ax.grid(axis="x")
     return ax
 
@@ -90,14 +90,14 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
     ax, goal = new_axes() if ax is None else ax, found.objectives[0]
     best = [(step.evaluations, step.objective) for step in found.history if step.objective is not None]
     if best:
-        ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label="best that meets all")
-        ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="finite elements, in the end")
+        ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label="best feasible design")
+        ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="final design, finite elements")
         ax.set_ylabel(wrapped(goal.label_with_unit(), 3.2, 9.0))
         ax.legend(framealpha=0.8, edgecolor="none")
     else:
         missed = [(step.evaluations, 100 * step.missed) for step in found.history]
         ax.step(*np.array(missed).T, where="post", color=COLOURS[1])
-        ax.set_ylabel("missed in all, % of the ends")
+        ax.set_ylabel("total violation, % of the limits")
     ax.xaxis.set_major_locator(MaxNLocator(5))
     ax.set_xlabel("evaluations of the analytic model")
     ax.grid()
@@ -110,7 +110,7 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     Raises BadInput for a design without a front.
     """
     if not found.front:
-        raise BadInput(f"{found.file}: a design without a front, expected one of two objectives that meets all")
+        raise BadInput(f"{found.file}: a design without a front, expected two objectives and all requirements met")
     ax = new_axes() if ax is None else ax
     values, predicted = np.array([(point.values, point.predicted) for point in found.front]).swapaxes(0, 1)
     ax.plot(*values.T, color=COLOURS[0], linewidth=1.2, label="by finite elements")
@@ -118,8 +118,8 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
     for number, (value, point) in enumerate(zip(values, found.front, strict=True), 1):
         style.ring(ax, value, str(number), INK if point.met else COLOURS[1])
     ax.plot(*(goal.value for goal in found.objectives), "o", color="none", markeredgecolor=INK, markersize=17,
-            label="the design")  # fmt: skip
-    first, second = (f"{goal.label_with_unit()}, the {goal.better} the better" for goal in found.objectives)
+            label="chosen design")  # fmt: skip
+    first, second = (f"{goal.label_with_unit()}, {goal.better} is better" for goal in found.objectives)
     ax.set(xlabel=wrapped(first, 3.0, 9.5), ylabel=wrapped(second, 3.2, 9.5))
     ax.margins(0.1)
     ax.grid()
@@ -146,7 +146,7 @@ def front_figure(found: Designed) -> Figure:
 def _objectives(found: Designed, point: FrontDesign) -> str:
     values = zip(found.objectives, point.values, strict=True)
     lines = [f"{goal.label} {significant(value, 4)} {goal.unit}".rstrip() for goal, value in values]
-    return "\n".join(lines if point.met else [*lines, "a requirement is missed"])
+    return "\n".join(lines if point.met else [*lines, "a requirement is not met"])
 
 
 @style.in_house_style
@@ -159,7 +159,7 @@ def sensitivity_figure(found: Designed) -> Figure:
     figure, axes = panels(size, title, [SENSITIVITY_NOTE], rows, columns, found, len(quantities))
     for k, (ax, quantity) in enumerate(zip(axes, quantities, strict=True)):
         plot_sensitivity(ax, found, quantity.name)
-        target = [f"the {quantity.better} the better"] if isinstance(quantity, Goal) else []
+        target = [f"{quantity.better} is better"] if isinstance(quantity, Goal) else []
         target += [f"{quantity.limits} {quantity.unit}".rstrip()] if isinstance(quantity, Requirement) else []
         ax.set_title(wrapped(", ".join([quantity.label, *target]), 2.7, 9.5), loc="left", size=9.5)
         if k % columns:
@@ -186,5 +186,5 @@ def plot_sensitivity(ax: Axes | None, found: Designed, name: str | None = None) 
     ax.bar_label(bars, texts, padding=4, size=8.5, color=INK)
     style.name_rows(ax, list(found.design), 2.0)
     reach = 1.55 * float(np.max(np.abs(lengths), initial=0.0)) or 1.0  # with room for the numbers
-    ax.set(xlim=(-reach, reach), xlabel="change (%) for 1 %")
+    ax.set(xlim=(-reach, reach), xlabel="change (%) per 1 %")
     return ax

@@ -38,9 +38,9 @@ WIDTH = 11.69  # in
 ROUND_OFF = 1e-9  # of the largest stroke, pose, or command
 STACK_LENGTH, STACK_WIDTH, BALL, LONGEST_ARROW = 1.3, 0.5, 0.2, 0.47  # as drawn, over the link width
 STROKE_SIGNS = (
-    ("stack becomes longer", "#7FB2DC", "", 1.0),
-    ("stack becomes shorter", "#F3D9B1", "////", -1.0),
-    ("stack stays", "white", "", 0.0),
+    ("stack extends", "#7FB2DC", "", 1.0),
+    ("stack contracts", "#F3D9B1", "////", -1.0),
+    ("no stroke", "white", "", 0.0),
 )
 VISIBLE = 0.06  # largest drawn displacement of the platform over the size of the stage
 
@@ -63,13 +63,13 @@ def command_figure(found: Drive) -> Figure:
     axes: dict[str, Axes] = parts[0].subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], **ratios)
     axes |= dict(zip(DIRECTIONS, parts[1].subplots(1, 3), strict=True)) if errors else {}
     titled(plot_strokes(axes["strokes"], found), "b", "strokes by actuator")
-    titled(plot_forces(axes["forces"], found), "c", "forces by stack; right: blocking forces")
+    titled(plot_forces(axes["forces"], found), "c", "stack forces; right: blocking forces")
     for letter, direction in zip("def", DIRECTIONS if errors else (), strict=False):
         ax = plot_open_loop(axes[direction], found, direction)
         titled(ax, letter, f"error of finite elements in {NAMES[direction]}")
         ax.tick_params(labelleft=direction == "x")
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    titled(plot_drive(axes["stage"], found), "a", f"strokes beyond rest, and forces, by {CRITERIA[0]}")
+    titled(plot_drive(axes["stage"], found), "a", f"strokes from rest and forces, by {CRITERIA[0]}")
     style.legend_below(figure, list(axes.values()), 4)
     return figure
 
@@ -83,12 +83,12 @@ def plot_strokes(ax: Axes, found: Drive) -> Axes:
     um, differential = MICROMETRE.factor, drive_of(found.fields).differential
     low, high = um * found.shortest, um * found.longest
     look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
-    ax.barh(np.arange(len(low)), high - low, left=low, label="strokes it has", **look)
+    ax.barh(np.arange(len(low)), high - low, left=low, label="available strokes", **look)
     _bars(ax, dict(zip(found.axes["criterion"], um * found.command.T, strict=True)))
     stacks = [[str(k + 1) for k in np.flatnonzero(column)] for column in differential.T]
     actuators = zip(found.axes["actuator"], stacks, strict=True)
     _label_rows(ax, [f"{name} ({', '.join(numbers)})" for name, numbers in actuators])
-    ax.set_xlabel(f"stroke beyond rest ({MICROMETRE})")
+    ax.set_xlabel(f"stroke from rest ({MICROMETRE})")
     return ax
 
 
@@ -166,7 +166,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
         look = {"color": INK, "linewidth": 2.4} if carrier == "frame" else {"color": GREY, "linewidth": 1.2}
         ax.plot(mount[:, 0], mount[:, 1], zorder=3.5, **look)
     shaft = LONGEST_ARROW * width * along * force[:, None] / (np.max(np.abs(force)) or 1.0)
-    label = f"force on the pushed body, the longest {np.max(np.abs(force)):.4g} {FORCES[0]}"
+    label = f"force on the pushed body, longest arrow {np.max(np.abs(force)):.4g} {FORCES[0]}"
     scaled: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "zorder": 6}
     ax.quiver(*contact.T, *shaft.T, color=NOTE_COLOUR, label=label, **scaled)
     if np.any(found.pose):
@@ -228,18 +228,18 @@ def reach_figure(found: Reach) -> Figure:
     ranges = ", ".join(f"{NAMES[axis]} {_ends(found, k)}" for k, axis in enumerate(NAMES))
     load = f"load {_numbers(found.load, FORCES)}" if np.any(found.load) else "no load"
     lines = [
-        f"Limits of stroke, of contacts that only push, of blocking force and of yield at the necks, by {model}; "
-        f"{load}; linear. Below, what bounds the edges; strokes: + the longest, \N{MINUS SIGN} the shortest.",
-        f"Ranges with the other two at zero: {ranges}. About rest: a circle of {um.factor * float(found.circle):.4g} "
-        f"{um} at θ = 0, and a ball of {um.factor * float(found.ball):.4g} {um} with rotations times "
-        f"l₃ = {found.about.lever:g} {LENGTH}.",
+        f"Limits: stroke, contact opening, blocking force and yield at the necks, by {model}; {load}; linear. "
+        "Below: limits of the numbered edges; strokes: + longest, \N{MINUS SIGN} shortest.",
+        f"Ranges with the other two commands zero: {ranges}. About rest: circle of "
+        f"{um.factor * float(found.circle):.4g} {um} at θ = 0, ball of {um.factor * float(found.ball):.4g} {um}; "
+        f"rotations are multiplied by l₃ = {found.about.lever:g} {LENGTH}.",
     ]
-    title = f"{found.about.name}: the poses that the drive reaches within all its limits"
+    title = f"{found.about.name}: reachable poses within all limits of the drive"
     figure = style.below_header((WIDTH, 7.6), title, lines, found.about)
     spatial: Any = {"b": {"projection": "3d"}}
     axes = figure.subplot_mosaic([["a", "b"], ["c", "d"]], height_ratios=(3.2, 1.0), per_subplot_kw=spatial)
     titled(plot_section(axes["a"], found), "a", "at θ = 0")
-    titled(plot_solid(axes["b"], found), "b", "all poses, rotations drawn as long as l₃ θ")
+    titled(plot_solid(axes["b"], found), "b", "all poses, rotations drawn as l₃ θ")
     edges = listed(found)
     half = (len(edges) + 1) // 2
     for ax, part in zip((axes["c"], axes["d"]), (edges[:half], edges[half:]), strict=True):
@@ -270,7 +270,7 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
     ax.grid()
     ax.plot(*(unit.factor * rest), "+", color=INK, markersize=9.0, label="zero commands")
     if not section:
-        ax.text(0.5, 0.7, "no area is reached at θ = 0", transform=ax.transAxes, ha="center", color=INK)
+        ax.text(0.5, 0.7, "no reachable area at θ = 0", transform=ax.transAxes, ha="center", color=INK)
         return ax
     ends = unit.factor * np.array([(edge.start, edge.end) for edge in section])
     corners = ends[:, 0]
@@ -309,7 +309,7 @@ def plot_solid(ax: Any, found: Reach) -> Any:
     ax.set_proj_type("ortho")
     ax.view_init(ELEVATION, AZIMUTH)
     if not solid.faces:
-        ax.text2D(0.5, 0.7, "the poses are no solid", transform=ax.transAxes, ha="center", color=INK)
+        ax.text2D(0.5, 0.7, "the reachable poses have no volume", transform=ax.transAxes, ha="center", color=INK)
         return ax
     low, high = corners.min(axis=0), corners.max(axis=0)
     ax.set(**{f"{which}lim": ends for which, ends in zip("xyz", np.transpose([low, high]), strict=True)})
@@ -331,8 +331,8 @@ def plot_solid(ax: Any, found: Reach) -> Any:
 
 COLUMNS: dict[Any, str] = {
     "tangent": "tangent stiffness",
-    "along": "error of linear theory along",
-    "across": "error of linear theory across",
+    "along": "linear theory, error along command",
+    "across": "linear theory, error across command",
 }
 MARKS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
 THEORIES: dict[int, tuple[str, dict[str, Any]]] = {
@@ -356,12 +356,12 @@ def large_figure(found: Large) -> Figure:
     near, far = (" and ".join(f"±{unit.factor * share * end:g} {unit}" for unit, end in ends) for share in (0.1, 1.0))
     mesh = f", and nonlinear finite elements ({settings['unknowns']} unknowns)" if "unknowns" in settings else ""
     lines = [
-        f"Pseudo-rigid stage of mobility {settings['mobility']}, {settings['formula']}{mesh}, each against its own "
-        "linear answer: linear theory (18) is the line at zero. Errors are the linear position "
-        "under the load that holds the stage at the command, minus the command; along it this is by how much the load "
-        "deviates from (18). Rotations are made displacements by l₃.",
-        f"Largest error of the position by linear theory within {near}: {found.position[0]:.2f} %, within {far}: "
-        f"{found.position[1]:.2f} %; change of the tangent compliance there by the two terms: up to "
+        f"Pseudo-rigid stage of mobility {settings['mobility']}, {settings['formula']}{mesh}, each compared with "
+        "its own linear solution: linear theory (18) is the line at zero. Error: linear position under the load that "
+        "holds the stage at the command, minus the command; along the command it is the deviation of the load from "
+        "(18). Rotations are multiplied by l₃.",
+        f"Largest position error of linear theory within {near}: {found.position[0]:.2f} %, within {far}: "
+        f"{found.position[1]:.2f} %; the second-order terms change the tangent compliance there by up to "
         f"{found.terms[0]:.2f} and {found.terms[1]:.2f} %.",
     ]
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"

@@ -39,7 +39,7 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
     levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
     lines = [
         f"Finite-element displacement{where} {quantity}, {drive}. ±, shaded: {band}.",
-        f"Percentages at the largest command, relative to it; rotations count times l₃ = {levers} {LENGTH}.",
+        f"Percentages at the largest command, relative to it; rotations are multiplied by l₃ = {levers} {LENGTH}.",
     ]
     figure, axes = panels((WIDTH, 8.6), result.name, lines, 3, assumptions=result)
     for letter, ax, freedom in zip("abc", axes, DIRECTIONS, strict=True):
@@ -112,8 +112,8 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
 def budget_figure(budget: Budget) -> Figure:
     """Draw the error budget of the commanded direction, one panel per direction."""
     lines = [
-        f"Error of the finite elements under the force of (18), {budget.settings['model']}, and what it is made of. "
-        "The shares add up to the total; the bar there is the band of the meshes.",
+        f"Error of the finite elements under the force by (18), {budget.settings['model']}, and its contributions, "
+        "which add up to the total. Error bar: mesh band of the total.",
         _outside(budget),
     ]
     figure, axes = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, assumptions=budget.about)
@@ -164,8 +164,8 @@ def convergence_figure(study: MeshConvergence) -> Figure:
     """Draw the error of each diagonal compliance relative to its extrapolated value over the triangle size."""
     lines = [
         f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]:.0f} to {study.unknowns[-1]:.0f} "
-        "unknowns: distance from the value extrapolated to vanishing triangles. "
-        "Bar: the band of the finest mesh by its grid convergence index."
+        "unknowns: relative difference from the value extrapolated to zero triangle size. "
+        "Error bar: band of the finest mesh by its grid convergence index."
     ]
     title = f"{study.about.name}: mesh convergence"
     figure, (ax,) = panels((WIDTH, 4.8), title, lines, 1, assumptions=study.about)

@@ -29,10 +29,10 @@ RUN_COLOURS = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
 @style.in_house_style
 def experiment_figure(found: Experiment) -> Figure:
     """Draw load over displacement for the three directions and, below, the residuals of the regression lines."""
-    settings, title = found.settings, f"{found.about.name}: stiffness as read"
+    settings, title = found.settings, f"{found.about.name}: stiffness from readings"
     lines = [
-        f"Simulated readings, {settings['fixture']}; the stage is by {settings['stage']}. Slopes by regression of "
-        f"both readings on the commanded stroke, intervals of {settings['confidence']} by Fieller's theorem. "
+        f"Simulated readings, {settings['fixture']}; stage by {settings['stage']}. Slopes by regression of both "
+        f"readings on the commanded stroke, intervals of {settings['confidence']} by Fieller's theorem. "
         f"{NOT_THE_PAPERS}"
     ]
     figure, axes = panels((11.69, 6.4), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
@@ -52,7 +52,7 @@ def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     for value, start, label, look in (
         (model, 0.0, f"model: {found.settings['model']}", MODEL_LINE),
         (stage, 0.0, found.settings["stage"], STAGE_LINE),
-        (slope, found.intercept[k], "line through the readings", FIT_LINE),
+        (slope, found.intercept[k], "regression line", FIT_LINE),
     ):
         ax.plot(factor * span, start + value * span, label=label, **look)
     ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}" if found.low[k] > 0 else "no interval"
@@ -67,9 +67,9 @@ def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     k = DIRECTIONS.index(direction)
     displacement, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
     residual = found.load[k] - found.intercept[k] - slope * displacement
-    factor = _readings(ax, found, direction, "load less the line", residual)
+    factor = _readings(ax, found, direction, "residual", residual)
     ax.axhline(0.0, **FIT_LINE)
-    label, span = "ends of the interval of the slope", np.array([0.0, float(np.max(displacement))])
+    label, span = "limits of the slope's interval", np.array([0.0, float(np.max(displacement))])
     for limit in (found.low[k], found.high[k]):
         if np.isfinite(limit):
             ax.plot(factor * span, (limit - slope) * (span - np.mean(displacement)), label=label, **LIMIT_LINE)
@@ -100,7 +100,7 @@ def identification_figure(found: Identification) -> Figure:
         if np.isfinite(found.sd[k])
     )
     lines = [f"{found.settings['measured']}: {slopes}. Model: {found.settings['analytic model']}. {found.finding}"]
-    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: what fits the slopes", lines, 1, assumptions=found.about)
+    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: fit of the slopes", lines, 1, assumptions=found.about)
     plot_region(ax, found)
     style.legend_below(figure, [ax], 2)
     return figure
@@ -122,10 +122,10 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
         ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
     ax.axvline(0.0, **LIMIT_LINE)
     if name == "pole":
-        ax.axhline(1.0, label="as drawn, as described", **LIMIT_LINE)
+        ax.axhline(1.0, label="necks as drawn, pole as described", **LIMIT_LINE)
     units = {"translation": COMPLIANCES[0], "rotation": COMPLIANCES[2]}
-    ylabel = "pole, times as soft as described" if name == "pole" else f"fixture in {name} ({units[name]})"
-    ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive wider", ylabel=ylabel)
+    ylabel = "compliance of the pole / described one" if name == "pole" else f"fixture in {name} ({units[name]})"
+    ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive: wider", ylabel=ylabel)
     ax.set(xlim=(x[0], x[-1]), ylim=(y[0] - 0.02 * np.ptp(y), y[-1]))
     ax.grid()
     return ax
@@ -142,9 +142,9 @@ def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
     settings, first = found.settings, []
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
-        cycles = "endless" if np.isinf(life) else f"{life:.3g} cycles"
+        cycles = "infinite life" if np.isinf(life) else f"{life:.3g} cycles"
         chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
-        first.append(f"By {model}: {cycles}, {HINGE_NAMES[hinge]} hinge of chain {chain + 1} first")
+        first.append(f"By {model}: {cycles}, first at the {HINGE_NAMES[hinge]} hinge of chain {chain + 1}")
     law, *_, left_out = found.notes
     lines = [
         f"{settings['material']}; amplitude {settings['amplitude']} about {settings['about']}. {'. '.join(first)}.",
@@ -163,14 +163,14 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     lives = np.clip(found.cycles, REVERSAL, LONGEST_LIFE)
     right = 10.0 * max(high, target, float(np.max(lives)))
     left = min(LEFT_EDGE, low / 3.0, 0.3 * float(np.min(lives)))
-    label = "where the law was fitted" if law.range_stated else "where the law is taken to hold, assumed"
+    label = "range of the fit" if law.range_stated else "range of the fit, assumed"
     ax.axvspan(low, high, color=PALE, linewidth=0, label=label)
     for ends, look in (((left, low), "--"), ((low, high), "-"), ((high, right), "--")):
         N = np.geomspace(*ends, 50)
         label = {"-": "Basquin's law"}.get(look, "" if ends[0] != left else "extrapolated")
         ax.plot(N, law.amplitude(N), look, color=INK, linewidth=1.6, label=label)
     ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
-    ax.axvline(target, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="wanted life")
+    ax.axvline(target, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="required life")
     for k, model in enumerate(found.axes["model"]):
         _plot_necks(ax, model, lives[k], found.equivalent[k])
     beyond = int(np.sum(found.cycles >= LONGEST_LIFE))
@@ -178,7 +178,7 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
     ax.xaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
     style.log_ticks(ax.yaxis, ax.get_ylim())
-    ax.set_ylabel(f"fully reversed stress amplitude of the same life ({STRESS})")
+    ax.set_ylabel(f"equivalent fully reversed stress amplitude ({STRESS})")
     ax.grid(which="major")
     ax.legend(loc="lower left", framealpha=1.0, edgecolor="none", ncols=2)
     return ax

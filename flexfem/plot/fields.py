@@ -140,17 +140,17 @@ def drift_figure(found: Drift) -> Figure:
     """Draw the three cases, each with its own exaggeration and stress scale."""
     about, fields, settings = found.about, _warm(found).cases, found.settings
     lines = [
-        f"Expansion {settings['expansion']}, frame {settings['frame']}; both have the same temperature at every place, "
+        f"Expansion {settings['expansion']}, frame {settings['frame']}; both have the same temperature at every point; "
         "gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, which "
-        "the frame carries along. Stress at the corners of these grows with finer meshes; titles: at the necks."
+        "move with the frame. The stress at their corners grows with finer meshes; titles: stress at the necks."
     ]
-    figure, axes = panels((13.5, 5.3), f"{about.name}: warm", lines, 1, 3, about)
+    figure, axes = panels((13.5, 5.3), f"{about.name}: thermal drift", lines, 1, 3, about)
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
         title, per, _ = WARM[name]
         text = f"{title}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, about.lever)}"
-        titled(ax, letter, f"{text}; necks to {significant(float(np.max(stress)), 3)} {STRESS}", size=9.5)
+        titled(ax, letter, f"{text}; necks up to {significant(float(np.max(stress)), 3)} {STRESS}", size=9.5)
         label = f"von Mises stress ({STRESS} per {per})"
         draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
     return figure
@@ -159,7 +159,7 @@ def drift_figure(found: Drift) -> Figure:
 def _warm(found: Drift) -> WarmFields:
     """Return the plane fields of a result. Raises BadInput when it has none."""
     if not isinstance(found.fields, WarmFields):
-        raise BadInput("a drift without plane finite elements, expected them for its figure")
+        raise BadInput("a drift without plane finite elements, expected a result with them")
     return found.fields
 
 

@@ -42,10 +42,10 @@ def hinge_chart_figure(review: HingeReview) -> Figure:
     """
     lines = [
         "Compliance by formula over that of plane-stress finite elements of a full notch, H = h = 2R + t, between "
-        f"elastic blocks; ν{SPACE}={SPACE}{review.poissons_ratio:g}, which acts on shear alone. Below 1 the formula is "
-        "too stiff. Full line between bars: the formula's range of t/R, as published or else as the registry has it; "
-        f"pale: outside. Shaded: finite elements with higher blocks, to H{SPACE}={SPACE}{review.height:g}{SPACE}h. "
-        "A formula has a curve for the freedoms that its source states.",
+        f"elastic blocks; ν{SPACE}={SPACE}{review.poissons_ratio:g}, which affects shear only. Below 1 the formula is "
+        "too stiff. Full line between bars: the formula's range of t/R, as published or else as in the registry; "
+        f"pale: outside. Shaded: finite elements with higher blocks, up to H{SPACE}={SPACE}{review.height:g}{SPACE}h. "
+        "Each formula is drawn for the freedoms that its source gives.",
         review.source,
     ]
     figure, axes = panels((WIDTH, 8.2), "Circular hinge: formulas against finite elements", lines, 3)
@@ -132,7 +132,7 @@ def thickness_figure(review: ThicknessReview) -> Figure:
     lines = [
         f"Compliance of a circular hinge of thickness b in three dimensions over that in plane stress, "
         f"ν{SPACE}={SPACE}{review.poissons_ratio:g}, blocks as high as the notch. Below 1 the hinge is stiffer than in "
-        "plane stress: the blocks keep a wide neck from contracting out of plane, more in bending than in tension.",
+        "plane stress: the blocks restrain out-of-plane contraction of a wide neck, more in bending than in tension.",
         review.source,
     ]
     figure, axes = panels((WIDTH, 6.6), "Circular hinge: compliance over its thickness", lines, 2)

@@ -60,14 +60,14 @@ def modes_figure(found: NaturalModes) -> Figure:
     figure, axes = panels(size, f"{found.about.name}: {title}", [_header(found)], rows, columns, found.about, count)
     for number, ax in enumerate(axes, start=1):
         plot_mode(ax, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
-    draw_scale(figure, figure.axes, SHARE, "displacement, over the largest of the mode")
+    draw_scale(figure, figure.axes, SHARE, "displacement / largest of the mode")
     return figure
 
 
 def _fields(found: NaturalModes) -> Vibration:
     """Return the finite-element modes of a result. Raises BadInput when it has none."""
     if not isinstance(found.fields, Vibration):
-        raise BadInput("natural modes without finite elements, expected them for their shapes")
+        raise BadInput("natural modes without finite elements, expected a result with finite elements")
     return found.fields
 
 
@@ -77,12 +77,12 @@ def _header(found: NaturalModes) -> str:
     text = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
     text += f" drives {settings['drives']};" + (f" payload {settings['payload']};" if settings["payload"] else "")
     text += (
-        f" mass {mass.factor * float(found.mass):.4g} {mass}. Titles: the largest effective modal mass, "
-        "of the whole mass or, in theta, moment of inertia. Displacements are exaggerated, each mode by its own "
-        "factor; grey: at rest."
+        f" mass {mass.factor * float(found.mass):.4g} {mass}. Titles: largest effective modal mass, in "
+        "per cent of the mass or, for rotations, of the moment of inertia. Displacements are exaggerated, each mode "
+        "by its own factor; grey: at rest."
     )
-    mid_plane = " The mid-plane is drawn; out of its plane by contours every 0.2 of the largest w, dashed where it is "
-    return text + (f"{mid_plane}opposite, thick where it is zero." if solid else "")
+    mid_plane = " The mid-plane is drawn; contours: deflection w in steps of 0.2 of its maximum, "
+    return text + (f"{mid_plane}dashed: opposite sign, thick: zero." if solid else "")
 
 
 def title_of(found: NaturalModes, number: int) -> str:
@@ -91,7 +91,7 @@ def title_of(found: NaturalModes, number: int) -> str:
     largest = int(np.argmax(share))
     value, band = (hertz * values[number - 1, -1] for values in (found.frequency, found.band("frequency")))
     label, frequency = found.axes["mode"][number - 1], f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
-    return f"mode {label}: {frequency}; moves {share[largest]:.2g} % in {found.axes['base'][largest]}"
+    return f"mode {label}: {frequency}; mass {share[largest]:.2g} % in {found.axes['base'][largest]}"
 
 
 def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float = math.pi / 2) -> Axes:
@@ -163,7 +163,7 @@ def response_figure(model: DynamicModel, found: NaturalModes) -> Figure:
     """Draw magnitude and phase of all three pose components, each under its own load and under every stroke."""
     kinds: tuple[Kind, ...] = ("load", "stroke") if _strokes(model) else ("load",)
     lines = [
-        f"Plane finite elements, {len(model.frequencies)} modes and what the others do at rest; drives "
+        f"Plane finite elements, {len(model.frequencies)} modes and the static part of the others; drives "
         f"{found.settings['drives']}. Damping of every mode {100 * model.damping:g} % of critical, assumed. Motion in "
         "the plane only."
     ]

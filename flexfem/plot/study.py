@@ -229,7 +229,7 @@ def _design_text(letter: str, design: Chosen) -> str:
     shown = design.numbers[: 2 + MOST_FACTORS]
     lines = [f"{quantity.name}: {significant(value, 3)}{quantity.after}" for quantity, value in shown]
     hidden = len(design.numbers) - len(shown)
-    lines += [f"and {hidden} factors more"] if hidden else []
+    lines += [f"and {hidden} more factors"] if hidden else []
     return "\n".join(style.wrapped(line, CELL_WIDTH, FONT_SIZE) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
 
 
@@ -243,9 +243,9 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
     look: dict[str, Any] = {"linestyle": "none", "markeredgewidth": 0, "color": GREY, "marker": "o"}
     ax.plot(*dots.T, **look, markersize=size, alpha=alpha, rasterized=n > VECTOR_DOTS, zorder=1)
     if len(shown.undrawable):
-        name = f"{thousands(len(shown.undrawable))} not on the front: cannot be drawn"
+        name = f"{thousands(len(shown.undrawable))} off the front cannot be drawn"
         ax.plot(*shown.points[shown.undrawable].T, "x", color=GREY, markersize=4, label=name, zorder=2)
-    name = f"front: {thousands(len(shown.front))} designs that no other beats"
+    name = f"front: {thousands(len(shown.front))} non-dominated designs"
     line: dict[str, Any] = {"drawstyle": "steps-post", "color": FIRST_COLOUR, "markersize": 3.0, "linewidth": 1.2}
     ax.plot(*shown.points[shown.front].T, "o-", **line, label=name, zorder=3)
     for letter, design in zip(LETTERS, shown.chosen, strict=False):
@@ -341,13 +341,13 @@ def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes
     indices, rows = share.indices, np.arange(float(len(share.indices.first)))
     look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}
     look["error_kw"] = {"ecolor": INK, "elinewidth": 1.0, "capsize": 2.0}
-    bars = [(-0.19, indices.first, indices.first_band, FIRST_COLOUR, "first order: alone")]
+    bars = [(-0.19, indices.first, indices.first_band, FIRST_COLOUR, "first order: factor alone")]
     if indices.total is not None and indices.total_band is not None:
-        bars.append((0.19, indices.total, indices.total_band, TOTAL_COLOUR, "total: with its interactions"))
+        bars.append((0.19, indices.total, indices.total_band, TOTAL_COLOUR, "total: with interactions"))
     for shift, values, band, colour, name in bars:
         ax.barh(rows + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
     style.name_rows(ax, factors, 3.0)
-    ax.set_xlabel(f"share of the variance\n(first order sums to {indices.first.sum():.2f})")
+    ax.set_xlabel(f"share of the variance\n(sum of first order: {indices.first.sum():.2f})")
     ax.set_title(share.quantity.name, loc="left")
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.xaxis.set_major_formatter("{x:g}")

@@ -90,7 +90,7 @@ class AsBuilt(Result):
     high = Quantity("to", "stiffness", ("direction",), SOLVED)
     necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
     sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
-    unanswered = Quantity("draws without an answer", shown=False)
+    unanswered = Quantity("draws without a solution", shown=False)
 
 
 def read_necks(path: str | os.PathLike[str], stage: Stage) -> Necks:
@@ -161,9 +161,9 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
     draws = _stiffness_of_draws(made, as_made, sd)
     solved = draws[np.all(np.isfinite(draws), axis=1)]
     low, high = np.quantile(solved, QUANTILES, axis=0)
-    accuracy = f"each known to {MICROMETRE.factor * np.max(sd):.3g} um (standard deviation) or better; {DRAWS} draws"
+    accuracy = f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; {DRAWS} draws"
     left_out = DRAWS - len(solved)
-    notes = [accuracy if np.any(sd) else "no standard deviation is given: no scatter is known"]
+    notes = [accuracy if np.any(sd) else "no standard deviation is given: the scatter is not known"]
     return AsBuilt(
         about(stage, files={"necks": measured}),
         {
@@ -179,7 +179,7 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
         },
         settings={"analytic model": as_made.name},
         warnings=[*warnings, *warning.of_result(made, as_made)],
-        notes=notes + ([f"{left_out} draws have no answer and are left out"] if left_out else []),
+        notes=notes + ([f"{left_out} draws have no solution and are excluded"] if left_out else []),
     )
 
 

@@ -392,7 +392,7 @@ class MeshConvergence(Result):
 def converge(
     stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MeshConvergence:
-    """Solve a stage on successively finer meshes: observed order, extrapolated compliance, band.
+    """Solve a stage on increasingly fine meshes; compute observed order, extrapolated compliance and mesh band.
 
     Parameters
     ----------
@@ -427,7 +427,7 @@ def converge(
     values |= {"extrapolated": [curve.extrapolated for curve in curves], "order": [curve.observed for curve in curves]}
     large = [
         f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
-        f"({curve.verdict}); finer meshes narrow it"
+        f"({curve.verdict}); finer meshes reduce it"
         for axis, curve in zip(DIRECTIONS, curves, strict=True)
         if curve.band > LARGE * abs(curve.extrapolated)
     ]

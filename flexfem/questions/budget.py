@@ -48,9 +48,9 @@ class Budget(Result):
     title = "error budget"
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
     figure = "errors.budget_figure"
-    reading = ("per cent of the command, along it; a share is what one step from the model to the elements changes",)
+    reading = ("per cent of the command, in its direction; a share is the error change by one model refinement",)
     share = Quantity("share of the error in the commanded direction", "percents", ("share", "direction"), POINTS)
-    solid = Quantity("outside the planar total", "percents", ("outside", "direction"), POINTS)
+    solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS)
     across = Quantity(
         "share of the error, by commanded direction",
         "percents",
@@ -59,7 +59,7 @@ class Budget(Result):
         shown=False,
     )
     solid_across = Quantity(
-        "outside the planar total, by commanded direction", "percents", ("outside", "commanded", "direction"), POINTS,
+        "not in the planar total, by commanded direction", "percents", ("outside", "commanded", "direction"), POINTS,
         shown=False,
     )  # fmt: skip
 
@@ -80,7 +80,7 @@ def budget(
     amplitude : tuple of float
         Commands in x, y and theta for the share of large displacement: mm, mm, rad.
     plane : bool
-        Leave out the effect of three dimensions.
+        Neglect the effect of three dimensions.
     {shared}
     """
     check_feasible(stage)

@@ -45,22 +45,22 @@ Mobility: TypeAlias = Literal[3, 6, 12, 21]
 FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
 OF_MODEL = "Mobility of the analytic model; by default the stage's own"
 FORMULA = "Hinge formula of the analytic model"
-ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model are elastic, too"
+ELASTIC = "With `mobility = 21`: pads, links and platform of the analytic model are also elastic"
 
 
 class Curve(Table):
     """One curve: a stage file (relative to the case file) and the analytic model whose force is applied to it."""
 
-    label: Label = Field(description="Label in the legend, used once", examples=["closed hinge formula"])
+    label: Label = Field(description="Label in the legend, different for each curve", examples=["closed hinge formula"])
     stage: Label = Field(description="Stage file, relative to the case file", examples=["stage.toml"])
     mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
     formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
-    links: bool = Field(default=False, description=f"{ELASTIC}; in a linear case")
+    links: bool = Field(default=False, description=f"{ELASTIC}; in linear cases only")
 
     @model_validator(mode="after")
     def _links_go_with_all_freedoms(self) -> Curve:
         if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links go with all freedoms of the hinges", "links")
+            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
         return self
 
 
@@ -82,17 +82,17 @@ class Case(Sourced):
     drive: Drive = "force"
     """Input of the finite elements: `force`, the force of (18) on the platform; `joints`, the rotations that the model
     computes for the pose by (29) and (30), imposed on the base hinges with mobility three, else on base and elbow
-    hinges; `strokes`, the least-energy strokes of the stage's `[[actuator]]`. The last two are linear only"""
+    hinges; `strokes`, the least-energy strokes of the stage's `[[actuator]]`. The last two require a linear analysis"""
     model: Elements = "fe"
     """The finite elements: `fe`, the stage's own plane model; `three_dimensional`, the extruded stage with free faces,
-    linear and with the force on the platform only. The analytic model follows the stage file's `model` in both cases,
-    which may be `corrected` here"""
+    linear and with the force on the platform only. The analytic model uses the `model` of the stage file in both cases;
+    it may be `corrected` here"""
     resolution: int = Field(
         default=RESOLUTION,  # at least 4, for two coarser levels
         ge=4,
         le=FINEST,
         description=f"Triangles across every neck, by default {SOLID_RESOLUTION} in three dimensions; two coarser "
-        "meshes are made for the error bars",
+        "meshes give the error bars",
     )
     layers: int = Field(default=LAYERS, ge=3, le=MOST_LAYERS)
     """Layers in half the thickness, with `three_dimensional`; the bands need two smaller numbers of layers"""
@@ -118,17 +118,15 @@ class Case(Sourced):
                 raise refusal("a label that no other curve has", "curve", index, "label")
             if curve.links and nonlinear:
                 where = ("curve", index, "links")
-                raise refusal('no links with analysis = "nonlinear", whose equilibrium is pseudo-rigid', *where)
+                raise refusal('no links with analysis = "nonlinear", which has rigid links', *where)
         solid = self.model == "three_dimensional"
         if not solid and "layers" in self.model_fields_set:
             raise refusal('no layers with model = "fe"', "layers")
         if solid and nonlinear:
             raise refusal('"linear" with model = "three_dimensional", whose displacements are small', "analysis")
         if self.drive != "force" and (solid or nonlinear):
-            reason = 'analysis = "nonlinear", whose loads are on the platform'
-            if solid:
-                reason = 'model = "three_dimensional": stacks push the plane stage alone'
-            raise refusal(f'"force" with {reason}', "drive")
+            reason = 'model = "three_dimensional"' if solid else 'analysis = "nonlinear"'
+            raise refusal(f'"force" with {reason}, which loads the platform only', "drive")
         return self
 
     @property

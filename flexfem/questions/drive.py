@@ -66,8 +66,8 @@ class Drive(Result):
     figure = "drive.command_figure"
     drawn_from_fields = True
     reading = (
-        "strokes and rotations beyond rest, forces and stress with the preloads; stiffness with the other directions "
-        "held unless said otherwise",
+        "strokes and rotations are relative to rest, forces and stress include the preloads; stiffness with the other "
+        "directions held unless stated",
     )
     pose = Quantity("pose of the platform", "motion", ("direction",), prefixed=True)
     load = Quantity("load on the platform", "wrench", ("direction",))
@@ -89,12 +89,12 @@ class Drive(Result):
         largest=("chain", "hinge"),
     )  # fmt: skip
     friction = Quantity(
-        "pose that friction leaves open, at most ±", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
+        "uncertainty of the pose by friction, at most ±", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
         prefixed=True,
     )  # fmt: skip
     stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
     change = Quantity(
-        "change of the engaged stiffness by the pushes (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8),
+        "change of engaged stiffness by stack forces (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8),
         "all",
     )  # fmt: skip
     push_spread = Quantity("spread of the engaged stiffness (±)", "stiffness", ("direction",), SOLVED)
@@ -159,7 +159,7 @@ def drive(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
 ) -> Drive:
-    """Strokes and forces of every stack for a pose, by every criterion, and the finite-element pose with the strokes.
+    """Strokes and forces of every stack for a pose, by every criterion, and the finite-element pose with these strokes.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def drive(
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
-        With "both", finite elements are driven by the strokes of the analytic model.
+        With "both", the strokes of the analytic model are applied to finite elements.
     resolution : int, optional
         Triangles across every neck.
     {shared}
@@ -227,7 +227,7 @@ def drive(
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
     warnings += warning.of_motion(stage, target, "the pose")
     notes = [
-        f"each stack pushes by {', or by '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
+        f"each stack pushes via {', or '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
@@ -308,7 +308,7 @@ def _commands(
     if "within limits" in commands:
         by_limit = shares(system, drive, commands["within limits"], load)
         limit, used = max(((name, float(np.max(share))) for name, share in by_limit.items()), key=lambda pair: pair[1])
-        reason = f"it takes {used:.4g} times its limit of {limit}" if used > 1 + ROUND_OFF else ""
+        reason = f"it requires {used:.4g} times the limit of {limit}" if used > 1 + ROUND_OFF else ""
     warnings += [f"the drive does not reach this pose: {reason}"] if reason else []
     return commands
 
@@ -327,7 +327,7 @@ def _stiffness(
     preloaded = {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
     for name, force in forces.items():
         preloaded[f"pushed with the forces by {name}"] = _preloaded(joints["pushed"], drive, force, load)
-    warnings += [f"no stable equilibrium of the stacks {name}" for name, K in preloaded.items() if np.isnan(K).any()]
+    warnings += [f"no stable equilibrium with stacks {name}" for name, K in preloaded.items() if np.isnan(K).any()]
     C = system.C[:3, :3]
     free = zip(FREE, (1 / np.diag(C), 1 / np.diag(system.engaged)), strict=True)
     states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | preloaded | dict(free)
@@ -390,17 +390,17 @@ def limit_warnings(system: Driven, drive: StageDrive, x: Array, load: Array, cri
     kinds: tuple[tuple[str, Array, tuple[str, ...], Callable[[int], str]], ...] = (  # in the order of `LIMITS`
         (
             "strokes", np.maximum(um - high, low - um), drive.names,
-            lambda k: f"need {um[k]:.4g} um, outside {low[k]:.4g} to {high[k]:.4g} um",
+            lambda k: f"{um[k]:.4g} um, outside {low[k]:.4g} to {high[k]:.4g} um",
         ),
-        ("contacts", -force, stacks, lambda k: f"have to pull with {-force[k]:.4g} N"),
+        ("contacts", -force, stacks, lambda k: f"a pull of {-force[k]:.4g} N"),
         (
             "forces", force - drive.blocking_force, stacks,
-            lambda k: f"have to push with {force[k]:.4g} N, above {drive.blocking_force[k]:.4g} N",
+            lambda k: f"{force[k]:.4g} N, above {drive.blocking_force[k]:.4g} N",
         ),
     )  # fmt: skip
     for used, (kind, excess, names, describe) in zip(shares(system, drive, x, load).values(), kinds, strict=True):
         exceeded = np.any(np.reshape(used > 1 + ROUND_OFF, (-1, len(names))), axis=0)
         if exceeded.any():
             k, count = int(np.argmax(np.where(exceeded, excess, -np.inf))), np.count_nonzero(exceeded)
-            found.append(f"{criterion}: {count} {kind} beyond their limits, farthest {names[k]} would {describe(k)}")
+            found.append(f"{criterion}: {count} {kind} beyond their limits, worst: {names[k]} needs {describe(k)}")
     return found

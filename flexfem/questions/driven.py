@@ -29,7 +29,7 @@ ROUND_OFF = 1e-9  # of the largest stroke or force
 Limit: TypeAlias = Literal["stroke", "contact", "blocking force"]
 LIMITS: tuple[Limit, ...] = get_args(Limit)
 NOTHING_ALLOWED: dict[Limit, str] = {  # reasons why a limit of zero size in one direction excludes all strokes
-    "stroke": "some single stacks would need strokes below 0 um, their least",
+    "stroke": "some single stacks would need strokes below their minimum of 0 um",
     "contact": "some stacks without preload would have to pull",
     "blocking force": "some stacks preloaded to their blocking force would have to push harder",
 }

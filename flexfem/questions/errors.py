@@ -110,10 +110,7 @@ class Verification(Result):
 
     title = "errors of the finite-element displacement"
     columns = ("direction",)
-    reading = (
-        "errors at the largest command, per cent: along the command relative to it; across it translations relative to "
-        "a commanded translation, rotations times l3, a commanded rotation counts times l3",
-    )
+    reading = ("errors at the largest command, in per cent of the command; all rotations are multiplied by l3",)
     percent = Quantity("error, per cent of the command", "percents", ("curve", "direction"), PERCENT_GATE)
     along = Quantity(
         "stiffness of the platform along each direction", "stiffness", ("curve", "model", "direction"), FRESH
@@ -121,7 +118,7 @@ class Verification(Result):
     peak = Quantity(
         "highest neck stress per displacement along the command", "stress per motion",
         ("curve", "model", "chain", "hinge", "direction"), STRESS, "all", largest=("chain", "hinge"),
-        note="by the model with the other directions held; by finite elements over the displacement that they reach",
+        note="analytic, with the other directions held; by finite elements, divided by the resulting displacement",
     )  # fmt: skip
     neck_stress = Quantity(
         "neck stress of finite elements at the largest command", "mpa", ("curve", "chain", "hinge"), STRESS, "all",
@@ -129,7 +126,7 @@ class Verification(Result):
     )  # fmt: skip
     load = Quantity("load on the platform at the largest command", "wrench", ("curve", "direction"), SOLVED, "wrench")
     command = Quantity("commanded displacement", "motion", ("point", "direction"), EXACT, "pose", shown=False)
-    error = Quantity("finite-element less commanded displacement", "motion", POINT, COARSER, "pose", shown=False)
+    error = Quantity("finite-element minus commanded displacement", "motion", POINT, COARSER, "pose", shown=False)
     force = Quantity("load of the model on the platform", "wrench", POINT, SOLVED, "wrench", shown=False)
     rotation = Quantity("imposed rotation", "rad", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
     stroke = Quantity("imposed stroke", "mm", ("curve", "point", "joint"), SOLVED, "axis", shown=False)
@@ -140,7 +137,7 @@ class Verification(Result):
         Gate(COARSER.relative, absolute=100 * COARSER.relative), shown=False,
     )  # fmt: skip
     layer_band = Quantity(
-        "share of the layers in the band of the error", "percents", ("curve", "direction"), Gate(0.05), shown=False
+        "part of the error band due to the layers", "percents", ("curve", "direction"), Gate(0.05), shown=False
     )
     name = property(lambda self: self.about.name, doc="Name of the case.")
     assumed = property(lambda self: list(self.about.assumed), doc="Key paths of numbers that are assumed.")
@@ -173,7 +170,7 @@ class Verification(Result):
         npz = Path(path).with_suffix(".npz")
         arrays = read_arrays(npz, f"the fields of {path}")
         if digest_of_arrays(arrays) != self.settings.get("stored", {}).get("fields"):
-            raise BadInput(f"{npz}: not the fields that were stored with {path}: flexfem verify makes both again")
+            raise BadInput(f"{npz}: not the fields that were stored with {path}; run flexfem verify again")
         numbered = enumerate(self.curves)
         return {label: Fields(*(arrays[f"{k}.{key}"] for key in Fields._fields)) for k, label in numbered}
 
@@ -205,7 +202,7 @@ class CurveElements(NamedTuple):
 def verification(
     *cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None
 ) -> list[Verification]:
-    """Apply the analytic force of (18), or joint commands, to the finite elements: the errors of Figures 5 to 7.
+    """Apply the analytic force of (18), or joint commands, to finite elements; compute the errors of Figures 5 to 7.
 
     Parameters
     ----------
@@ -360,9 +357,9 @@ def _warnings(case: Case, run: CurveRun) -> list[str]:
     for direction, (values, verdict, *_, band) in zip(DIRECTIONS, elements.bands, strict=True):
         text = f"{where}: the mesh band of the error in {direction}, {values[-1]:.4g} %, is ±{band:.2g} points"
         if band > LARGE_BAND:
-            found.append(f"{text}; a higher resolution narrows it")
+            found.append(f"{text}; a higher resolution reduces it")
         elif verdict not in SOUND and band > UNSETTLED:
-            found.append(f"{text}, from meshes that are not converging ({verdict})")
+            found.append(f"{text}, from meshes that do not converge ({verdict})")
     return found
 
 

@@ -22,9 +22,7 @@ from flexfem.units import DIRECTIONS, PLANES
 PAPER = Analytic(formula=DEFAULT_FORMULA)
 SOFTER = np.array([2.6, 2.6, 31.0])  # per cent in x, y, theta by which Section VI measures less than its model
 COUPLED = 1e-3  # relative difference of two stiffnesses above which a warning reports the coupling of directions
-NOT_THE_PAPERS = (
-    "The numbers of the paper's Table II are not available: no number here is one of them, and no claim holds by it."
-)
+NOT_THE_PAPERS = "The numbers of the paper's Table II are not available: no number here comes from it or confirms it."
 
 
 class Experiment(Result):
@@ -38,18 +36,18 @@ class Experiment(Result):
         "part": ("stage", "pole", "bar"),
     }
     figure = "experiment.experiment_figure"
-    slope = Quantity("stiffness as pushed", "stiffness", ("direction", "source"), COARSER)
+    slope = Quantity("slope of load over displacement", "stiffness", ("direction", "source"), COARSER)
     deviation = Quantity("deviation from the model", "percent", ("direction", "against"), COARSER)
-    share = Quantity("share of the displacement that is read", "percent", ("direction", "part"), COARSER)
-    low = Quantity("interval of the simulated slope, from", "stiffness", ("direction",), COARSER)
-    high = Quantity("to", "stiffness", ("direction",), COARSER)
-    softer = Quantity("softer than the stage by", "percent", ("direction",), COARSER)
-    spring = Quantity("spring in series that alone explains it", "stiffness", ("direction",), COARSER)
-    ratio = Quantity("times the stiffness of the stage", "", ("direction",), COARSER)
-    pole = Quantity("pole as it is read", "stiffness", ("direction",), SOLVED)
+    share = Quantity("share of the displacement reading", "percent", ("direction", "part"), COARSER)
+    low = Quantity("simulated slope, low end of interval", "stiffness", ("direction",), COARSER)
+    high = Quantity("high end of interval", "stiffness", ("direction",), COARSER)
+    softer = Quantity("loss of apparent stiffness", "percent", ("direction",), COARSER)
+    spring = Quantity("series spring that causes this loss", "stiffness", ("direction",), COARSER)
+    ratio = Quantity("spring over stage stiffness", "", ("direction",), COARSER)
+    pole = Quantity("stiffness of the pole", "stiffness", ("direction",), SOLVED)
     noiseless = Quantity("slope without noise and steps", "stiffness", ("direction",), COARSER, shown=False)
-    intercept = Quantity("load at no displacement", "wrench", ("direction",), COARSER, "all", shown=False)
-    explained = Quantity("stage that is to look softer", "stiffness", ("direction",), COARSER, shown=False)
+    intercept = Quantity("load at zero displacement", "wrench", ("direction",), COARSER, "all", shown=False)
+    explained = Quantity("stiffness before the loss", "stiffness", ("direction",), COARSER, shown=False)
     measured_sd = Quantity("standard deviation of the measured slope", "stiffness", ("direction",), shown=False)
     stroke = Quantity("commanded stroke", "mm", ("increment",), shown=False)
     load = Quantity("load read", "wrench", ("direction", "repeat", "increment"), COARSER, "all", shown=False)
@@ -112,9 +110,9 @@ def experiment(
     measured : path, optional
         File of measured slopes to compare; by default those of the fixture, if any.
     models : {"both", "analytic", "elements"}
-        "analytic" takes calibrated hinges and elastic links instead of finite elements for the loaded stage.
+        "analytic" uses calibrated hinges and elastic links instead of finite elements for the loaded stage.
     analytic : Analytic
-        The model of the table's first column; by default that of the paper.
+        The model of the first column of the table; by default that of the paper.
     resolution : int, optional
         Triangles across every neck, from 2.
     {shared}
@@ -179,7 +177,7 @@ def experiment(
         settings={"fixture": set_up.name, "model": paper.name, "stage": name, "confidence": confidence} | meshed(mesh),
         warnings=warnings,
         notes=[
-            f"spring: in series, after {'the text of the paper' if measurement is None else 'the measured slopes'}",
+            f"loss of stiffness: from {'the text of the paper' if measurement is None else 'the measured slopes'}",
             f"intervals of {confidence} by Fieller's theorem",
             NOT_THE_PAPERS,
         ],
@@ -212,15 +210,15 @@ def _fitted_slope(fixture: Fixture, load: Array, displacement: Array, axis: str)
     run = fixture.run
     for quantity, values in (("load", load), ("displacement", displacement)):
         if np.ptp(values) == 0:  # all readings are below half a step of the sensor
-            raise ComputationFailed(f"the {quantity} read in {axis} does not change with the stroke")
+            raise ComputationFailed(f"the {quantity} reading in {axis} does not change with the stroke")
     command = np.tile(run.strokes, run.repeats)
     found = slope_of(command, load.ravel(), displacement.ravel(), run.confidence_percent / 100)
     bounded = not np.isnan(found.low)
     if not (found.low if bounded else found.slope) > 0:
         ends = f" ({found.low:.3g} to {found.high:.3g})" if bounded else ""
         raise ComputationFailed(
-            f"the slope read in {axis}, {found.slope:.3g}{ends}, cannot be told from zero: expected a stiffer pole and "
-            "bar, less noise of lvdt and sensor, or more increments and repeats"
+            f"the slope in {axis}, {found.slope:.3g}{ends}, cannot be distinguished from zero: expected a stiffer pole "
+            "and bar, less noise of lvdt and sensor, or more increments and repeats"
         )
     return found
 
@@ -232,8 +230,8 @@ def _run_warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> l
     for key, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
         if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
             messages.append(
-                f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: the readings step, and the intervals, "
-                "which take errors as normal and independent, need not hold"
+                f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: sensor steps dominate the errors, and "
+                "the intervals, which assume normal and independent errors, may be wrong"
             )
     for axis, pose in zip(DIRECTIONS, loads @ C.T, strict=True):
         where, highest = f"the largest push in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
@@ -254,7 +252,7 @@ def _coupling_warnings(pushes: Pushes, C: Array) -> list[str]:
             )
         if abs(on_rigid_fixture[k] / free[k] - 1) > COUPLED:
             load_messages.append(
-                f"a push in {axis} is also one in other directions, by its arm or the pole's offset: on a rigid "
-                f"fixture the slope is {on_rigid_fixture[k]:.5g}, where 1/C is {free[k]:.5g}"
+                f"a push in {axis} also loads other directions, by its arm or the pole's offset: on a rigid "
+                f"fixture the slope is {on_rigid_fixture[k]:.5g}, and 1/C is {free[k]:.5g}"
             )
     return free_messages + load_messages

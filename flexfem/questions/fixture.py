@@ -81,14 +81,14 @@ class Pole(Dimensioned):
 
     diameter: Length = Field(alias="diameter_mm", description="Diameter of the pole", examples=[10.0])
     height: Length = Field(alias="height_mm", examples=[40.0])
-    """Height of its end, which carries the bar and is read by the LVDTs"""
+    """Height of the end of the pole, which carries the bar and is the target of the LVDTs"""
     push_height: Length | None = Field(default=None, alias="push_height_mm", examples=[30.0])
     """Height of the actuator force in X and Y; by default the end of the pole"""
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
     """Young's modulus of the pole"""
     poissons_ratio: Poisson = Field(description="Poisson's ratio of the pole", examples=[0.3])
     offset: tuple[Coordinate, Coordinate] = Field(default=(0.0, 0.0), alias="offset_mm", examples=[[0.5, -0.3]])
-    """x, y of its axis from the platform's centre; with an offset the moment about the centre is not force times arm"""
+    """x, y of the pole from the platform's centre; with an offset the moment about the centre is not force times arm"""
 
     @model_validator(mode="after")
     def _check_push_height(self) -> Pole:
@@ -110,8 +110,8 @@ class Bar(Dimensioned):
     angle: Angle = Field(default=0.0, alias="angle_deg", examples=[30.0])
     """Angle of the bar from the x axis"""
     width: Length = Field(alias="width_mm", examples=[12.0])
-    """Side of its section in the plane of bending"""
-    thickness: Length = Field(alias="thickness_mm", description="Other side of its section", examples=[8.0])
+    """Side of the section in the plane of bending"""
+    thickness: Length = Field(alias="thickness_mm", description="Other side of the section", examples=[8.0])
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
     """Young's modulus of the bar"""
 

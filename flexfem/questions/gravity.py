@@ -36,7 +36,7 @@ HEAVIEST = 1e4  # kg
 class Gravity(Result):
     """Displacement and neck stress of a stage under its own weight and that of its payload."""
 
-    title = "weight"
+    title = "displacement under weight"
     labels: ClassVar = {"out of plane": ("z", "tilt x", "tilt y")}
     columns = ("direction", "out of plane")
     pose = Quantity("displacement of the platform", "motion", ("model", "direction"), FRESH, "pose", prefixed=True)
@@ -47,7 +47,7 @@ class Gravity(Result):
     stress = Quantity(
         "highest neck stress", "mpa", ("model", "chain", "hinge"), STRESS, "all", largest=("chain", "hinge")
     )
-    mass = Quantity("mass, pads, hub and payload too", "kg")
+    mass = Quantity("mass, including pads, hub and payload", "kg")
 
 
 @setup.question
@@ -69,9 +69,9 @@ def gravity(
     angle : float
         Direction of gravity in the plane of an upright plate, degrees from x.
     payload : float
-        Mass that the platform carries at its centre, kg.
+        Mass of a payload at the centre of the platform, kg.
     layers : int, optional
-        A horizontal plate in three dimensions, with so many layers in half the thickness, from 3.
+        Three-dimensional model of a horizontal plate, with this number of layers in half the thickness, from 3.
     {shared}
 
     Examples

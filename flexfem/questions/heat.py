@@ -53,7 +53,7 @@ class Drift(Result):
     figure = "fields.drift_figure"
     drawn_from_fields = True
     reading = (
-        "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, in stage and frame alike",
+        "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, the same in stage and frame",
         "all numbers are proportional to the difference of the two coefficients of expansion",
     )
     pose = Quantity(
@@ -65,14 +65,14 @@ class Drift(Result):
     )
     edges = Quantity(
         "highest stress at clamped edges", "mpa", ("case", "model", "chain"), STRESS, "all", largest=("chain",),
-        note="without a fifth of each edge at both corners, where elastic stress has no bound",
+        note="excludes a fifth of each edge at both corners, where stress is singular",
     )  # fmt: skip
     tilt = Quantity(
-        "displacement by a gradient in z, rotations about x and y", ("mm", "rad", "rad"), ("model", "out of plane"),
+        "displacement and rotations about x and y by a gradient in z", ("mm", "rad", "rad"), ("model", "out of plane"),
         FRESH, "all", prefixed=True,
     )  # fmt: skip
     unlike = Quantity(
-        f"displacement with the necks of some chains {UNLIKE:g} % unlike, analytic", "motion",
+        f"displacement with the necks of some chains changed by {UNLIKE:g} %, analytic", "motion",
         ("case", "direction"), SOLVED, "pose", prefixed=True,
     )  # fmt: skip
     reaction = Quantity(
@@ -117,7 +117,7 @@ def drift(
     resolution : int, optional
         Triangles across every neck on the finest of three meshes, from 4, in three dimensions from 6.
     layers : int, optional
-        Three dimensions with so many layers in half the thickness, from 3; also a gradient through the thickness.
+        Three-dimensional model with this number of layers in half the thickness, from 3; adds a gradient in z.
     {shared}
 
     Examples
@@ -131,7 +131,7 @@ def drift(
     mesh = setup.mesh_of(models, resolution, layers, 4, LEAST_SOLID)
     expansion, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
     if stage.frame.expansion is None:
-        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is taken to expand as the stage does")
+        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is assumed to expand like the stage")
     results, values, analytic_name = dict[str, ModelAnswer](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES

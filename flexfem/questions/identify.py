@@ -1,4 +1,4 @@
-"""Identify a neck offset and a soft fixture from measured slopes, and judge whether the data tell them apart."""
+"""Identify a neck offset and a soft fixture from measured slopes, and judge whether the data distinguish them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Identification(Result):
     `translation` and `rotation`: series compliances, mm/N and rad/(N mm).
     """
 
-    title = "necks and fixture from measured slopes"
+    title = "neck offset and fixture from measured slopes"
     columns = ("slope",)
     labels: ClassVar = {"slope": ("measured", "as drawn", "fitted"), "cause": CAUSES}
     figure = "experiment.identification_figure"
@@ -56,23 +56,23 @@ class Identification(Result):
     sd = Quantity("standard deviation of the measured slope", "stiffness", ("direction",))
     stiffness = Quantity("stiffness of the fixture at the fit", "stiffness", ("direction",), FITTED)
     offset = Quantity("offset of all nine necks, positive wider", "um", gate=FITTED)
-    offset_low = Quantity("its interval, from", "um", gate=FITTED)
-    offset_high = Quantity("its interval, to", "um", gate=FITTED)
-    fixture = Quantity("number of the fixture", "", ("number",), FITTED)
-    fixture_low = Quantity("its interval, from", "", ("number",), FITTED)
-    fixture_high = Quantity("its interval, to", "", ("number",), FITTED)
+    offset_low = Quantity("interval of the offset, from", "um", gate=FITTED)
+    offset_high = Quantity("interval of the offset, to", "um", gate=FITTED)
+    fixture = Quantity("parameter of the fixture", "", ("number",), FITTED)
+    fixture_low = Quantity("interval of the parameter, from", "", ("number",), FITTED)
+    fixture_high = Quantity("interval of the parameter, to", "", ("number",), FITTED)
     chi_square = Quantity("chi square", gate=FITTED)
     dof = Quantity("degrees of freedom")
     condition = Quantity("condition number of the sensitivities", gate=FITTED)
     correlation = Quantity("correlation of offset and fixture", gate=FITTED)
-    distinct = Quantity("the data tell both causes apart (1 or 0)")
+    distinct = Quantity("the data distinguish both causes (1 or 0)")
     allowed = Quantity("allowed by the data (1 or 0)", "", ("cause",))
     cause_chi_square = Quantity("chi square of the best fit", "", ("cause",), FITTED)
     cause_offset = Quantity("offset of the necks", "um", ("cause",), FITTED)
-    cause_fixture = Quantity("number of the fixture", "", ("cause", "number"), FITTED, shown=False)
-    region_offset = Quantity("offsets of the map", "um", ("map x",), FITTED, shown=False)
-    region_fixture = Quantity("numbers of the map", "", ("map y",), FITTED, shown=False)
-    region_above = Quantity("chi square above its least", "", ("map x", "map y"), FITTED, "all", shown=False)
+    cause_fixture = Quantity("parameter of the fixture", "", ("cause", "number"), FITTED, shown=False)
+    region_offset = Quantity("offsets in the map", "um", ("map x",), FITTED, shown=False)
+    region_fixture = Quantity("parameters of the fixture in the map", "", ("map y",), FITTED, shown=False)
+    region_above = Quantity("chi square above its minimum", "", ("map x", "map y"), FITTED, "all", shown=False)
     region_limit = Quantity("joint limit of chi square", shown=False)
     finding = property(lambda self: self.notes[0], doc="Conclusion drawn from the data.")
 
@@ -174,15 +174,15 @@ def sensitivity(problem: SlopeProblem, x: Array) -> tuple[int, float, float]:
 def identify(
     stage: Stage, measured: Path, *, unknown: Unknown | None = None, confidence: float = 95.0
 ) -> Identification:
-    """Fit an offset of all necks and a soft fixture to measured slopes, and judge whether the data tell them apart.
+    """Fit an offset of all necks and a soft fixture to measured slopes, and judge whether the data distinguish them.
 
     Parameters
     ----------
     measured : path, Fixture or Measurement
         File of measured slopes with standard deviations, with the set-up or alone.
     unknown : {"pole", "springs"}, optional
-        Unknowns of the fixture: compliance of its pole, in bending and torsion, over the described one (0: rigid), or
-        instead two springs, one in x and y and one in rotation; by default the pole if one is described.
+        Unknowns of the fixture: "pole" is the compliance of the pole, in bending and torsion, over the described one
+        (0: rigid); "springs" are two, one in x and y and one in rotation; by default the pole if one is described.
     confidence : float
         Confidence level of the intervals, per cent, from 50 to 99.9.
     {shared}
@@ -211,8 +211,8 @@ def identify(
     marks = np.array([best.x[:2], *(cause.x[:2] for cause in alone), low[:2], high[:2]])
     if abs(correlation) > DEPENDENT_NUMBERS:
         warnings.append(
-            f"the correlation of offset and fixture is {correlation:+.4f}: small differences between the directions "
-            "tell them apart, which errors of the model and unequal necks make as well"
+            f"the correlation of offset and fixture is {correlation:+.4f}: only small differences between the "
+            "directions distinguish them, and errors of the model and unequal necks have the same effect"
         )
     rigid = problem.slopes(np.zeros(count))  # on a rigid fixture
     added = problem.added @ best.x[1:]
@@ -221,7 +221,7 @@ def identify(
     by_direction[:, problem.axes] = problem.slope, rigid, problem.slopes(best.x), problem.sd, stiffness
     sentence = conclusion(best, dof, alone[1].x[0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
-        sentence += " The pole as described is within its interval."
+        sentence += " The pole as described is within the fitted interval."
     return Identification(
         about(stage, files={"measured": source}),
         {
@@ -245,7 +245,7 @@ def identify(
         axes={"number": numbers} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
         settings={"measured": source.name, "analytic model": model, "confidence": f"{100 * level:g} %"},
         warnings=warnings,
-        notes=[sentence, "intervals by profile likelihood; unlimited where the data set no end"],
+        notes=[sentence, "intervals by profile likelihood; unlimited where the data give no bound"],
     )
 
 
@@ -258,13 +258,13 @@ def _problem(
     axes = np.flatnonzero(~np.isnan(value))
     keys = ("kxx_sd_n_per_mm", "kyy_sd_n_per_mm", "ktt_sd_n_mm_per_rad")
     if missing := [f"measured.{keys[k]}" for k in axes if np.isnan(sd[k])]:
-        raise BadInput(f"{', '.join(missing)}: expected, for without it no interval can be given", place)
+        raise BadInput(f"{', '.join(missing)}: expected, because the intervals require it", place)
     pushes = pushes_of(measured) if isinstance(measured, Fixture) else IDEAL
     offsets, C, model = _stages_with_offsets(stage, warnings)
     of_stage, pole, bar = pushes.shares(C)
     described = bool(np.any(pole[axes] > 0))
     if unknown == "pole" and not described:
-        raise BadInput('unknown "pole", expected springs: no pole is in these readings', place)
+        raise BadInput('unknown "pole", expected springs: these readings include no pole', place)
     rigid = (of_stage + bar)[:, axes]
     if not np.all(rigid > 0):
         raise ComputationFailed(f"{place}: a slope of this stage on a rigid fixture is not positive")
@@ -294,7 +294,7 @@ def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Arra
     )
     kept = np.all(np.isfinite(K), axis=(1, 2))
     if np.count_nonzero(kept) < GRID // 4:
-        raise ComputationFailed(f"stage {stage.name!r}: no model has an answer for other necks")
+        raise ComputationFailed(f"stage {stage.name!r}: no model has a solution for other necks")
     return offsets[kept], inverse(K[kept]), chosen.name
 
 
@@ -329,22 +329,22 @@ def conclusion(best: Fit, dof: int, offset: float, allowed: list[bool], distinct
     um, (neither, by_necks, by_fixture) = MICROMETRE.factor, allowed
     necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
     if unexplained(best.chi_square, dof):
-        comparison = f"where chance goes beyond {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}"
+        comparison = f"which by chance exceeds {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}"
         return (
-            f"Nothing of this explains the data: chi square {best.chi_square:.3g} at the best fit, {comparison}. "
-            "Look at the standard deviations, or for another cause."
+            f"Necks and fixture together do not explain the data: chi square {best.chi_square:.3g} at the best fit, "
+            f"{comparison}. Check the standard deviations, or look for another cause."
         )
     if distinct:
         return {
-            (True, False): f"The necks explain the data: n{necks}, and no soft fixture alone does.",
-            (False, True): "A soft fixture explains the data, and no neck offset alone does.",
+            (True, False): f"The necks explain the data: n{necks}. A soft fixture alone does not.",
+            (False, True): "A soft fixture explains the data. A neck offset alone does not.",
             (False, False): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
         }[by_necks, by_fixture]
     causes = {
-        (True, True): f" N{necks} alone and a soft fixture alone both agree with them.",
-        (True, False): f" N{necks} alone agree with them, a soft fixture alone does not.",
-        (False, True): " A soft fixture alone agrees with them, no neck offset alone does.",
+        (True, True): f" Either cause alone agrees with the data: n{necks}, or a soft fixture.",
+        (True, False): f" N{necks} agree with the data, a soft fixture alone does not.",
+        (False, True): " A soft fixture alone agrees with the data, a neck offset alone does not.",
         (False, False): "",
     }[by_necks, by_fixture]
-    no_cause = " The data need neither: the stage as drawn on a rigid fixture agrees with them."
-    return f"These data cannot tell them apart.{no_cause if neither else causes}"
+    no_cause = " Neither is necessary: the stage as drawn on a rigid fixture agrees with the data."
+    return f"These data cannot distinguish the causes.{no_cause if neither else causes}"

@@ -54,15 +54,15 @@ class Large(Result):
     columns = ("theory",)
     figure = "drive.large_figure"
     reading = (
-        "each theory against its own linear answer, at per cent of the amplitude; position errors: the linear position "
-        "under the load that holds the stage at the command, less the command, in per cent of it; across: the larger "
-        "of both, rotations by the lever",
+        "each theory relative to its own linear solution, at per cent of the amplitude; position error: linear "
+        "position under the load that holds the stage at the command, minus the command, in per cent of it; across: "
+        "the larger of the other two directions, rotations times the lever",
     )
     amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",), prefixed=True)
     stiffness = Quantity("change of the tangent stiffness (%)", "", ("direction", "at", "theory"), PERCENT)
     error = Quantity("linear position error along (%)", "", ("direction", "at", "theory"), PERCENT)
     aside = Quantity("linear position error across (%)", "", ("direction", "at", "theory"), PERCENT, "all")
-    position = Quantity("largest linear position error anywhere", "percent", ("within",), PERCENT)
+    position = Quantity("largest linear position error of all poses", "percent", ("within",), PERCENT)
     terms = Quantity("change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT)
     tangent = Quantity(
         "change of the tangent stiffness", "percent", ("direction", "share", "theory"), PERCENT, shown=False

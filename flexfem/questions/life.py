@@ -40,8 +40,8 @@ LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
 NECK = ("model", "chain", "hinge")
 COLUMNS = ["stress_mpa", "cycles"]
 LEFT_OUT = (
-    "life: a median of polished specimens; scatter, surface, size, residual stress, corrosion and stress across the "
-    "plane are not in it"
+    "life: median of polished specimens; it excludes scatter, surface, size, residual stress, corrosion and stress "
+    "across the plane"
 )
 
 
@@ -144,7 +144,7 @@ def preload_warnings(stage: Stage) -> list[str]:
     """Warn that lives exclude preloads which stress the necks, those of single stacks."""
     if all(len(contacts(stage, 1, k)) == 2 or not actuator.preload for k, actuator in enumerate(stage.actuator)):
         return []
-    return ["the mean stress by preloads of single stacks is not in this life"]
+    return ["this life excludes the mean stress by preloads of single stacks"]
 
 
 def factor_at(stress: StressCycles, law: Basquin, life: float, proportional: bool) -> float:
@@ -168,17 +168,17 @@ class Life(Result):
 
     title = "fatigue life"
     figure = "experiment.life_figure"
-    life = Quantity("cycles of the neck that fails first", "", ("model",), Gate(0.05))
-    fewest = Quantity("cycles by the uncertainty of the stress, from", "", ("model",), Gate(0.1))
-    most = Quantity("to", "", ("model",), Gate(0.1))
+    life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05))
+    fewest = Quantity("fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
+    most = Quantity("most cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
     safety = Quantity("yield strength over the highest stress", "", ("model",), STRESS)
-    factor = Quantity("times the amplitude for the wanted life", "", ("model",), STRESS)
-    peak_at_largest = Quantity("highest stress there", "mpa", ("model",), STRESS)
-    equivalent = Quantity("fully reversed stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
+    factor = Quantity("factor on the amplitude for the wanted life", "", ("model",), STRESS)
+    peak_at_largest = Quantity("highest stress at that amplitude", "mpa", ("model",), STRESS)
+    equivalent = Quantity("equivalent fully reversed stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
     peak = Quantity("largest magnitude of the stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
     amplitude = Quantity("amplitude of the stress", "mpa", NECK, STRESS, "all", shown=False)
     mean = Quantity("mean of the stress", "mpa", NECK, STRESS, "all", shown=False)
-    cycles = Quantity("cycles of each neck", "", NECK, Gate(0.05), shown=False)
+    cycles = Quantity("cycles to failure of each neck", "", NECK, Gate(0.05), shown=False)
     largest = Quantity("amplitude for the wanted life", "motion", ("model", "direction"), STRESS, prefixed=True)
     law: Basquin  # for figures, as is the yield strength, MPa
     yield_strength: float
@@ -205,11 +205,11 @@ def life(
     Parameters
     ----------
     amplitude : tuple of float
-        Amplitude of the platform's pose about its mean: mm, mm, rad; the platform is held in all directions.
+        Amplitude of the pose of the platform about its mean: mm, mm, rad; the pose is imposed in all directions.
     mean : tuple of float, optional
         Mean of the pose: mm, mm, rad.
     ratio : float, optional
-        Instead of a mean, least over greatest displacement, from -1 to 0.99; -1, the default, is fully reversed. The
+        Ratio of least to greatest displacement, instead of a mean, from -1 to 0.99; by default -1, fully reversed. The
         mean then scales with the amplitude for the wanted life.
     cycles : float
         The wanted life.
@@ -218,8 +218,8 @@ def life(
     law : Basquin or BasquinFit, optional
         Basquin's law instead of that of the material.
     notch_sensitivity : float
-        q from 0 to 1: (1 + q (K - 1)) / K of the stress at a notch of concentration K counts for fatigue, all of it for
-        yield.
+        Notch sensitivity q from 0 to 1: fatigue uses the share (1 + q (K - 1)) / K of the stress at a notch of
+        concentration K, yield uses all of it.
     {shared}
 
     Examples
@@ -311,7 +311,7 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
     (low, high), assumed = chosen.range, "" if chosen.range_stated else ", assumed"
     rule = "Smith, Watson and Topper" if chosen.walker == 0.5 else f"Walker, {chosen.walker:g}"
     description = (
-        f"Basquin's law with {chosen.coefficient:g} MPa and {chosen.exponent:g}, for {low:.4g} to {high:.4g} cycles"
+        f"Basquin's law, {chosen.coefficient:g} MPa, exponent {chosen.exponent:g}, for {low:.4g} to {high:.4g} cycles"
         f"{assumed}; mean stress by {rule}; {source}"
     )
     return chosen, [description, *notes]
@@ -348,13 +348,13 @@ def _warnings(stage: Stage, motion: CyclicMotion, law: Basquin, model: str, valu
     beyond = f"beyond the yield strength of {limit:.4g} MPa"
     if values["safety"] < 1.0:
         highest = f"{model}: the largest stress is {limit / values['safety']:.4g} MPa, {beyond}"
-        messages.append(f"{highest}: the life by elastic stress does not hold there")
+        messages.append(f"{highest}: the life by elastic stress is not valid")
     if values["peak_at_largest"] > limit:
         where = f"{model}: at the amplitude for {motion.cycles:g} cycles the largest stress is"
-        messages.append(f"{where} {values['peak_at_largest']:.4g} MPa, {beyond}: yield limits it")
+        messages.append(f"{where} {values['peak_at_largest']:.4g} MPa, {beyond}: yield limits the amplitude")
     for subject, cycles in ((f"{model}: the life", values["life"]), ("the wanted life", motion.cycles)):
         if np.isfinite(cycles) and not low <= cycles <= high:
-            messages.append(f"{subject} of {cycles:.3g} cycles is extrapolated: the law is for {low:g} to {high:g}")
+            messages.append(f"{subject} of {cycles:.3g} cycles is extrapolated: the law covers {low:g} to {high:g}")
     return messages
 
 
@@ -367,7 +367,7 @@ def _described_fit(law: BasquinFit) -> str:
     coefficient, exponent = (
         f"{law.confidence:g} % interval {interval[0]:.4g} to {interval[1]:.4g}"
         if interval
-        else f"no interval: at {law.confidence:g} % life may not fall with stress"
+        else f"no {law.confidence:g} % interval: life may not fall with stress"
         for interval in (law.coefficient_interval, law.exponent_interval)
     )
     return (

@@ -49,18 +49,18 @@ AGREED = 0.1  # relative difference up to which the observed order agrees with t
 SAME_SHAPE = 0.7  # least overlap of identical shapes: any rotation within a pair of equal frequency keeps as much
 RIGID_MODES = 3  # modes of the platform on its hinges; in higher ones links swing and bend
 ABOVE_THIRD = (
-    "analytic frequencies above the third are not to be trusted: links swing and bend there. On 40 random stages, "
+    "analytic frequencies above the third are not reliable: links swing and bend in these modes. On 40 random stages, "
     "drives disengaged, those of elastic links were 0.8 to 28 % too low (half by more than 10 %), those of rigid links "
-    "with calibrated hinges 5 to 163 % too high; the first three, by calibrated hinges, were within 0.11 % and 3.4 %"
+    "with calibrated hinges 5 to 163 % too high; the first three were within 0.11 % (elastic) and 3.4 % (rigid links)"
 )
 OUT_OF_PLANE = (
-    "motion in the plane only: modes in which the platform leaves the plane are not found here, and the lowest of them "
-    "can lie below these"
+    "motion in the plane only: modes in which the platform leaves the plane are excluded; the lowest of them can be "
+    "below these"
 )
-NO_STACKS = "engaged stacks are springs without mass, and hold their strokes: their own mass is left out"
+NO_STACKS = "engaged stacks are springs that hold their strokes; the mass of the stacks is neglected"
 AT_ITS_PLACE = (
-    "payload: its centre of mass at the platform's centre, in the mid-plane; mounted above it, it would couple motion "
-    "in the plane and out of it, which is left out"
+    "payload: its centre of mass is at the platform's centre, in the mid-plane; a payload above the mid-plane couples "
+    "motion in and out of the plane, which is neglected"
 )
 KILOGRAM, INERTIA = UNITS["kg"].factor, UNITS["kg_mm2"].factor
 
@@ -72,12 +72,12 @@ class NaturalModes(Result):
     columns = ("model", "base")
     figure = "modes.figures"
     drawn_from_fields = True
-    reading = ("effective modal mass: for motion of the base, of the whole mass or moment of inertia",)
+    reading = ("effective modal mass: for motion of the base, as a share of the whole mass or moment of inertia",)
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
     share = Quantity("effective modal mass", "percent", ("mode", "base"), Gate(1e-3, absolute=1e-6), "all")
     band_plane = Quantity("band by the mesh in the plane", "hz", ("mode",), Gate(0.2), shown=False)
     band_thickness = Quantity("band by the layers", "hz", ("mode",), Gate(0.2), shown=False)
-    mass = Quantity("mass, pads, hub and payload too", "kg")
+    mass = Quantity("mass, including pads, hub and payload", "kg")
     inertia = Quantity("moment of inertia about the platform's centre", "kg_mm2")
     tilting_inertia = Quantity("moments of inertia about x and y", "kg_mm2", ("tilt",), FRESH)
     meshed_mass = Quantity("mass by the finite elements", "kg", gate=FRESH, shown=False)
@@ -151,8 +151,8 @@ class DynamicModel(NamedTuple):
         """The `truncation` in a sentence."""
         above, kept = self.truncation, counted(len(self.frequencies), "mode", "modes")
         return (
-            f"K_cb and M_cb are truncated, {kept} with the platform held: by them as many lowest frequencies are "
-            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of all freedoms"
+            f"K_cb and M_cb are truncated to {kept} with the platform held: as many of their lowest frequencies are "
+            f"{max(above.min(), 0.0):.2g} to {above.max():.2g} % above those of the full model"
         )
 
     def response(self, frequencies: Array) -> Any:
@@ -238,16 +238,16 @@ def modes(
     count : int
         Number of modes, from the lowest.
     payload : tuple of float
-        Mass, kg, and moment of inertia about the platform's centre, kg mm^2, of the body that it carries there.
+        Mass, kg, and moment of inertia about the platform's centre, kg mm^2, of a body on the platform.
     tilting : float, optional
-        Moment of inertia of the payload about x and y, kg mm^2, in three dimensions; by default half of that about z,
-        as of a flat body.
+        Moment of inertia of the payload about x and y, kg mm^2, in three dimensions; by default half of that about z
+        (flat body).
     drives : {"disengaged", "engaged"}
         Engaged stacks stiffen the stage; they hold their strokes, and their mass is neglected.
     damping : float
         Damping of every mode, % of critical, in the reduced models; assumed.
     layers : int, optional
-        Three dimensions with so many layers in half the thickness, from 3; also modes out of the plane.
+        Three-dimensional model with this number of layers in half the thickness, from 3; adds modes out of the plane.
     {shared}
 
     Examples
@@ -265,7 +265,7 @@ def modes(
     drive = None
     if drives == "engaged":
         if solid:
-            raise BadInput("drives 'engaged' with layers, expected disengaged: stacks are of the plane")
+            raise BadInput("drives 'engaged' with layers, expected disengaged: stacks act in the plane")
         drive = drive_of(stage)
     warnings, notes = list(warning.of_stage(stage)), list[str]()
     mass_matrix = bodies.drawn_inertia(stage) + carried.matrix
@@ -333,7 +333,7 @@ def _payload(payload: tuple[float, float], tilting: float | None, solid: bool) -
     mass, inertia = arguments.pair("payload", payload, LARGEST_PAYLOAD, expected)
     if tilting is not None and not solid:
         raise BadInput("tilting without layers, expected both: modes are in the plane")
-    reason = " kg mm^2: no body has less than a flat one, half of its moment of inertia about the normal"
+    reason = " kg mm^2: a flat body has the least, half of its moment of inertia about the normal"
     least, most = inertia / 2, LARGEST_PAYLOAD[1]
     tilting_inertia = least if tilting is None else arguments.between("tilting", tilting, least, most, reason)
     return payload_of(mass, inertia, tilting_inertia)

@@ -40,7 +40,7 @@ ROUND_OFF = 1e-9  # of the extent by strokes alone in a direction, and of the si
 FLAT = 1e-7  # of the largest coordinate: smallest width of a set in a direction that counts as an extent
 MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier is not binding
 MOST = 300  # vertices of all poses: curved yield limits would give many thousands; shipped stages have at most 64
-EXTENDS = ("are a single one", "lie on a line", "lie in a plane")  # poses that are not solid, by dimension
+EXTENDS = ("are a single pose", "lie on a line", "lie in a plane")  # poses that are not solid, by dimension
 
 
 class Reach(Result):
@@ -51,19 +51,19 @@ class Reach(Result):
     figure = "drive.reach_figure"
     drawn_from_fields = True
     reading = (
-        "limits: stroke, contacts that only push, blocking force, yield at the necks of the analytic model; linear",
+        "limits: stroke, contacts that only push, blocking force, yield at the necks by the linear analytic model",
     )
     load = Quantity("load on the platform", "wrench", ("direction",), shown=False)
     ends = Quantity(
-        "ends of the ranges, the other directions zero or free", "motion", ("others", "end", "model", "direction"),
+        "ends of the ranges, other directions zero or free", "motion", ("others", "end", "model", "direction"),
         FRESH, "pose", prefixed=True,
     )  # fmt: skip
-    rest = Quantity("pose of zero commands", "motion", ("direction",), SOLVED, "pose", prefixed=True)
-    circle = Quantity("radius about rest in X and Y at theta 0", "um", (), SOLVED)
-    ball = Quantity("radius about rest, rotations times the lever", "um", (), SOLVED)
+    rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose", prefixed=True)
+    circle = Quantity("radius of the largest circle about rest at theta 0", "um", (), SOLVED)
+    ball = Quantity("radius of the largest ball about rest, theta times lever", "um", (), SOLVED)
     volume = Quantity("volume of all poses", "um2_mrad", (), SOLVED)
     vertices = Quantity("vertices of all poses", "motion", ("vertex", "direction"), SOLVED, "all", shown=False)
-    commands = Quantity("strokes of the actuators there", "um", ("vertex", "actuator"), SOLVED, "all", shown=False)
+    commands = Quantity("actuator strokes at the vertices", "um", ("vertex", "actuator"), SOLVED, "all", shown=False)
 
 
 class NothingAllowed(Exception):  # noqa: N818
@@ -193,14 +193,14 @@ def reach(
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
     notes = [
         f"{direction}, others {others}: "
-        + "; ".join(f"{end} end stopped by {stops[others, direction, end]}" for end in ("low", "high"))
+        + "; ".join(f"{end} end limited by {stops[others, direction, end]}" for end in ("low", "high"))
         for others in ("zero", "free")
         for direction in DIRECTIONS
         if (others, direction, "low") in stops
     ]
     notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
     if solid.missed:
-        notes[-1] += f"; some poses are up to {100 * solid.missed:.2g} % of the largest beyond these faces"
+        notes[-1] += f"; some poses are outside these faces by up to {100 * solid.missed:.2g} % of the largest"
     notes.append(warning.driven_accuracy(commanded.result.formula, commanded.result.links, commanded.result.plane))
     axes = {"model": tuple(ranges), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
     settings = {"analytic model": commanded.result.name} | meshed(mesh)
@@ -415,13 +415,13 @@ def _warnings(commanded: Commanding, drive: StageDrive, solid: Polytope, lever: 
     messages, unpaired = list[str](), np.count_nonzero(drive.differential, axis=0) == 1
     if np.any(np.abs(drive.differential[:, unpaired]).T @ drive.preload > 0):
         messages.append(
-            "single stacks have no partner to bear their preload: the necks do, with up to "
-            f"{_preload_stress(commanded, drive):.4g} {STRESS} at zero commands (no spring that would bear it is in "
-            "the model)"
+            "single stacks have no opposite stack that balances their preload, which stresses the necks with up to "
+            f"{_preload_stress(commanded, drive):.4g} {STRESS} at zero commands (the model has no spring that carries "
+            "the preload)"
         )
     rank = np.linalg.matrix_rank(np.array([[1.0], [1.0], [lever]]) * commanded.system.poses, rtol=SINGULAR)
     if rank < 3:
-        messages.append(f"the drive moves the platform in {rank} of three directions: its poses are no solid")
+        messages.append(f"the drive moves the platform in {rank} of three directions: its poses are not a solid")
     elif solid.dimension < 3:
-        messages.append(f"the limits leave no solid: the poses that the drive reaches {EXTENDS[solid.dimension]}")
+        messages.append(f"the poses within the limits are not a solid: they {EXTENDS[solid.dimension]}")
     return messages

@@ -36,12 +36,12 @@ SHARED = {
     'models : {"both", "analytic", "elements"}': "The models to compute.",
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
-    "layers : int, optional": "Three dimensions with so many layers in half the thickness, from 3.",
-    "progress : callable, optional": "Called with a line whenever a part is done.",
+    "layers : int, optional": "Three-dimensional model with this number of layers in half the thickness, from 3.",
+    "progress : callable, optional": "Called with a line of text after each completed part.",
 }
 RAISES = """
 BadInput
-    The stage cannot be made, the analytic model does not suit it, or an argument or a file is not possible.
+    The stage cannot be made, the analytic model does not suit it, or an argument or a file is not valid.
 ComputationFailed
     The stage is at a singular configuration, or a mesh or a solution does not pass its checks."""
 
@@ -135,7 +135,7 @@ def mesh_of(
     if models == "analytic":
         for name, value in (("resolution", resolution), ("layers", layers)):
             if value is not None:
-                raise BadInput(f"{name} {value} with models 'analytic', expected finite elements to mesh")
+                raise BadInput(f"{name} {value} with models 'analytic', expected models with finite elements")
         return None
     if layers is not None:
         usual, least, layers = usual_solid, least_solid, arguments.layers(layers, 3)

@@ -37,16 +37,16 @@ class Stiffness(Result):
     title = "stage at rest"
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
-    free = Quantity("stiffness along each direction, the others free", "stiffness", ("model", "direction"), COARSER)
+    free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), COARSER)
     stress = Quantity(
-        "highest neck stress per displacement in each direction, the others held", "stress per motion",
+        "highest neck stress per displacement, other directions held", "stress per motion",
         (*NECKS, "direction"), STRESS, "all", largest=("chain", "hinge"),
     )  # fmt: skip
     yield_range = Quantity(
-        "displacement at which the first neck yields, the others held", "motion", ("model", "direction"), STRESS,
+        "displacement at which the first neck yields, other directions held", "motion", ("model", "direction"), STRESS,
         prefixed=True,
     )  # fmt: skip
-    yield_force = Quantity("force along the displacement there", "wrench", ("model", "direction"), STRESS)
+    yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), STRESS)
     thickness = Quantity(
         "change of the plane stiffness by three-dimensional hinges, thickness chart", "percents", ("direction",)
     )
@@ -71,22 +71,22 @@ class Summary(Result):
     title = "summary"
     columns = ()
     reading = (
-        "range at yield: the other directions held, until the first neck yields; the force is along the displacement",
-        "drive: with the other directions held at zero, or free",
+        "range at yield: displacement when the first neck yields, others held; force at yield: along the displacement",
+        "others: the other two directions, held at zero or free; drive min, max: range of the drive",
     )
-    stiffness = Quantity("stiffness, the others held", "stiffness", BY_DIRECTION, COARSER)
-    free = Quantity("stiffness, the others free", "stiffness", BY_DIRECTION, COARSER)
+    stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
+    free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
     yield_range = Quantity("range at yield, ±", "motion", BY_DIRECTION, STRESS, prefixed=True)
-    yield_force = Quantity("force there", "wrench", BY_DIRECTION, STRESS)
+    yield_force = Quantity("force at yield", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity(
         "neck stress per displacement", "stress per motion", (*BY_DIRECTION, "chain", "hinge"), STRESS, "all",
         largest=("chain", "hinge"),
     )  # fmt: skip
-    thickness = Quantity("change of stiffness by three-dimensional hinges", "percent", ("direction",))
-    held_low = Quantity("drive, others held, from", "motion", ("direction",), SOLVED, prefixed=True)
-    held_high = Quantity("to", "motion", ("direction",), SOLVED, prefixed=True)
-    free_low = Quantity("others free, from", "motion", ("direction",), SOLVED, prefixed=True)
-    free_high = Quantity("to ", "motion", ("direction",), SOLVED, prefixed=True)
+    thickness = Quantity("change of stiffness in 3D", "percent", ("direction",))
+    held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED, prefixed=True)
+    held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED, prefixed=True)
+    free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED, prefixed=True)
+    free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED, prefixed=True)
 
 
 @setup.question

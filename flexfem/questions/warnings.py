@@ -57,7 +57,7 @@ def of_stage(stage: Stage) -> Warnings:
         return of_result(stage, analyse(stage))
     except (BadInput, ComputationFailed) as error:
         reason = error.reason if isinstance(error, BadInput) else error
-        return [*of_numbers(stage), f"the analytic model has no answer: {reason}"]
+        return [*of_numbers(stage), f"the analytic model has no solution: {reason}"]
 
 
 def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
@@ -69,7 +69,7 @@ def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     """Warn of a highest neck stress above the yield strength, MPa; `where` names the load or command."""
     text = (
         f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
-        f"{STRESS}; the answer is elastic and does not hold there"
+        f"{STRESS}; the elastic result is not valid there"
     )
     return [text] if stress > yield_strength else []
 
@@ -80,7 +80,7 @@ def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
     translation, rotation = float(np.max(np.abs(pose[:2]))), float(np.abs(pose[2]))
     text = (
         f"{where}: the platform moves {translation:.3g} {LENGTH} and turns {rotation:.3g} rad, more than {FAR:g} of "
-        f"the shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the answer is linear and does not hold there"
+        f"the shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the linear result is not valid there"
     )
     return [text] if translation > FAR * shortest or rotation > FAR else []
 
@@ -94,7 +94,7 @@ def of_formula(stage: Stage, formula: str) -> Warnings:
     ratio, (low, high) = (design.neck / design.radius)[0, outside], FORMULAS[formula].valid
     used = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (ratio.min(), ratio.max())))
     return [
-        f"hinge formula {formula} is meant for t/R from {low:g} to {high:g}, and is used at {used} ({_hinges(outside)})"
+        f"hinge formula {formula} is valid for t/R from {low:g} to {high:g}, and is used at {used} ({_hinges(outside)})"
     ]
 
 
@@ -116,8 +116,8 @@ def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
         f", because the hinges of each chain are nearly in line (elbow {bend:.3g} deg)" if bend < STRAIGHT else ""
     )
     return [
-        f"the analytic model of mobility {model.mobility} is not meant for this stage: what it leaves out makes it "
-        f"{gained[worst]:.3g} % softer in {DIRECTIONS[worst]} ({parts}){straight}; --links with mobility 21 has it all"
+        f"the analytic model of mobility {model.mobility} is not accurate for this stage: the neglected compliances "
+        f"make it {gained[worst]:.3g} % softer in {DIRECTIONS[worst]} ({parts}){straight}; use --links with mobility 21"
     ]
 
 
@@ -128,7 +128,7 @@ def of_thickness(stage: Stage) -> Warnings:
         return []
     listed = ", ".join(f"{value:+.2g} % in {axis}" for axis, value in zip(DIRECTIONS, changes, strict=True))
     return [
-        f"{PLANES[stage.model]} leaves out the thickness of the hinges, which changes the stiffness by {listed} "
+        f"{PLANES[stage.model]} neglects the thickness of the hinges, which changes the stiffness by {listed} "
         "(thickness chart); `--layers 3` of `stiffness` and of `modes` includes it"
     ]
 
@@ -155,7 +155,7 @@ def of_numbers(stage: Stage) -> Warnings:
         f"material.yield_strength_mpa = {material.yield_strength:g} is {strain:.2g} of Young's modulus": (
             YIELD_STRAIN[0] <= strain <= YIELD_STRAIN[1]
         ),
-        f"material.density_kg_m3 = {material.density:g} is that of no solid": (
+        f"material.density_kg_m3 = {material.density:g} is not that of a solid": (
             DENSITIES[0] <= material.density <= DENSITIES[1]
         ),
         f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} {LENGTH}": (
@@ -180,15 +180,15 @@ def stress_accuracy(formula: str, links: bool = True, plane: Plane = "plane_stre
     if excess is None and not links and formula not in RIGID_ABOVE:
         return (
             "with rigid links the stress is too high, by 14 to 34 % with paros-weisbord where it was compared with "
-            "finite elements; `summary` takes calibrated hinges and elastic links"
+            "finite elements; `summary` uses calibrated hinges and elastic links"
         )
     stress = f"stress by {formula} with {'elastic' if links else 'rigid'} links"
     if excess is None:
         return f"{stress} has not been compared with finite elements{' in three dimensions' if solid else ''}"
     elements = "finite elements in three dimensions without mesh error" if solid else "plane finite elements"
     return (
-        f"{stress} is {excess[0]:+g} to {excess[1]:+g} % off that of {elements}, where it was compared; "
-        f"{SOLID_BELOW if solid else ''}the safe range is as much the other way"
+        f"{stress} differs by {excess[0]:+g} to {excess[1]:+g} % from that of {elements}, where compared; "
+        f"{SOLID_BELOW if solid else ''}the safe range has the opposite error"
     )
 
 
@@ -199,15 +199,15 @@ def driven_accuracy(formula: str, links: bool, plane: Plane) -> str:
     """
     limits = f"limits of yield are set at {100 * (1 - YIELD_MARGIN[plane]):g} % of the yield strength"
     if formula == "calibrated" and links:
-        error = "neck stress is -1 to +2 % off that of plane finite elements by the same strokes, where compared"
+        error = "neck stress differs by -1 to +2 % from plane finite elements with the same strokes, where compared"
         return f"{error}; {limits}" if plane != "corrected" else f"{error}, in plane stress; {limits}"
     if links and formula == "paros-weisbord":
-        return f"neck stress is -4 to +23 % off that of plane finite elements, single necks included; {limits}"
+        return f"neck stress differs by -4 to +23 % from plane finite elements, at single necks too; {limits}"
     if links:
         return f"neck stress by {formula} has not been compared with finite elements of driven stages; {limits}"
     return (
         "with rigid links neck stress is 0.8 to 13 times that of plane finite elements with the same strokes; "
-        f"{limits}, which does not make them safe; calibrated hinges with elastic links do"
+        f"{limits}, but are not safe; use calibrated hinges with elastic links"
     )
 
 
@@ -218,7 +218,7 @@ def stress_below(resolution: int) -> str:
 
 def of_stacks(stage: Stage) -> Warnings:
     """Warn that the drift of a stage does not include its stacks."""
-    return ["the stacks, their preloads and their own expansion are left out"] if stage.actuator else []
+    return ["the stacks, their preloads and their expansion are neglected"] if stage.actuator else []
 
 
 def held_faces(stage: Stage) -> Warnings:

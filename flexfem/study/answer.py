@@ -94,7 +94,7 @@ def payload(loaded: LoadedStudy) -> Payload | None:
 
 FATIGUE = f"{KEY}: expected {UNLIKELY.format(*STRENGTHS, 'material.yield_strength_mpa')}"
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
-SINGULAR = "chain: singular to working precision at rest, by hinges in line or by necks that are too unlike"
+SINGULAR = "chain: singular to working precision at rest: its hinges are in line, or its necks differ too much"
 BATCH = 4096  # analytic designs at a time: bounds the memory
 STAGES_BATCH = 512  # the same where every design needs a stage, which takes 60 kB until the batch is done
 
@@ -259,7 +259,7 @@ def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
         cycles, safety = (rows.values[:, loaded.outputs.index(name)] for name in ("life_cycles", "safety_factor"))
         low, high = required_law(loaded.stage.material).range
         yields, outside = np.asarray(safety < 1), np.asarray((cycles < low) | (cycles > high))
-        flags.append(Broken("life by elastic stress, beyond yield", yields))
+        flags.append(Broken("life from elastic stress, beyond yield", yields))
         flags.append(Broken("life extrapolated, outside the cycles of Basquin's law", outside & ~yields))
         flags += [Broken(text, everywhere) for text in preload_warnings(loaded.stage)]
     if study.drift is not None:
@@ -274,7 +274,7 @@ def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
 def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
     """Return the conditions that refuse values which no stage file can give."""
     return [
-        Broken(f"{path}: a number no stage file can give", keys()[path].impossible(values[:, index]))
+        Broken(f"{path}: outside the limits of a stage file", keys()[path].impossible(values[:, index]))
         for index, column in enumerate(loaded.columns)
         for path in column.keys
     ]

@@ -61,8 +61,9 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
         raise BadInput(f"{parts.path(found.damaged[0])}: a damaged part; flexfem study run computes it again")
     designs = sum(map(len, found.counts))
     if designs == 0 or (designs < loaded.count and not partial):
-        others = f"; {len(found.stale)} parts there are of other inputs or versions" if found.stale else ""
-        expected = f"expected {'some' if partial else 'all, or --partial'} to be done by flexfem study run{others}"
+        others = f"; {len(found.stale)} parts there belong to other inputs or versions" if found.stale else ""
+        done = "expected some" if partial else "expected --partial, or all"
+        expected = f"{done} to be done by flexfem study run{others}"
         raise BadInput(f"{parts.folder}: {loaded.count - designs} of {loaded.count} designs are open, {expected}")
     about = json.loads(parts.schema.metadata[ABOUT]) | {"count": loaded.count}
     metadata = {ABOUT: json.dumps(about, sort_keys=True).encode()}
@@ -82,7 +83,7 @@ def _groups(parts: Parts, chunks: list[range]) -> Iterator[Any]:
         try:
             tables.append(read_part(parts.path(chunk)).replace_schema_metadata(None))
         except FileNotFoundError:
-            raise BadInput(f"{parts.path(chunk)}: removed meanwhile, expected to stay while it is collected") from None
+            raise BadInput(f"{parts.path(chunk)}: removed meanwhile, expected to stay during collection") from None
         designs += len(tables[-1])
         if designs >= GROUP or chunk == chunks[-1]:
             yield pa.concat_tables(tables).combine_chunks()
@@ -156,7 +157,7 @@ class StudyTable:
 
 def counted_warnings(reasons: Counter[str]) -> list[str]:
     """Return the warnings about results, which are their reasons, each with its number of designs."""
-    return [f"{n:,} of {reasons.total():,} designs with an answer: {text}" for text, n in reasons.most_common() if text]
+    return [f"{n:,} of {reasons.total():,} designs with a result: {text}" for text, n in reasons.most_common() if text]
 
 
 class _Stored(dict[str, Array]):

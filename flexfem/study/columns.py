@@ -70,7 +70,7 @@ GROUPS = (
     ),
     Group(
         _by_direction("stress", "peak neck stress per {}", "mpa_per_um", "mpa_per_mrad"),
-        "highest von Mises stress at a neck per displacement of the platform in that direction, the others held; `fe`: "
+        "highest von Mises stress at a neck per displacement of the platform in that direction, others held; `fe`: "
         "up to 1 % low at resolution 4, falling with the square of the resolution; `analytic`: bending and tension "
         "with Neuber's stress concentration, without shear. Against finite elements: within 1 % with "
         '`formula = "calibrated"` and `links`, 1 to 9 % high with rigid links; 10 to 22 % and 14 to 34 % high with the '
@@ -81,7 +81,7 @@ GROUPS = (
     ),
     Group(
         _by_direction("range", "range in {} at yield"),
-        "displacement at which the first hinge yields; as much too low as the stress is too high",
+        "displacement at which the first hinge yields; where the stress is high, it is low by the same factor",
         lambda result, _: result.range_at_yield,
     ),
     Group(
@@ -100,7 +100,7 @@ GROUPS = (
         _by_direction("drive_range", "range of the drive in {}"),
         "with `[drive]` `actuators`: displacement of the platform from rest that commands reach with the other two "
         "directions at zero, within strokes, contacts (none may be lost), blocking forces and yield, without load, as "
-        "in `flexfem reach` (others zero): the lesser of both senses, thus zero where single stacks drive one sense "
+        "in `flexfem reach` (others zero): the smaller of both senses, thus zero where single stacks drive one sense "
         "only; `fe`: with the neck loads of the finite elements",
         lambda result, _: result.drives.range,
         "drive",
@@ -111,7 +111,7 @@ GROUPS = (
             "engaged_kyy_n_per_mm": "engaged stiffness YY",
             "engaged_ktt_n_mm_per_rad": "engaged stiffness θθ",
         },
-        "with `[drive]` `actuators`: stiffness with the stacks holding their strokes, the other two directions held; "
+        "with `[drive]` `actuators`: stiffness with constant strokes of the stacks, other two directions held; "
         "rigid links make it 50 % too large on the reference stages, elastic links agree with `fe` within 0.3 %",
         lambda result, _: np.diagonal(result.drives.engaged, axis1=1, axis2=2),
         "drive",
@@ -127,12 +127,12 @@ GROUPS = (
     ),
     Group(
         {"life_cycles": "cycles at the amplitude"}
-        | _by_direction("life_amplitude", "amplitude in {} for the wanted life")
+        | _by_direction("life_amplitude", "amplitude in {} for the required life")
         | {"safety_factor": "yield strength over neck stress"},
-        "with `[life]`: cycles at the amplitude, the amplitude of each moved direction for the wanted life, and yield "
+        "with `[life]`: cycles at the amplitude, amplitude of each moved direction for the required life, and yield "
         "strength over the largest neck stress in a cycle, as in `flexfem life`. The relative error of a life is about "
         "ten times that of the stress: use calibrated hinges with `links`, or `fe`. Lives beyond yield, or outside the "
-        "cycles of Basquin's law, are counted as such. Preloads of single stacks are not included",
+        "cycles of Basquin's law, are counted in warnings. Preloads of single stacks are not included",
         lambda result, _: np.column_stack([result.lives.cycles, result.lives.largest, result.lives.safety]),
         "life",
     ),
@@ -148,11 +148,11 @@ GROUPS = (
             "drift_gradient_um_per_k_per_mm": "largest drift by a gradient",
             "drift_gradient_theta_urad_per_k_per_mm": "largest drift in θ by a gradient",
         },
-        "with `[drift]`: largest translation, and largest rotation, by a gradient of 1 K/mm of any direction in the "
-        "plane about the platform's centre; each has its own direction. All five numbers of drift against finite "
-        "elements: within 0.2 % with calibrated hinges and `links`; with rigid links, which ignore that the frame bows "
-        "the clamped edges, within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and "
-        "gradients through the thickness, are not included",
+        "with `[drift]`: largest translation and rotation under a gradient of 1 K/mm, each in its worst direction in "
+        "the plane, zero at the platform's centre. All five numbers of drift against finite elements: within 0.2 % "
+        "with calibrated hinges and `links`; with rigid links, which neglect that the frame bends the clamped edges, "
+        "within 1.4 % with calibrated hinges and 13 % with the default formula. Stacks, and gradients through the "
+        "thickness, are not included",
         lambda result, _: result.drift.gradient,
         "drift",
     ),

@@ -25,7 +25,7 @@ _KEYS_OF: dict[Kind, tuple[tuple[str, ...], tuple[str, ...]]] = {  # required an
     "normal": (("distribution", "sd"), ("mean", "lower", "upper")),
     "uniform": (("distribution", "lower", "upper"), ()),
 }
-WAYS = "a factor is values, or from and to, or a distribution"
+WAYS = "values, or from and to, or a distribution"
 NAMED = ("key", "keys", "label")  # keys that name a factor of any kind
 
 
@@ -95,25 +95,25 @@ class Factor(Table):
         for index, key in enumerate(self.keys or ()):
             _check_key(key, "keys", index)
             if key in (self.keys or ())[:index]:
-                raise refusal("a key that is not in the list before", "keys", index)
+                raise refusal("each key once", "keys", index)
         return self
 
     @model_validator(mode="after")
     def _is_one_kind(self) -> Factor:
         required, optional = _KEYS_OF[self.kind]
         choice = f"distribution = {shown(self.kind)}" if self.distribution else f"the {self.kind}"
-        require_keys(self, f"{choice} ({WAYS})", required, (*self.named, *optional))
+        require_keys(self, f"{choice} (a factor has {WAYS})", required, (*self.named, *optional))
         return self
 
     @model_validator(mode="after")
     def _numbers_are_possible(self) -> Factor:
         for low, high, name in ((self.start, self.end, "to"), (self.lower, self.upper, "upper")):
             if low is not None and high is not None and low >= high:
-                raise refusal(f"> {low:g}, where it begins", name)
+                raise refusal(f"> {low:g}, the lower end", name)
         if self.scale == "log" and self.start is not None and self.start <= 0:
             raise refusal("> 0 on a logarithmic scale", "from")
         if self.values is not None and len(set(self.values)) < len(self.values):
-            raise refusal("no value twice", "values")
+            raise refusal("each value once", "values")
         numbers: dict[tuple[str | int, ...], float | None] = {("from",): self.start, ("to",): self.end}
         numbers |= {("values", index): value for index, value in enumerate(self.values or ())}
         for place, value in numbers.items():
@@ -152,7 +152,7 @@ def require_keys(table: Table, choice: str, required: tuple[str, ...], optional:
 
 def _check_key(key: str, *at: str | int) -> None:
     if "*" in key:
-        raise refusal("no star in keys: all of them take one value", *at)
+        raise refusal("no star in keys: all of them take the same value", *at)
     if key not in keys():
         raise refusal(f"a number of the stage format{key_suggestion(key, keys()) or ', see flexfem schema stage'}", *at)
 
@@ -187,7 +187,7 @@ def columns_on(stage: Stage, factor: Factor, unused_keys: frozenset[str]) -> Ite
         if factor.kind == "normal" and factor.mean is None:
             means = {key.value_in(stage) for key in column_keys}
             if len(means) != 1 or means == {None}:
-                raise BadInput(f"mean is missing, and the stage has no one value of {names}")
+                raise BadInput(f"mean is missing, and the stage has no single value of {names}")
             column = column._replace(factor=factor.model_copy(update={"mean": means.pop()}))
         for key in column_keys:
             if key.of_drive and not key.places_in(stage):
@@ -195,6 +195,6 @@ def columns_on(stage: Stage, factor: Factor, unused_keys: frozenset[str]) -> Ite
                 expected = f"a number that an actuator of the stage ({actuators}) states and that no override replaces"
                 raise BadInput(f"key = {key.path}, expected {expected}")
         if not any(key.places_in(stage) for key in column_keys if key.path not in unused_keys):
-            expected = "a number that answers depend on: overrides stand in its place, or nothing asked for needs it"
+            expected = "a number that affects outputs: overrides replace it, or no requested output needs it"
             raise BadInput(f"key = {names}, expected {expected}")
         yield column

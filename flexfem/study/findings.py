@@ -181,7 +181,7 @@ class Source(NamedTuple):
         if study.constraint:
             limits = "; ".join(f"{constraint.title} {constraint.expected}" for constraint in study.constraint)
             kept, computed = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
-            text.append(f"{kept} of {computed} designs with an answer keep the constraints: {limits}.")
+            text.append(f"{kept} of {computed} designs with a result satisfy the constraints: {limits}.")
         text += [f"{warning}." for warning in table.warnings]
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else life_columns(study.life.moved))}
         if expanded_names((name for name, _ in figure.columns.values()), study.output) & of_stress:
@@ -348,7 +348,7 @@ def findings(source: Source) -> dict[str, Record | Refused]:
     """
     loaded, table = source.loaded, source.table
     if not table.ok.any():
-        raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has an answer, expected some to draw")
+        raise BadInput(f"{loaded.path}: none of {len(table.design)} designs has a result, expected some to draw")
     makers: dict[str, Callable[[Source, Figure], Record]]
     makers = {"map": map_of, "distribution": distribution_of, "sensitivity": sensitivity_of, "pareto": front_of}
     records, used = dict[str, Record | Refused](), Counter[str]()
@@ -369,8 +369,8 @@ def _require_drawable(source: Source, kind: str, name: str) -> None:
     table, sizes = source.table, np.abs(source.column(name))
     bad = np.flatnonzero(table.ok & (sizes != 0) & ~((sizes >= 1 / LARGEST) & (sizes <= LARGEST)))
     if len(bad):
-        designs = f"{len(bad)} of {int(table.ok.sum())} designs with an answer, expected one for each"
-        number = f"no finite number, 0 or {1 / LARGEST:g} to {LARGEST:g} in size,"
+        designs = f"{len(bad)} of {int(table.ok.sum())} designs with a result, expected one for each"
+        number = f"no number that is 0 or {1 / LARGEST:g} to {LARGEST:g} in size"
         raise source.refusal(kind, name, f"{number} for {designs}; the first is design {table.design[bad[0]]}")
 
 
@@ -383,12 +383,12 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     x_axis, y_axis, value_axis = (source.quantity(name) for name in (x, y, value))
     cells, lines = cells_of(source, (x, y), value), list[str]()
     if not np.isfinite(cells.values).any():
-        raise source.refusal("map", value, "no design to show keeps all constraints, expected some")
+        raise source.refusal("map", value, "no shown design satisfies all constraints, expected some")
     if cells.averaged:
         names = ", ".join(source.quantity(name).name for name in cells.averaged)
         lines.append(
-            f"A cell is the mean over {names}: of {cells.size} designs (median), which scatter by "
-            f"{cells.scatter:.2g}{value_axis.after} (standard deviation in a cell, median)."
+            f"A cell is the mean over {names} of {cells.size} designs (median); their standard deviation is "
+            f"{cells.scatter:.2g}{value_axis.after} (median)."
         )
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
@@ -399,7 +399,7 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
     rows = [(word, *numbers[place].tolist()) for word, place in ends]
     head = {"end": "", **{name: source.quantity(name).label for name in (value, x, y)}}
-    table = FigureTable("Ends of the map", head, rows)
+    table = FigureTable("Extremes of the map", head, rows)
     marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
     caption = source.caption(figure, f"{value_axis.name} over {x_axis.name} and {y_axis.name}", *lines)
     return StudyMap(caption, x_axis, y_axis, value_axis, cells, marks, source.base_point(x, y), table)
@@ -414,7 +414,7 @@ def cells_of(source: Source, names: tuple[str, str], value: str) -> Cells:
     grid = loaded.study.sampling.method == "grid"
     if not others:
         missing = {status: table.status == status for status in table.counts if status != "ok"}
-        missing |= {"breaks a constraint": table.infeasible} if table.infeasible.any() else {}
+        missing |= {"violates a constraint": table.infeasible} if table.infeasible.any() else {}
         return Cells(points, np.where(table.kept, values, np.nan), missing, grid)
     bins = len(points) if grid else int(np.clip(np.sqrt(len(points) / PER_CELL), 2, MOST_CELLS))
     log = {column.name: column.factor.scale == "log" for column in loaded.columns}
@@ -457,7 +457,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     loaded, table, x, y = source.loaded, source.table, figure.x or "", figure.y or ""
     rows = np.flatnonzero(table.kept)
     if len(rows) == 0:
-        raise source.refusal("pareto", y, "no design keeps all constraints, expected some")
+        raise source.refusal("pareto", y, "no design satisfies all constraints, expected some")
     points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
     def stages_at(places: Index) -> Iterator[Stage | None]:
@@ -480,16 +480,16 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         if stage is not None
     ]
     excluded = {status: n for status, n in table.counts.items() if status != "ok"}
-    excluded["that break a constraint"] = int(table.infeasible.sum())
+    excluded["that violate a constraint"] = int(table.infeasible.sum())
     left_out = [f"not drawn: {counted(excluded)}"] if any(excluded.values()) else []
     if attempts and front.unchecked:
-        left_out.append(f"{front.unchecked} on the front are not known to be drawable")
+        left_out.append(f"{front.unchecked} on the front were not checked by drawing")
     power, gain = power_of(best), _gain(source, figure, rows, front.undrawable, stages_at)
     lines = list[str]()
     if power is not None:
-        lines.append(f"Along the front {y_axis.name} goes as {x_axis.name} to the power {power:.3g} (least squares).")
+        lines.append(f"On the front, {y_axis.name} varies as {x_axis.name} to the power {power:.3g} (least squares).")
     if gain is not None:
-        best_of = f"The best design no worse in {x_axis.name} and no larger than the base stage"
+        best_of = f"The best design that is no larger and no worse in {x_axis.name} than the base stage"
         lines.append(f"{best_of} has {gain:.3g} times its {y_axis.name}.")
     head = {"design": "design", **{name: source.quantity(name).label for name in names}}
     designs = map(str, table.design[rows[front.places]])
@@ -598,14 +598,14 @@ def distribution_of(source: Source, figure: Figure) -> Distribution:
         rows += [(axis.name, axis.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in scatters[-1].percentiles]
         if base is not None:
             rows.append((axis.name, axis.unit, "base stage", base, np.nan, np.nan))
-    line = "In brackets and shaded: 95 % confidence intervals of the percentiles, whatever the distribution."
+    line = "In brackets and shaded: distribution-free 95 % confidence intervals of the percentiles."
     if loaded.table is not None:
-        line += " They hold if the designs of the table are independent draws."
+        line += " They are valid if the designs of the table are independent draws."
     elif loaded.study.sampling.method != "monte_carlo":
-        line += " They are those of independent draws; as a rule these designs, spread evenly, do better."
+        line += " They assume independent draws; for these evenly spread designs they are usually too wide."
     head = {"quantity": "value", "unit": "unit", "percent": "percentile", "value": "", "low": "from", "high": "to"}
     listed = FigureTable("Percentiles with 95 % confidence intervals", head, rows)
-    return Distribution(source.caption(figure, "How the values scatter", line), scatters, listed)
+    return Distribution(source.caption(figure, "Scatter of the values", line), scatters, listed)
 
 
 def percentiles(values: Array, percent: Sequence[float], draws: Index | None = None) -> list[Percentile]:
@@ -649,7 +649,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
             'confidence. Total indices need method = "saltelli".'
         )
         if loaded.study.correlation or loaded.table is not None or not source.table.ok.all():
-            line += " Factors may depend on one another, if only by the designs without an answer: shares overlap."
+            line += " Factors may be dependent, also through designs without a result: shares then overlap."
     factors = [factor(column).name for column in loaded.columns]
     parts = {"first": "first order: alone", "first_band": "±"}
     if all(share.indices.total is not None for share in shares):
@@ -660,7 +660,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
         for k, factor_name in enumerate(factors)
     ]
     head = {"factor": "factor", "quantity": "of the variance of", **parts}
-    caption = source.caption(figure, "Which factor causes the variance", line, *map(sentence, source.factor_warnings))
+    caption = source.caption(figure, "Share of variance by factor", line, *map(sentence, source.factor_warnings))
     return Sensitivity(caption, shares, factors, FigureTable("Sobol indices with 95 % confidence", head, rows))
 
 
@@ -677,10 +677,10 @@ def sensitivity(source: Source, value: str) -> Indices:
     if saltelli and not table.ok.all():
         bad = np.flatnonzero(~table.ok)
         first = f"design {table.design[bad[0]]}: {table.status[bad[0]]}: {table.reason[bad[0]]}"
-        raise refusal(f"{len(bad)} of {loaded.count} designs have no answer, expected all; the first is {first}")
+        raise refusal(f"{len(bad)} of {loaded.count} designs have no result, expected all; the first is {first}")
     (values,) = table.with_results(value)
     if len(values) < LEAST and not saltelli:
-        raise refusal(f"{len(values)} designs have an answer, expected at least {LEAST}")
+        raise refusal(f"{len(values)} designs have a result, expected at least {LEAST}")
     if np.ptp(values) <= FLAT * (table.round_off_sizes.get(value) or np.abs(values).max()):
         raise refusal("no factor changes it, expected a value that varies")
     if saltelli:

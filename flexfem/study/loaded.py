@@ -77,7 +77,7 @@ class LoadedStudy:
             return f"neck stress by finite elements of resolution {study.resolution} is {study.stress_below}"
         stress = accuracy.stress_accuracy(study.formula, study.links, plane)
         driven = accuracy.driven_accuracy(study.formula, study.links, plane)
-        return f"{stress}; in what the drive reaches, {driven}" if study.driven else stress
+        return f"{stress}; for the range of the drive, {driven}" if study.driven else stress
 
     @property
     def hash(self) -> str:
@@ -141,7 +141,7 @@ def base_stage(path: PathLike, study: Study) -> Stage:
     if study.model in ("fe", "verify") and stage.model == "corrected":
         raise bad_key(path, ("model",), f'{problem} "analytic": the finite elements are plane')
     if study.model == "three_dimensional" and stage.model != "plane_stress":
-        why = "it says how a stage is made plane, and here its faces are free"
+        why = "it is for plane models, and here the faces are free"
         raise bad_key(path, ("model",), f"{problem} a stage without one: {why}")
     if study.driven and not stage.actuator:
         raise bad_key(path, ("drive", "actuators"), "drive.actuators = true, expected a base stage with [[actuator]]")
@@ -178,7 +178,7 @@ def require_key_values(
     for place, expression in expressions.items():
         for name in names_in(expression):
             if is_fixed(name, columns, stage) and keys()[name].value_in(stage) is None:
-                raise bad_key(path, place, f"{key_path(place)}: the stage has no {name} of its own")
+                raise bad_key(path, place, f"{key_path(place)}: the stage does not state {name}")
 
 
 def is_fixed(name: str, columns: Sequence[Column], stage: Stage) -> bool:
@@ -257,10 +257,10 @@ def _table(path: Path, version: tuple[int, ...], names: tuple[str, ...]) -> tupl
             close = suggestion(name, present) or f", found {one_line(', '.join(present), 160)}"
             raise BadInput(f"{where}: column {shown(name)} is missing, expected one for each factor{close}")
         if present.count(name) > 1:
-            raise BadInput(f"{where}: column {shown(name)} is there twice, expected one for each factor")
+            raise BadInput(f"{where}: column {shown(name)} appears twice, expected one for each factor")
         kind = table[name].type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-            raise BadInput(f"{where}: column {shown(name)} of {kind}, expected numbers")
+            raise BadInput(f"{where}: column {shown(name)} of type {kind}, expected numbers")
     values = [table[name].cast(pa.float64(), safe=False).to_numpy() for name in names]  # empty cells are nan
     return hashlib.sha256(content).hexdigest(), np.column_stack(values)
 

@@ -190,7 +190,7 @@ def require_ends(table: Table, least: str, most: str) -> None:
     if low is None and high is None:
         raise refusal(f"{least}, {most} or both")
     if low is not None and high is not None and low > high:
-        raise refusal(f">= {low:g}, the least", most)
+        raise refusal(f">= {low:g}, the lower limit", most)
 
 
 class Constraint(Table):
@@ -243,7 +243,7 @@ class Correlation(Table):
     @model_validator(mode="after")
     def _factors_differ(self) -> Correlation:
         if self.factors[0] == self.factors[1]:
-            raise refusal("another factor than the first", "factors", 1)
+            raise refusal("a factor other than the first", "factors", 1)
         return self
 
 
@@ -293,9 +293,9 @@ class Figure(Table):
         required, optional = _KEYS_OF[self.kind]
         require_keys(self, f'kind = "{self.kind}"', required, ("kind", "title", *optional))
         if self.x is not None and self.x == self.y:
-            raise refusal("another column than x", "y")
+            raise refusal("a column other than x", "y")
         if self.values is not None and len(set(self.values)) < len(self.values):
-            raise refusal("no column twice", "values")
+            raise refusal("each column once", "values")
         return self
 
     @property
@@ -359,7 +359,7 @@ class DriftTable(Table):
 
 
 class LifeTable(Table):
-    """Fatigue life at an amplitude of the pose about its mean, and the amplitude for a wanted life."""
+    """Fatigue life at an amplitude of the pose about its mean, and the amplitude for a required life."""
 
     amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
     """Amplitude of the pose in x; at least one of the three amplitudes is needed"""
@@ -370,9 +370,9 @@ class LifeTable(Table):
     ratio: float = Field(default=-1.0, ge=-1, le=0.99, json_schema_extra=COUNT)
     """Ratio of the least to the greatest displacement"""
     cycles: Annotated[float, *quantities.above_zero(quantities.CYCLES)] = Field(default=1e6, json_schema_extra=COUNT)
-    """The wanted life"""
+    """The required life"""
     notch_sensitivity: float = Field(default=1.0, ge=0, le=1, json_schema_extra=COUNT)
-    """Share of the stress concentration that counts: 0 none, 1 all"""
+    """Share of the stress concentration that is effective: 0 none, 1 all"""
 
     @model_validator(mode="after")
     def _has_an_amplitude(self) -> LifeTable:
@@ -394,8 +394,8 @@ class LifeTable(Table):
 QUESTIONS = ("budget", "converge", "drift", "gravity", "large", "modes", "reach", "stiffness", "summary")  # of a stage
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",
-    "grid": "a grid holds all pairs of values alike",
-    "table": "its rows are taken as they are",
+    "grid": "a grid contains all combinations of values",
+    "table": "its rows are used unchanged",
 }
 SINGULAR = 1e-9  # eigenvalue of a correlation matrix, below which it is singular
 APPLIES = {  # models of the keys that not every model takes
@@ -438,7 +438,7 @@ class Study(Sourced):
     """Whether `verify` also computes the mesh band of each percentage, from three meshes"""
     check: Literal["closed_form", "drawing"] | None = None
     """How designs are checked for overlapping bodies: `drawing` draws every design. By default `closed_form` with
-    `analytic`; designs that are meshed are always drawn"""
+    `analytic`; meshed designs are always drawn"""
     time_limit: Annotated[float, *quantities.above_zero(quantities.TIME)] = Field(default=60.0, alias="time_limit_s")
     """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the worker has loaded
     it, without time in which the worker or the whole run is suspended. A worker that takes 10 s longer is killed and
@@ -479,9 +479,9 @@ class Study(Sourced):
             if name in self.model_fields_set and self.model not in APPLIES.get(key, (self.model,)):
                 raise refusal(f'no {key} with model = "{self.model}"', key)
         if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links go with all freedoms of the hinges", "links")
+            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
         if self.check == "closed_form" and self.model != "analytic":
-            raise refusal("drawing: what is meshed is drawn first", "check")
+            raise refusal("drawing: meshed designs are always drawn", "check")
         return self
 
     @field_validator("ask")
@@ -492,13 +492,13 @@ class Study(Sourced):
             if name not in QUESTIONS or not number:
                 raise refusal(f"question.quantity.labels with a question of {', '.join(QUESTIONS)}", "ask", index)
             if path in paths[:index]:
-                raise refusal("a path that is not in the list before", "ask", index)
+                raise refusal("each path once", "ask", index)
         return paths
 
     @model_validator(mode="after")
     def _drive_fits_model(self) -> Study:
         if self.driven and self.model == "three_dimensional":
-            expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane'
+            expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane only'
             raise refusal(expected, "drive", "actuators")
         for index, factor in enumerate(self.factor):
             if not self.driven and any(keys()[path].of_drive for path in factor.paths):
@@ -518,7 +518,7 @@ class Study(Sourced):
             if grid and factor.kind == "range" and factor.points is None:
                 raise refusal('points with method = "grid"', "factor", index)
             if not grid and factor.points is not None:
-                raise refusal('no points but with method = "grid"', "factor", index, "points")
+                raise refusal('points with method = "grid" only', "factor", index, "points")
         if self.count > MOST:
             at = ("factor",) if grid else ("sampling", "base")
             raise refusal(f"{'a grid' if grid else 'base * (factors + 2)'} of at most {MOST}, not {self.count}", *at)
@@ -551,14 +551,14 @@ class Study(Sourced):
             for place, name in enumerate(correlation.factors):
                 at = ("correlation", index, "factors", place)
                 if name not in factors:
-                    raise refusal(f"a factor by its column{suggestion(name, factors)}", *at)
+                    raise refusal(f"the column of a factor{suggestion(name, factors)}", *at)
                 if factors[name].kind == "values":
                     raise refusal("a range or distribution: ranks of a list have ties", *at)
             if frozenset(correlation.factors) in pairs:
                 raise refusal("each pair once", "correlation", index, "factors")
             pairs.add(frozenset(correlation.factors))
         if np.linalg.eigvalsh(normal_correlation(list(factors), self.correlation)).min() < SINGULAR:
-            raise refusal("coefficients that go together: no factors can be correlated like this", "correlation")
+            raise refusal("consistent coefficients: this correlation matrix is not positive definite", "correlation")
         return self
 
     @model_validator(mode="after")
@@ -670,7 +670,7 @@ def require_own_names(
 
     def add(name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
         if name in known or name in reserved or (name in keys() and name not in own_keys):
-            raise refusal(f"a name of its own, not {shown(name)} again", *at)
+            raise refusal(f"a unique name, not {shown(name)} again", *at)
         known.add(name)
 
     for index, factor in enumerate(factors):

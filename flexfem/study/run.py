@@ -208,9 +208,9 @@ def run_parts(
     """
     found, chunks = survey(parts, shard, whole=True), parts.chunks(shard)
     for chunk in found.damaged:
-        say(f"{parts.path(chunk)}: a damaged part; computing it again")
+        say(f"{parts.path(chunk)}: a damaged part, computed again")
     if found.stale:
-        say(f"{len(found.stale):,} parts of other inputs or versions are in {parts.folder}; study clean removes them")
+        say(f"{len(found.stale):,} parts of other inputs or versions in {parts.folder}: see flexfem study clean")
     again = set(found.damaged)
     again |= {chunk for chunk, counts in found.counts.items() if retry and any(kind[0] in RETRIED for kind in counts)}
     todo = deque(chunk for chunk in chunks if chunk not in found.counts or chunk in again)

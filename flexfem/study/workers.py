@@ -105,11 +105,11 @@ class Workers:
                         finished.append((task, Failure("crashed", "the worker died")))
                         continue
                     reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
-                    raise ComputationFailed(f"a worker cannot answer: {reason}") from None
+                    raise ComputationFailed(f"a worker failed: {reason}") from None
             late = [future for future, (_, end) in running.items() if time.monotonic() > end]
             for future in late:
                 task, _ = running.pop(future)
-                finished.append((task, Failure("time limit", f"no answer in {limit(task):g} s")))
+                finished.append((task, Failure("time limit", f"no result in {limit(task):g} s")))
             if broken or late:
                 lost = [*broken, *(task for task, _ in running.values())]
                 running.clear()
@@ -148,7 +148,7 @@ class Workers:
             self._pool.submit(os.getpid).result(LOADING)
         except (BrokenProcessPool, TimeoutError):
             self._kill()
-            raise ComputationFailed("worker processes end before they begin: is flexfem installed for them?") from None
+            raise ComputationFailed("worker processes end at their start: is flexfem installed for them?") from None
         return self._pool
 
     def _kill(self) -> None:
@@ -164,7 +164,7 @@ class Workers:
 def client_of(address: str) -> Any:
     """Return a client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
     if not isinstance(address, str) or ":" not in address:
-        raise BadInput(f"--scheduler {one_line(str(address), 200)}: expected host:port of one with workers")
+        raise BadInput(f"--scheduler {one_line(str(address), 200)}: expected host:port of a scheduler with workers")
     try:
         distributed: Any = importlib.import_module("distributed")
     except ImportError:
@@ -173,8 +173,8 @@ def client_of(address: str) -> Any:
         client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
         client.wait_for_workers(1, timeout=CONNECT)
     except (OSError, RuntimeError, ValueError) as error:
-        reason = one_line(str(error), 200) or f"no answer in {CONNECT:g} s"
-        raise BadInput(f"--scheduler {address}: expected host:port of one with workers: {reason}") from None
+        reason = one_line(str(error), 200) or f"no response in {CONNECT:g} s"
+        raise BadInput(f"--scheduler {address}: expected host:port of a scheduler with workers: {reason}") from None
     try:
         client.run(require_same_versions, versions_of(True), True)
     except BadInput:

@@ -202,7 +202,7 @@ def test_a_dxf_states_dimensions_that_it_measures(drawing):
     said = [each.plain_text() for each in space.query("TEXT")]
     assert {f"R {radius}, t {neck}" for hinges in HINGES.values() for radius, neck in hinges} < set(said)
     assert {"platform R 16.3", "hub R 7.7", "3 holes R 2.15", HOSTILE} < set(said)
-    assert "the mounting holes are in no model: they make the pads softer" in said
+    assert "the models do not include the mounting holes, which make the pads softer" in said
 
 
 def test_an_svg_is_in_millimetres_with_true_arcs(stage, folder, metal):
@@ -297,6 +297,6 @@ def test_a_part_never_replaces_its_stage(tmp_path):
     path = tmp_path / "stage.svg"
     path.write_bytes((ROOT / "geometry/mobility6.toml").read_bytes())
     before = path.read_bytes()
-    with pytest.raises(BadInput, match=r"stage\.svg: is read for what is to be written, expected another file"):
+    with pytest.raises(BadInput, match=r"stage\.svg: is an input of this command, expected another file"):
         flexfem.export(flexfem.load(path), path)
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]

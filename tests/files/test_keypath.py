@@ -68,7 +68,7 @@ def test_a_name_by_the_place_of_an_override_is_refused_with_its_name(tmp_path):
 def test_what_an_override_is_about_is_found_by_place_where_it_is_wrong(tmp_path):
     with pytest.raises(BadInput, match=r"override\[1\]\.chain = 7, expected <= 3"):
         load_stage(write(tmp_path, [ENTRIES[0], (7, *ENTRIES[1][1:])])[0])
-    with pytest.raises(BadInput, match=r"override\.3\.base = \{.*\}, expected each hinge overridden once"):
+    with pytest.raises(BadInput, match=r"override\.3\.base = \{.*\}, expected one override for each hinge"):
         load_stage(write(tmp_path, [ENTRIES[0], ENTRIES[1], ENTRIES[0]])[0])
 
 

@@ -66,7 +66,7 @@ def test_a_loose_ball_has_two_contacts_in_series_and_what_is_assumed_of_it_is_sa
     unsaid = stage.replace(actuator=[drawn.model_copy(update={"ball_loose": None})])
     assert (driven.drive_hash == unsaid.drive_hash) == (not loose)
     said = {None: ["steel", "fixed to the stack"], False: ["steel"], True: ["steel", "steel end of the stack"]}[loose]
-    with pytest.raises(BadInput, match=r"^Actuator: ball_radius = 2\.0, expected a preload_n"):
+    with pytest.raises(BadInput, match=r"^Actuator: ball_radius = 2\.0, expected also a preload_n"):
         drawn.model_copy(update={"preload": 0.0})
     of_balls = [key for key in driven.drive_assumptions.assumed if "ball (" in key]
     assert of_balls == [f"actuator.base.ball ({each})" for each in said]
@@ -77,20 +77,20 @@ LINK = 'hinge = "base"\narm_mm = 10.0 '
 SIDE = 'side = "left"'
 ANYWHERE = (SIDE, "#")
 BAD = [  # edits of the first actuator, what is said, what is named
-    ([(LINK, "point_mm = [44.0, -35.0]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the metal", "[44, -36.5]"),
-    ([(LINK, "point_mm = [54.0, -36.5]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the metal", "of chain 1"),
-    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 270.0 #"), ANYWHERE], "not into the metal", "of 90"),
-    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 0.0 #"), ANYWHERE], "not into the metal", "84 degrees"),
+    ([(LINK, "point_mm = [44.0, -35.0]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the body", "[44, -36.5]"),
+    ([(LINK, "point_mm = [54.0, -36.5]\ndirection_deg = 90.0 #"), ANYWHERE], "contact off the body", "of chain 1"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 270.0 #"), ANYWHERE], "not directed into", "of 90"),
+    ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 0.0 #"), ANYWHERE], "not directed into", "84 degrees"),
     ([(LINK, "point_mm = [44.0, -36.5]\ndirection_deg = 90.0 #")], "not both", "side"),
-    ([(LINK, "point_mm = [44.0, -36.5] #"), ANYWHERE], "or point_mm and direction_deg", "where the contact is"),
-    ([(LINK, 'hinge = "base"\narm_mm = 4.0 #')], "contact off the metal", "between 4 and 28.5"),
-    ([(LINK, 'hinge = "base"\narm_mm = 28.5 #')], "contact off the metal", "arm_mm = 28.5"),
+    ([(LINK, "point_mm = [44.0, -36.5] #"), ANYWHERE], "or point_mm and direction_deg", "the position of the contact"),
+    ([(LINK, 'hinge = "base"\narm_mm = 4.0 #')], "contact off the link", "between 4 and 28.5"),
+    ([(LINK, 'hinge = "base"\narm_mm = 28.5 #')], "contact off the link", "arm_mm = 28.5"),
     ([(LINK, 'hinge = "platform"\narm_mm = 10.0 #')], "base or elbow, at an end of link 1", "hinge"),
-    ([(LINK, 'hinge = "base" #')], "hinge, arm_mm and side", "where the contact is"),
+    ([(LINK, 'hinge = "base" #')], "hinge, arm_mm and side", "the position of the contact"),
     ([(SIDE, 'side = "left"\ntilt_deg = 85.0 #')], "tilt_deg = 85.0", "<= 80"),
     ([('["frame", "link 1"]', '["frame", "platform"]')], "point_mm on a platform", "hinge"),
     ([('["frame", "link 1"]', '["link 1", "link 1"]')], "two bodies", "link 1"),
-    ([('["frame", "link 1"]', '["link 1", "frame"]')], "a body that moves", "frame"),
+    ([('["frame", "link 1"]', '["link 1", "frame"]')], "a moving body in second place", "frame"),
     ([(STACK, 'stack = "AE0505D61" #')], "did you mean AE0505D16?", "stack"),
     ([(STACK, "stroke_um = 17.4 #")], "stroke_um = 17.4", "either stiffness_n_per_um or blocking_force_n"),
     ([(STACK, "#")], "a stack: its name", "actuator.base"),
@@ -98,8 +98,8 @@ BAD = [  # edits of the first actuator, what is said, what is named
     ([("preload_n = 50.0", "preload_n = 936.0")], "preload_n = 936.0", "blocking force of the stack, 935"),
     ([("preload_n = 50.0", "preload_n = 0.0")], "a ball without preload", "ball_radius_mm"),
     ([("ball_radius_mm = 2.0", "ball_radius_mm = 2.0\ncontact_stiffness_n_per_um = 9")], "not both", "contact_stiff"),
-    ([("ball_radius_mm = 2.0", "ball_poissons_ratio = 0.3")], "ball_radius_mm with it", "ball_poissons_ratio"),
-    ([("ball_radius_mm = 2.0", "ball_loose = false")], "ball_radius_mm with it", "ball_loose"),
+    ([("ball_radius_mm = 2.0", "ball_poissons_ratio = 0.3")], "also ball_radius_mm", "ball_poissons_ratio"),
+    ([("ball_radius_mm = 2.0", "ball_loose = false")], "also ball_radius_mm", "ball_loose"),
     ([('name = "base"', 'name = "elbow"')], "no other actuator", "actuator[1].name"),
 ]
 
@@ -111,11 +111,11 @@ BAD_OVERRIDES = [  # what is added, what is said
     (OWN + "preload_n = 936.0\n", "override.2.actuator.base.preload_n = 936.0, expected at most the blocking force"),
     (OWN + "preload_n = 0.0\n", "a ball without preload has no stiffness"),
     (OWN + "stroke_um = 9.0\n", "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue"),
-    (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the metal"),
+    (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the link"),
     (OWN + "neck_mm = 0.4\n", "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only arm_mm"),
-    (OWN + 'hinge = "base"\npreload_n = 40.0\n', "the hinge or the actuator that it is about, one of the two"),
-    ("[[override]]\nchain = 2\nneck_mm = 0.4\n", "the hinge or the actuator that it is about, one of the two"),
-    (OWN + "preload_n = 40.0\n" + OWN + "arm_mm = 11.0\n", "each actuator overridden once"),
+    (OWN + 'hinge = "base"\npreload_n = 40.0\n', "either a hinge or an actuator"),
+    ("[[override]]\nchain = 2\nneck_mm = 0.4\n", "either a hinge or an actuator"),
+    (OWN + "preload_n = 40.0\n" + OWN + "arm_mm = 11.0\n", "one override for each actuator"),
     ('[[override]]\nchain = 2\nhinge = "base"\npreload_n = 40.0\n', "with a hinge only radius_mm"),
 ]
 BAD += [([("[provenance]", added + "\n[provenance]")], said, "expected") for added, said in BAD_OVERRIDES]
@@ -174,7 +174,7 @@ def test_a_contact_on_the_platform_may_be_anywhere_on_its_rim(stage):
     np.testing.assert_allclose(
         drive_of(made).stacks[0].pushes[0].wrench, [*-np.array([np.cos(angle), np.sin(angle)]), 0.0], atol=1e-12
     )
-    with pytest.raises(BadInput, match="off the metal"):
+    with pytest.raises(BadInput, match="off the body"):
         stage.replace(actuator=[pushed | {"point": (10.0, 0.0), "direction": np.pi, "stack": "AE0505D16"}])
 
 

@@ -95,7 +95,7 @@ def test_two_degrees_of_rim_between_lugs_are_enough_and_less_is_refused(make_sta
     stage = make_stage({**crowded, "platform.radius_mm": 9.26833})
     rims = [s.turn for s in labelled(draw_sector(stage, 1)["platform"], "free") if s.centre == 0]
     assert np.degrees(sum(rims)) == pytest.approx(2.05, abs=1e-3)
-    with pytest.raises(BadInput, match="each takes 118 of 120 degrees"):
+    with pytest.raises(BadInput, match="each covers 118 of 120 degrees"):
         draw_sector(make_stage({**crowded, "platform.radius_mm": 9.25773}), 1)
 
 

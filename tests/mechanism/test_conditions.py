@@ -88,7 +88,7 @@ def test_many_designs_break_what_plain_geometry_says_and_so_does_each_alone(make
         ("neck as wide", "hinges.elbow.neck_mm", 8.9, 8.8999),
         ("notch deeper", "hinges.elbow.radius_mm", 4.2151, (8.9 - 0.47) / 2),  # a difference of decimals
         ("hub larger", "platform.hub_radius_mm", 16.3, 16.2999),
-        ("swallows", "platform.radius_mm", 23.2951, 23.2949),  # 25 - 1.4 - 0.61 / 2
+        ("covers", "platform.radius_mm", 23.2951, 23.2949),  # 25 - 1.4 - 0.61 / 2
         ("closer", "chain.link_lengths_mm", [5.4999, 33.5, 25.0], [5.5001, 33.5, 25.0]),  # 3.9 + 1.6
     ],
 )

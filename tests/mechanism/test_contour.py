@@ -100,6 +100,6 @@ def test_a_kerf_too_wide_for_the_part_is_refused(make_stage) -> None:
     part = part_of(make_stage({"chain.link_lengths_mm": [31.0, 33.5, 23.0]}))
     with pytest.raises(BadInput, match=r"kerf of 2.2251 mm, expected .* notch, fillet or hole, 2.225 mm"):
         cut_path(part, 2.2251)
-    with pytest.raises(BadInput, match=r"than every gap of the part: the wire would cut metal at -10.6, -13.8"):
+    with pytest.raises(BadInput, match=r"than every gap of the part: the wire would cut the part at -10.6, -13.8"):
         cut_path(part, 2.2)
     assert cut_path(part, 0.3).hub.radius == pytest.approx(7.55)

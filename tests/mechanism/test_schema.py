@@ -122,7 +122,7 @@ HOSTILE = {  # content, a piece of the line that its message must name (None: no
     # overrides
     "override changes nothing": (added(ELBOW), "[[override]]",
         "2.elbow = {chain = 2 ... at least one of radius_mm, neck"),
-    "same hinge twice": (added(TWICE), "again", "override.2.elbow = { ... expected each hinge overridden once"),
+    "same hinge twice": (added(TWICE), "again", "override.2.elbow = { ... expected one override for each hinge"),
     "unknown key in an override": (added(ELBOW + "neck = 0.5\n"), "neck = 0.5",
         "override.2.elbow.neck is an unknown key, did you mean neck_mm?"),
     "override in single brackets": (added(ELBOW.replace("[[override]]", "[override]") + "neck_mm = 0.5\n"),

@@ -51,7 +51,7 @@ def written(tmp_path_factory) -> Path:
 
 def test_a_page_of_a_hostile_name_is_text_and_loads_nothing(written):
     page = written.read_text()
-    assert headings(page) == ["The stage", "Analytic model", "Drive", "Where the numbers come from"]
+    assert headings(page) == ["The stage", "Analytic model", "Drive", "Sources of the numbers"]
     assert re.findall(r'<li><a href="#([^"]+)"', page) == re.findall(r'<h2 id="([^"]+)"', page)
     assert "flexfem report " in page.split("<footer")[1]
     assert "<img" not in page and page.count("<script") == 1 and "49" not in re.findall("<h1>.*</h1>", page)[0]
@@ -74,8 +74,8 @@ def test_numbers_of_the_page_are_those_of_the_records(written):
 def test_assumed_numbers_are_counted_first_and_listed(written):
     page, stage = written.read_text(), flexfem.load(written.with_name("hostile.toml"))
     keys = {*stage.assumed, *stage.drive_assumptions.assumed}
-    assert f"{len(keys)} of the numbers behind this page are assumed" in page.split("<nav")[0]
-    listed = cells(page.split("Where the numbers come from</h2>")[1])
+    assert f"{len(keys)} of the numbers of this page are assumed" in page.split("<nav")[0]
+    listed = cells(page.split("Sources of the numbers</h2>")[1])
     assert {key for key in keys if listed[listed.index(key) + 1] == "assumed"} == keys and len(keys) > 20
 
 
@@ -87,7 +87,7 @@ def test_no_number_whose_source_says_assumed_is_called_stated(tmp_path):
     lines = "".join(f'"{key}" = "{source}"\n' for key, source in sources.items())
     (tmp_path / "mine.toml").write_text(f'{text}\n[provenance]\n{lines}"hinges" = "measured"\n"platform" = "measured"')
     report(tmp_path / "mine.toml", tmp_path / "page.html", sections=["analytic"])
-    found = cells((tmp_path / "page.html").read_text().split("Where the numbers come from</h2>")[1])
+    found = cells((tmp_path / "page.html").read_text().split("Sources of the numbers</h2>")[1])
     rows = {key: (kind, source) for key, kind, source in zip(*(found[k::3] for k in range(3)), strict=True)}
     assert rows["frame.expansion_um_per_m_k"] == ("assumed", "Assumed")
     assert rows["chain.link_width_mm"] == ("stated", "Drawing 7") and "chain" not in rows and "material" not in rows
@@ -98,7 +98,7 @@ def test_a_page_of_stored_results_has_their_tables_curves_and_assumptions(tmp_pa
     one = result({"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}, assumed=["chain.link_width_mm"])
     found = report(one.write(tmp_path / "fig.json"), tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert found.sections == ["A case $y$", "Where the numbers come from"] and found.assumed == ["chain.link_width_mm"]
+    assert found.sections == ["A case $y$", "Sources of the numbers"] and found.assumed == ["chain.link_width_mm"]
     shown = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells(page)]
     assert {"5.000 ± 0.017", "20.00 ± 0.12", "chain.link_width_mm"} <= {cell.removesuffix(" %") for cell in shown}
     told = re.findall(r"<rect [^>]*><title>([^<]*)</title>", page)
@@ -116,10 +116,10 @@ def test_the_line_that_made_a_page_is_quoted():
         ([STAGE], "page.html", ["magic"], "sections 'magic', expected some of analytic, elements"),
         ([STAGE], "page.html", ["life"], "without an amplitude"),
         ([STAGE, ROOT / "geometry/mobility3.toml"], "page.html", ["analytic"], "expected one stage"),
-        ([STAGE], "none/page.html", ["analytic"], "no folder .*none, expected one that is there"),
-        ([Path("/dev/zero.json")], "page.html", ["analytic"], "expected none: they are of a stage"),
+        ([STAGE], "none/page.html", ["analytic"], "no folder .*none, expected an existing folder"),
+        ([Path("/dev/zero.json")], "page.html", ["analytic"], "expected none: they apply to a stage"),
         ([], "page.html", ["analytic"], "no file"),
-        ([ROOT / "cases/study-trust.toml"], "page.html", ["modes"], "they are of a stage, and this is a study"),
+        ([ROOT / "cases/study-trust.toml"], "page.html", ["modes"], "they apply to a stage, and this is a study"),
         ([ROOT / "cases/fig5.toml"], "page.html", STANDARD, "this is a case file"),
     ],
 )
@@ -150,7 +150,7 @@ def test_a_page_never_replaces_what_it_is_of(tmp_path):
     stage.write_text(STAGE.read_text())
     (tmp_path / "other.html").symlink_to(stage)
     for output in ("stage.html", "other.html"):
-        with pytest.raises(BadInput, match=r"html.*: .*is read for what is to be written, expected another file"):
+        with pytest.raises(BadInput, match=r"html.*: .*is an input of this command, expected another file"):
             report(stage, tmp_path / output, sections=["analytic"])
     assert stage.read_text() == STAGE.read_text()
 

@@ -98,7 +98,7 @@ def test_hostile_names_stay_text(tmp_path):
 def test_a_figure_that_cannot_be_drawn_says_why_and_the_others_are_there(tmp_path):
     bad = '[[output]]\nname = "root"\nexpression = "sqrt(kxx_n_per_mm - 1e9)"\n' + FRONT.replace("kxx_n_per_mm", "root")
     html = page_of(source_of(study(tmp_path, GRID + bad + MAP), root=np.full(12, np.nan)))
-    assert "It is not drawn." in html and "in size, for 12 of 12" in html
+    assert "This figure is not drawn:" in html and "in size for 12 of 12" in html
     assert "least" in rows_of(html)
 
 
@@ -110,5 +110,5 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     assert code == 0
     said, html = json.loads(out), Path("page.html").read_text()
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
-    assert said["sections"][:2] == ["What the study asks", "Stiffness XX against range in X at yield"]
+    assert said["sections"][:2] == ["Settings of the study", "Stiffness XX against range in X at yield"]
     assert "flexfem report small.toml -o page.html --folder kept" in html

@@ -38,9 +38,9 @@ def test_a_design_is_headed_by_its_numbers_and_each_panel_says_what_it_shows():
     drawn, margins, history, front = figure.axes
     assert [each[:2] for each in axes_of(figure)] == [
         ("x (mm)", "y (mm)"),
-        ("margin over the end that is wanted (%);\nlinear to 1 %; bars: band; hollow: model alone", ""),
+        ("margin to the limit (%), linear scale below 1 %;\nbars: uncertainty; hollow: analytic model", ""),
         ("evaluations of the analytic model", "reach (um)"),
-        ("reach (um), the larger the better", "mass (kg), the smaller the better"),
+        ("reach (um), larger is better", "mass (kg), smaller is better"),
     ]
     assert drawn.get_aspect() == 1.0 and margins.get_xscale() == "symlog"
     assert front.lines[0].get_xydata().tolist() == [[405.0, 0.081], [466.0, 0.093]]
@@ -73,12 +73,12 @@ def test_a_search_that_meets_nothing_is_drawn_by_what_it_misses_in_per_cent():
     missed = [Step(evaluations=1000, objective=None, missed=0.21), Step(evaluations=2000, objective=None, missed=0.15)]
     ax = flexfem.plot.plot_history(None, recorded(history=missed))
     assert ax.lines[0].get_xydata() == pytest.approx(np.array([[1000, 21], [2000, 15]]))
-    assert ax.get_ylabel() == "missed in all, % of the ends"
+    assert ax.get_ylabel() == "total violation, % of the limits"
 
 
 def test_sensitivities_are_each_of_the_quantity_in_their_title():
     figure = sensitivity_figure(recorded())
-    titles = ["reach, the larger", "mass, the smaller", "stiffness, at least 60 and at most 80", "diameter, at"]
+    titles = ["reach, larger", "mass, smaller", "stiffness, at least 60 and at most 80", "diameter, at"]
     assert all(words(ax.get_title(loc="left")).startswith(title) for ax, title in zip(figure.axes, titles, strict=True))
     assert [[bar.get_width() for bar in ax.patches] for ax in figure.axes] == [
         [-1.31, 0.65], [0.12, 0.76], [-2.43, 1.87], [0.54, 0.98]
@@ -86,7 +86,7 @@ def test_sensitivities_are_each_of_the_quantity_in_their_title():
     assert [words(text) for text in figure.axes[2].texts] == ["-2.4", "+1.9"]
     assert [words(label) for label in figure.axes[0].get_yticklabels()] == ["neck", "l1"]
     assert all(ax.yaxis_inverted() for ax in figure.axes)
-    assert {ax.get_xlabel() for ax in figure.axes} == {"change (%) for 1 %"}
+    assert {ax.get_xlabel() for ax in figure.axes} == {"change (%) per 1 %"}
     assert {ax.get_xlim() for ax in figure.axes} == {(-1.55 * 2.43, 1.55 * 2.43)}
     assert [words(text) for text in figure.texts if "assumed" in text.get_text()] == ["assumed dimensions"]
 
@@ -94,12 +94,12 @@ def test_sensitivities_are_each_of_the_quantity_in_their_title():
 def test_a_front_is_of_finite_elements_and_its_designs_are_drawn_by_their_numbers_to_one_scale():
     figure = front_figure(recorded())
     plane, one, two = figure.axes
-    assert axes_of(figure)[0][:2] == ("reach (um), the larger the better", "mass (kg), the smaller the better")
+    assert axes_of(figure)[0][:2] == ("reach (um), larger is better", "mass (kg), smaller is better")
     assert plane.lines[0].get_xydata().tolist() == [[405.0, 0.081], [466.0, 0.093]]
     assert [line.get_markeredgecolor() for line in plane.lines[2:4]] == [BLACK, ORANGE]
     assert [(words(text), tuple(text.xy)) for text in plane.texts] == [("1", (405.0, 0.081)), ("2", (466.0, 0.093))]
     assert [words(ax.get_title(loc="left")) for ax in (one, two)] == [
-        "1: reach 405.0 um mass 0.08100 kg", "2: reach 466.0 um mass 0.09300 kg a requirement is missed"
+        "1: reach 405.0 um mass 0.08100 kg", "2: reach 466.0 um mass 0.09300 kg a requirement is not met"
     ]  # fmt: skip
     assert [words(ax.get_xlabel()) for ax in (one, two)] == ["neck 0.43 l1 36", "neck 0.52 l1 30"]
     assert one.get_xlim() == two.get_xlim()
@@ -112,5 +112,5 @@ def test_a_sensitivity_that_is_not_known_has_no_bar_and_another_quantity_or_fron
     assert [words(text) for text in ax.texts] == ["not known", "+1.1"] and ax.patches[0].get_width() == 0.0
     with pytest.raises(flexfem.BadInput, match='quantity "kyy_n_per_mm", expected one of range_x_um, mass_kg, kxx_n'):
         flexfem.plot.plot_sensitivity(None, recorded(), "kyy_n_per_mm")
-    with pytest.raises(flexfem.BadInput, match=r"wanted.toml: a design without a front, expected one of two"):
+    with pytest.raises(flexfem.BadInput, match=r"wanted.toml: a design without a front, expected two"):
         flexfem.plot.plot_tradeoff(None, recorded(front=[]))

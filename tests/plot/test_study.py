@@ -210,7 +210,7 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
             [np.r_[found.first, found.total] + s * np.r_[found.first_band, found.total_band] for s in (-1, 1)]
         )
         np.testing.assert_allclose([segment[:, 0] for segment in whiskers], expected)
-        assert axes.get_xlabel() == f"share of the variance\n(first order sums to {sums})"
+        assert axes.get_xlabel() == f"share of the variance\n(sum of first order: {sums})"
         low, high = axes.get_xlim()
         assert low <= 0.0 and 0.64 < high < 0.7
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == names
@@ -232,8 +232,8 @@ def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) 
     axes, *cells = figure.axes
     lines = {line.get_label(): line.get_xydata() for line in axes.get_lines()}
     np.testing.assert_array_equal(axes.get_lines()[0].get_xydata(), shown.points)
-    np.testing.assert_array_equal(lines["front: 3 designs that no other beats"], shown.points[[2, 1, 0]])
-    np.testing.assert_array_equal(lines["1 not on the front: cannot be drawn"], shown.points[[4]])
+    np.testing.assert_array_equal(lines["front: 3 non-dominated designs"], shown.points[[2, 1, 0]])
+    np.testing.assert_array_equal(lines["1 off the front cannot be drawn"], shown.points[[4]])
     np.testing.assert_array_equal(lines["base stage"], [[1.5, 2.5]])
     assert [(text.get_text(), *text.xy) for text in axes.texts] == [("A", 4.0, 1.0), ("B", 1.0, 9.0)]
     assert [cell.get_title(loc="left") for cell in cells] == ["A:  K: 1.00", f"B:  K: 2.00\nlength: 3.00{SPACE}mm"]
@@ -290,7 +290,7 @@ def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
     loaded = study(tmp_path, GRID)
     table = answered(loaded)
     table.status[:] = "refused"
-    with pytest.raises(BadInput, match="none of 28 designs has an answer"):
+    with pytest.raises(BadInput, match="none of 28 designs has a result"):
         findings(Source(loaded, table, {}))
 
 

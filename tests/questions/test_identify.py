@@ -77,7 +77,7 @@ def test_the_width_of_an_interval_is_that_of_the_normal_distribution_where_it_is
 def test_one_direction_alone_cannot_tell_necks_from_fixture(axes):
     """Nor can two that are alike by symmetry."""
     found = identify(reference(), measured(made(reference(), -0.010, 4.0), axes=axes))
-    assert not found.distinct and found.finding.startswith("These data cannot tell them apart.")
+    assert not found.distinct and found.finding.startswith("These data cannot distinguish the causes.")
     assert np.isnan(found.condition) and np.isnan(found.correlation)
     assert found.allowed[1] and found.allowed[2] and not found.allowed[0]
     assert np.isinf(found.offset_high) and found.offset_low < -0.010
@@ -90,7 +90,7 @@ def test_x_and_theta_together_tell_them_apart():
     assert found.distinct and found.dof == 0 and found.offset == pytest.approx(-0.010, abs=1e-6)
     assert not found.allowed[1] and not found.allowed[2]
     wide = identify(reference(), measured(made(reference(), -0.010, 4.0), 0.2, axes=(0, 2)))
-    assert not wide.distinct and wide.allowed[0] and "The data need neither" in wide.finding
+    assert not wide.distinct and wide.allowed[0] and "Neither is necessary" in wide.finding
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_slopes_that_nothing_explains_are_said_to_be_so():
     """X and Y of a symmetric stage differ by 10 %; stiffer in theta alone, which no pole makes; no freedom is left."""
     for factors, axes in (([1.05, 0.95, 1.0], (0, 1, 2)), ([1.0, 1.0, 1.1], (0, 2))):
         found = identify(reference(), measured(made(reference(), 0.0, 1.0) * factors, axes=axes))
-        assert found.finding.startswith("Nothing of this explains the data") and found.chi_square > 20
+        assert found.finding.startswith("Necks and fixture together do not explain the data") and found.chi_square > 20
         assert not found.distinct
 
 
@@ -142,7 +142,7 @@ def test_what_has_no_interval_is_refused():
     ground = measured(np.array([37.0, 37.0, 4e4])).model_copy(
         update={"lvdt": FIXTURE.lvdt.model_copy(update={"at": "platform"})}
     )
-    with pytest.raises(BadInput, match="no pole is in these readings"):
+    with pytest.raises(BadInput, match="these readings include no pole"):
         identify(reference(), ground, unknown="pole")
     assert identify(reference(), ground).axes["number"][0] == "translation"
 

@@ -203,7 +203,7 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
 def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage, reached):
     alone = with_actuators(stage, {"pair": False, "preload": 4.0})
     (said,) = reach(alone, NONE).warnings
-    assert said.startswith("single stacks have no partner to bear their preload: the necks do, with up to 40.19 MPa")
+    assert "no opposite stack that balances their preload, which stresses the necks with up to 40.19 MPa" in said
     assert reached.warnings == []
     one, drive = modelled(stage)
     free = limits_of_commands(one, one.system, drive, NONE).bounds[-1]
@@ -227,7 +227,7 @@ def test_pairs_without_preload_do_not_move_and_say_so(stage):
     found = reach(with_actuators(stage, preload=0.0, ball_radius=None), NONE)
     assert (found.fields.solid.dimension, found.volume, found.circle, found.ball) == (0, 0.0, 0.0, 0.0)
     assert not ends(found, "free").any() and found.fields.section == [] and len(found.vertices) == 0
-    assert found.warnings == ["the limits leave no solid: the poses that the drive reaches are a single one"]
+    assert found.warnings == ["the poses within the limits are not a solid: they are a single pose"]
 
 
 def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):

@@ -120,7 +120,7 @@ def test_constants_that_no_material_has_together_are_refused_by_every_model(last
 
 def test_lives_beyond_yield_and_beyond_the_law_are_counted_as_such(lasting: Any) -> None:
     """A stress of 411 MPa is yield; the law is assumed to hold from 1e3 to 1e6 cycles."""
-    amplitudes = {900.0: "life by elastic stress, beyond yield", 20.0: "life extrapolated, outside", 560.0: ""}
+    amplitudes = {900.0: "life from elastic stress, beyond yield", 20.0: "life extrapolated, outside", 560.0: ""}
     for amplitude, said in amplitudes.items():
         loaded = study(lasting, HEAD, 3, f"[life]\namplitude_x_um = {amplitude}", FACTORS[:1])
         for status, reason, _ in zip(*answer(loaded, 0, 3), strict=True):

@@ -87,10 +87,9 @@ def test_a_figure_that_cannot_be_drawn_is_refused_alone(studies) -> None:
     found = found_in(loaded, replace(table, columns=columns | judge(loaded, columns, table.ok).derived))
     assert [type(one) for one in found] == [Refused, Refused, Distribution]
     assert (
-        "1e-100 to 1e+100 in size, for 2 of 98 designs" in found[0].reason
-        and "the first is design 0" in found[0].reason
+        "1e-100 to 1e+100 in size for 2 of 98 designs" in found[0].reason and "the first is design 0" in found[0].reason
     )
-    assert "98 designs have an answer, expected at least 100" in facts_of(found[1])["refused"]
+    assert "98 designs have a result, expected at least 100" in facts_of(found[1])["refused"]
 
 
 def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> None:
@@ -110,9 +109,9 @@ def test_designs_that_break_a_constraint_are_on_no_front_and_no_map(studies) -> 
     assert isinstance(found, StudyMap) and [row["kxx_n_per_mm"] for row in found.table.facts] == [0.0, 5.0]
     cells = cells_of(Source(loaded, table, {}), ("thickness_mm", "hinges.base.neck_mm"), "kxx_n_per_mm")
     assert {why: np.flatnonzero(which).tolist() for why, which in cells.missing.items()} == {
-        "refused": [1], "breaks a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
+        "refused": [1], "violates a constraint": [6, 7, 8, 9, 10, 11]}  # fmt: skip
     nothing = replace(table, feasible=np.zeros(12, dtype=bool))
-    assert "keeps all constraints" in facts_of(found_in(loaded, nothing)[0])["refused"]
+    assert "satisfies all constraints" in facts_of(found_in(loaded, nothing)[0])["refused"]
 
 
 def test_a_map_of_more_factors_is_of_means_over_the_others(studies) -> None:

@@ -92,7 +92,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "nothing to vary": ([(RANGE, "")], ["factor[0]", "from"]),
     "values and a range": ([(RANGE, f"{RANGE}\nvalues = [0.5]")], ["from", "values"]),
     "values nan": ([(RANGE, "values = [0.5, nan]")], ["line 14", "values[1] = nan", "finite"]),
-    "values twice": ([(RANGE, "values = [0.5, 0.5]")], ["line 14", "no value twice"]),
+    "values twice": ([(RANGE, "values = [0.5, 0.5]")], ["line 14", "each value once"]),
     "values impossible": ([(RANGE, "values = [0.5, -0.5]")], ["line 14", "values[1] = -0.5", "> 0"]),
     "range up to above the limit": ([(NECKS, "material.poissons_ratio")], ["to = 0.7", "< 0.5"]),
     "from above to": ([("to = 0.7", "to = 0.3")], ["line 15", "to = 0.3", "> 0.4"]),
@@ -126,20 +126,20 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "output of itself": ([output("2 * ratio")], ["output[0].expression", "columns and keys"]),
     "output of numbers": ([output("2 * 3")], ["output[0].expression", "not numbers alone"]),
     "output of a key that has no value": ([output("hinges.base.axis_deg")], ["output[0].expression", "axis_deg"]),
-    "output called as an output": ([output("kxx_n_per_mm", "kyy_n_per_mm")], ["output[0].name", "of its own"]),
+    "output called as an output": ([output("kxx_n_per_mm", "kyy_n_per_mm")], ["output[0].name", "a unique name"]),
     "constraint without ends": ([constraint("")], ["constraint[0]", "least, most or both"]),
     "constraint crossed": ([constraint("least = 2\nmost = 1")], ["constraint[0].most = 1", ">= 2"]),
     "constraint of factors with saltelli": (
         [constraint("most = 1", "E / 2"), SALTELLI], ["constraint[0].value", "saltelli", "dependent"]),
-    "correlation of one factor": ([correlation("E", "E")], ["correlation[0].factors[1]", "another factor"]),
-    "correlation of no factor": ([correlation("E", "F")], ["correlation[0].factors[1]", "a factor by its column"]),
+    "correlation of one factor": ([correlation("E", "E")], ["correlation[0].factors[1]", "a factor other than"]),
+    "correlation of no factor": ([correlation("E", "F")], ["correlation[0].factors[1]", "the column of a factor"]),
     "correlation of a list": (
         [correlation("E", NECKS), (RANGE, "values = [0.5, 0.6]")], ["correlation[0].factors", "ties"]),
     "correlation twice": ([correlation("E", NECKS), correlation(NECKS, "E")], ["each pair once"]),
     "correlation with saltelli": ([correlation("E", NECKS), SALTELLI], ["correlation", "saltelli", "independent"]),
     "correlations that no factors have": (
         [more("[[factor]]\nkey = 'thickness_mm'\nfrom = 8\nto = 9"),
-         ("[[factor]]\nkey = 'th", f"{IMPOSSIBLE}[[factor]]\nkey = 'th")], ["correlation", "go together"]),
+         ("[[factor]]\nkey = 'th", f"{IMPOSSIBLE}[[factor]]\nkey = 'th")], ["correlation", "consistent coefficients"]),
     "table without a file": ([(MONTE_CARLO, 'method = "table"'), *TABLE], ["sampling", "file"]),
     "table with values": (
         [(MONTE_CARLO, 'method = "table"\nfile = "stage.toml"'), TABLE[0]], ["factor[1]", "no values", "table"]),
@@ -152,7 +152,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "layers in the plane": ([(ANALYTIC, 'model = "fe"\nlayers = 3')], ["no layers with model"]),
     "frequencies in three dimensions": ([SOLID, more("[frequencies]")], ["no frequencies with model"]),
     "expansion without drift": (
-        [(NECKS, "material.expansion_um_per_m_k")], ["expected a number that answers depend on"]),
+        [(NECKS, "material.expansion_um_per_m_k")], ["expected a number that affects outputs"]),
     "a key that drift has not": ([more("[drift]\nkelvin = 3.0")], ["drift.kelvin", "unknown key"]),
     "life at no amplitude": ([more("[life]\ncycles = 1e6")], ["amplitude_x_um, amplitude_y_um or"]),
     "life at a ratio of one": ([more("[life]\namplitude_x_um = 3.0\nratio = 1.0")], ["ratio = 1.0"]),
@@ -226,7 +226,7 @@ def test_a_factor_that_no_answer_depends_on_is_refused(studies: Any, key: str) -
     stage = studies.folder / "stage.toml"
     others = (f'[[override]]\nchain = {chain}\nhinge = "elbow"\nneck_mm = 0.5\n' for chain in (1, 3))
     stage.write_text(stage.read_text().replace("[provenance]", "".join(others) + "[provenance]"))
-    with pytest.raises(BadInput, match=rf"line 12: factor\[0\].key = {re.escape(key)}, expected a number that answers"):
+    with pytest.raises(BadInput, match=rf"line 12: factor\[0\].key = {re.escape(key)}, expected a number that affects"):
         studies.load(("hinges.base.neck_mm", key))
 
 

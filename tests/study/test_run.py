@@ -155,7 +155,7 @@ def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_thos
     first, said = parts_of(load_study(study()), tmp_path, 64), []
     run_parts(first, Here())
     other = parts_of(load_study(study(edit=("sd = 0.05", "sd = 0.04"))), tmp_path, 64)
-    with pytest.raises(BadInput, match=r"300 of 300 designs are open.*5 parts there are of other inputs"):
+    with pytest.raises(BadInput, match=r"300 of 300 designs are open.*5 parts there belong to other inputs"):
         collect(other, tmp_path / "t.parquet")
     here = Here()
     run_parts(other, here, say=said.append)
@@ -243,7 +243,7 @@ def test_commands_run_count_and_collect(flexfem, study):
     Path("reports/other").mkdir()
     Path("reports/other/study.json").write_text(Path("reports/necks/study.json").read_text())
     code, out, err = flexfem("study", "status", "reports/other")
-    assert (code, out) == (2, "") and err.endswith("necks.toml, expected it to be called necks\n")
+    assert (code, out) == (2, "") and err.endswith("necks.toml, expected it to be named necks\n")
     for target in ("t.csv", "t.parquet"):
         code, out, _ = flexfem("study", "collect", path, "--to", target, "--json")
         assert json.loads(out) == {"written": [target], "designs": 300, "open": 0}
@@ -278,7 +278,7 @@ def test_workers_of_which_one_is_killed_from_outside_give_the_table_of_one_proce
 
 def test_workers_that_cannot_begin_fail_in_one_line(study, tmp_path, monkeypatch):
     monkeypatch.setattr(worker_module, "_begin", os._exit)
-    with Workers(1) as pool, pytest.raises(ComputationFailed, match="end before they begin"):
+    with Workers(1) as pool, pytest.raises(ComputationFailed, match="end at their start"):
         run_parts(parts_of(load_study(study()), tmp_path), pool)
 
 
@@ -291,7 +291,7 @@ def test_hanging_and_crashing_designs_are_named_and_cost_no_other(study, workers
     rows = table(parts).to_pylist()
     bad = {row["design"]: (row["status"], row["reason"]) for row in rows if row["status"] != "ok"}
     assert [*bad] == [strange.HANGS, strange.KILLED, strange.SEGMENTATION, strange.RAISES, strange.FAILS]
-    assert bad[strange.HANGS] == ("time limit", "no answer in 13 s")
+    assert bad[strange.HANGS] == ("time limit", "no result in 13 s")
     assert bad[strange.KILLED] == bad[strange.SEGMENTATION] == ("crashed", "the worker died")
     assert all(row["kxx_n_per_mm"] == row["design"] for row in rows if row["status"] == "ok")
 
@@ -379,5 +379,5 @@ def test_workers_of_a_dask_scheduler_make_the_same_table_and_none_is_named(study
     ):
         run_parts(there, pool)
     require_same(there, here, 1e-9)
-    with pytest.raises(BadInput, match=r"--scheduler 127.0.0.1:1: expected host:port of one with workers"):
+    with pytest.raises(BadInput, match=r"--scheduler 127.0.0.1:1: expected host:port of a scheduler with workers"):
         Workers(1, "127.0.0.1:1")

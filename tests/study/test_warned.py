@@ -39,7 +39,7 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     parts.folder.mkdir(parents=True)
     (chunk,) = parts.chunks()
     write_part(parts, chunk, table_of(parts, chunk, rows))
-    warnings = [f"{beyond.sum()} of 200 designs with an answer: {said}"]
+    warnings = [f"{beyond.sum()} of 200 designs with a result: {said}"]
     facts = status_facts(parts)
     assert facts["warnings"] == warnings and facts["reasons"] == {} and facts["ok"] == 200
     plot = CliRunner().invoke(app, ["plot", str(loaded.path), "--output", str(studies.folder / "out"), "--json"])
