@@ -170,7 +170,7 @@ def check_triangles(mesh: StageMesh, drawn: float) -> None:
     links = sp.coo_array((np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n))
     pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
     if pieces != 1:
-        raise ComputationFailed(f"mesh has {pieces} separate parts, expected 1: a neck is severed")
+        raise ComputationFailed(f"mesh is in {pieces} pieces, expected 1: a neck is severed")
     determinants = jacobians(mesh)
     meshed = float(np.sum(determinants[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
