@@ -167,11 +167,13 @@ class ElementBatch(NamedTuple):
 
         Displacements relative to the first node are used, so that large rigid motions cancel without round-off.
         """
+        if line.axes == 2:  # in the plane `line.values` is one
+            u = fields[:, self.triangles]
+            return np.asarray(np.einsum("keic,eibq->kecbq", u - u[:, :, :1], self.gradients, optimize=True))
         u = fields.reshape(*fields.shape[:2], -1, line.axes)[:, self.triangles]
         slopes = np.einsum("keimc,eibq,mz->kecbqz", u - u[:, :, :1], self.gradients, line.values, optimize=True)
-        if line.axes == 3:
-            along_z = np.einsum("keimc,iq,mz->kecqz", u - u[:, :, :, :1], self.phi, line.slopes, optimize=True)
-            slopes = np.concatenate([slopes, along_z[:, :, :, None]], axis=3)
+        along_z = np.einsum("keimc,iq,mz->kecqz", u - u[:, :, :, :1], self.phi, line.slopes, optimize=True)
+        slopes = np.concatenate([slopes, along_z[:, :, :, None]], axis=3)
         return np.asarray(slopes.reshape(*slopes.shape[:4], -1))
 
     def add_forces(self, forces: Array, line: Layers, stress: Array) -> None:

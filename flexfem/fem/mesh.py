@@ -60,9 +60,15 @@ def quadrature(degree: int) -> tuple[Array, Array]:
 
 def shape_functions(points: Array) -> tuple[Array, Array]:
     """Values (6 nodes, q) and slopes (6 nodes, 2, q) of the shape functions at points (q, 2)."""
+    return _shape_functions(points.tobytes())
+
+
+@cache
+def _shape_functions(points: bytes) -> tuple[Array, Array]:
+    """As `shape_functions`, for the few sets of points that elements use."""
     from skfem import ElementTriP2
 
-    basis = [ElementTriP2().lbasis(points.T, node) for node in range(6)]
+    basis = [ElementTriP2().lbasis(np.frombuffer(points).reshape(-1, 2).T, node) for node in range(6)]
     return np.array([value for value, _ in basis]), np.array([slope for _, slope in basis])
 
 

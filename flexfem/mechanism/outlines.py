@@ -110,8 +110,10 @@ def polyline(*points: complex) -> list[Segment]:
 
 
 def area(loop: Sequence[Segment]) -> float:
-    """Area enclosed by a closed counter-clockwise loop, mm^2."""
-    return float(area_moments(loop)[0])
+    """Area enclosed by a closed counter-clockwise loop, mm^2: the polygon of the ends, and the circular segments."""
+    polygon = sum((segment.start.conjugate() * segment.end).imag for segment in loop)
+    arcs = ((abs(arc.start - arc.centre), arc.turn) for arc in loop if arc.centre is not None)
+    return (polygon + sum(radius**2 * (turn - math.sin(turn)) for radius, turn in arcs)) / 2
 
 
 def area_moments(loop: Sequence[Segment]) -> Array:
