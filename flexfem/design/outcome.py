@@ -135,10 +135,7 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
 def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
     """Return the fields of `Stated` for the quantity with index `k`."""
     loaded = model.loaded
-    names, label = loaded.requirements.names_of(requested.quantity), requested.title
-    for output in loaded.requirements.output:
-        if label == output.name and output.label:
-            label = f"{output.label} ({output.unit})" if output.unit else output.label
+    names = loaded.requirements.names_of(requested.quantity)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
     spread = None
     if names & {*outputs.ENGAGED}:
@@ -152,7 +149,7 @@ def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Requ
     value, uncorrected = (float(x) if abs(x) > verified.round_off[k] else 0.0 for x in both)
     return {
         "name": requested.quantity,
-        "label": label,
+        "label": loaded.requirements.title_of(requested),
         "value": value,
         "band": float(verified.bands[k]) if sampled or by.startswith("finite") else None,
         "sampling": float(verified.sampling[k]) if sampled else None,
@@ -189,8 +186,8 @@ def _requirements(last: Proposal) -> list[record.Requirement]:
 
 def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
     """Return the smallest sufficient relaxation of each requirement alone, by one search each."""
-    found = list[record.SoleRelaxation]()
-    for k, requirement in enumerate(model.loaded.requirements.require):
+    found, requirements = list[record.SoleRelaxation](), model.loaded.requirements
+    for k, requirement in enumerate(requirements.require):
         softened = replace(model, soft=k)
         best = optimum(softened, near)
         relax_to = percent = None
@@ -198,7 +195,9 @@ def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
             quantities = softened.evaluate(best.values[None])
             relax_to, missed = float(quantities[0, model.objectives + k]), float(softened.cost(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
-        found.append(record.SoleRelaxation(requirement=requirement.title, relax_to=relax_to, percent=percent))
+        found.append(
+            record.SoleRelaxation(requirement=requirements.title_of(requirement), relax_to=relax_to, percent=percent)
+        )
     return found
 
 

@@ -253,6 +253,13 @@ class Requirements(Sourced):
         """Names in the quantities and in the derived outputs that these use."""
         return self.names_of(*self.quantities)
 
+    def title_of(self, requested: Objective | Require) -> str:
+        """Return the title of a quantity; without its own label, label and unit of the derived output that it names."""
+        output = next((each for each in self.output if each.name == requested.quantity), None)
+        if requested.label or output is None or output.label is None:
+            return requested.title
+        return f"{output.label} ({output.unit})" if output.unit else output.label
+
     def names_of(self, *expressions: str) -> frozenset[str]:
         """Return the names in expressions and in the derived outputs that these use."""
         return plan.expanded_names((name for text in expressions for name in plan.names_in(text)), self.output)
