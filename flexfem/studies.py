@@ -92,7 +92,8 @@ def compute(
     if scheduler is not None and workers is not None:
         raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
-    require_extra_numbers(parts.loaded)
+    if not all(parts.path(chunk).exists() for chunk in parts.chunks(share)):
+        require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
     with Workers(max(1, min(count, len(parts.chunks(share)))), scheduler) as pool:
         run.run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
