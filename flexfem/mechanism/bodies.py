@@ -178,7 +178,8 @@ def draw_sector(stage: StageContent, chain: int) -> Mapping[str, Face]:
 def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment]]]:
     """Outline of the platform in a sector, from the end of the lug's right side to the end of its left side."""
     disc, hub = stage.platform.radius, stage.platform.hub_radius
-    behind, middle, ahead = (cmath.exp(1j * (cut_angle(stage) + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
+    first = cut_angle(stage)
+    behind, middle, ahead = (cmath.exp(1j * (first + k * CHAIN_TURN / 2)) for k in (0, 1, 2))
     return [
         ("free", [Segment(rim.start, disc * ahead, 0j)]),
         ("cut ahead", polyline(disc * ahead, hub * ahead)),

@@ -324,8 +324,9 @@ def _design_section(design: Designed, name: str, number: int) -> PageSection:
     """Return one section of the tables of a design, with its figure."""
     title, draw, description = DESIGN_SECTIONS[name]
     pairs = [("requirements", design.file), ("base stage", design.base), ("result", f"it {design.state}")]
-    first = facts([*pairs, ("seed", str(design.seed))]), notes(design.warnings), notes(design.sentences(), "note")
-    parts = [*first] if name == "design" else []
+    parts = list[Markup]()
+    if name == "design":
+        parts += facts([*pairs, ("seed", str(design.seed))]), notes(design.warnings), notes(design.sentences(), "note")
     parts += [shown_figure(f"design-{number}-{name}-figure", partial(draw, design), description)] if draw else []
     parts += map(table, design.sections(plain=False)[name])
     return _section(f"design-{number}-{name}", f"{title}: {design.name}", *parts)
