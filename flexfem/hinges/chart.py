@@ -26,9 +26,9 @@ from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem.arrays import Array
+from flexfem.mechanism.profiles import SHEAR_CORRECTION as SHEAR_CORRECTION
 from flexfem.sources import read_data
 
-SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(96)  # 1e-12 or better for t/R from 1e-4 upwards
 
 

@@ -1,0 +1,137 @@
+"""A plate mechanism as models use it: bodies, hinges, ports and loads with all parameters and copies resolved.
+
+Points are complex, mm; angles rad; forces N. The analytic network and the finite elements both read a `Layout`, and
+nothing else of a mechanism. Both compute the response to unit loads on its ports.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import Array
+from flexfem.mechanism.outlines import Segment
+from flexfem.mechanism.profiles import Profile
+
+
+class Body(NamedTuple):
+    """A body of the plate before hinges are cut into it.
+
+    outline : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
+    fixed : whether the body is rigid ground.   clamped : segments of the outline that are clamped, of an elastic body.
+    width : of a bar along a path, mm; None for a body with an outline.
+    key : key path of the body in the file, for refusals.
+    """
+
+    name: str
+    outline: tuple[Segment, ...]
+    holes: tuple[tuple[Segment, ...], ...] = ()
+    fixed: bool = False
+    clamped: tuple[int, ...] = ()
+    width: float | None = None
+    key: str = ""
+
+
+class Joint(NamedTuple):
+    """A hinge between two bodies, its centre and the direction of its axis from the first to the second body, rad.
+
+    Within the length of the profile the hinge replaces the material of both bodies over the height `cut`, mm.
+    """
+
+    name: str
+    bodies: tuple[int, int]
+    place: complex
+    heading: float
+    profile: Profile
+    cut: float
+    key: str = ""
+
+
+class Patch(NamedTuple):
+    """A point of a body where a load acts and where its motion is read.
+
+    The load is distributed over the part of the body within `radius` mm of the point, or over the whole body for None,
+    in proportion to the area, with the resultant force and moment about the point. The motion is the displacement and
+    rotation conjugate to this load, which is a mean over the same part of the body.
+    """
+
+    body: int
+    point: complex
+    radius: float | None = None
+
+
+class Port(NamedTuple):
+    """A scalar load and the displacement conjugate to it.
+
+    label : such as `output x`.   rotation : whether the displacement is an angle, rad per N mm, instead of mm per N.
+    parts : contacts with the force x, y and the moment (3,) on each for a unit load.
+    """
+
+    label: str
+    rotation: bool
+    parts: tuple[tuple[Patch, tuple[float, float, float]], ...]
+
+
+class LinearActuator(NamedTuple):
+    """An actuator between two contacts: a force of the actuator pushes both apart along their line.
+
+    contacts : on the carrying body or ground, and on the driven body.   direction : unit vector of the force on the
+    driven body.   stiffness : N/mm.   stroke : free stroke, mm.   blocking_force : N.   mass : tonne, half at each one.
+    """
+
+    name: str
+    contacts: tuple[Patch, Patch]
+    direction: complex
+    stiffness: float
+    stroke: float
+    blocking_force: float
+    mass: float = 0.0
+    key: str = ""
+
+
+class PayloadMass(NamedTuple):
+    """A rigid payload: mass, tonne, and moment of inertia about the normal through the point, tonne mm^2."""
+
+    contact: Patch
+    mass: float
+    inertia: float
+
+
+class Layout(NamedTuple):
+    """A mechanism with all parameters and copies resolved.
+
+    thickness : mm.   elastic : Young's modulus, MPa, and Poisson's ratio of the plane problem.   density : tonne/mm^3.
+    points : named contacts to read, the output first.
+    """
+
+    bodies: tuple[Body, ...]
+    hinges: tuple[Joint, ...]
+    thickness: float
+    youngs_modulus: float
+    poissons_ratio: float
+    density: float
+    yield_strength: float
+    points: tuple[tuple[str, Patch], ...]
+    actuators: tuple[LinearActuator, ...] = ()
+    payloads: tuple[PayloadMass, ...] = ()
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """Ports: x, y and theta of every point, the output first, then the opening of every actuator."""
+        units = (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)), ("theta", (0.0, 0.0, 1.0)))
+        found = [
+            Port(f"{name} {direction}", direction == "theta", ((contact, unit),))
+            for name, contact in self.points
+            for direction, unit in units
+        ]
+        for actuator in self.actuators:
+            force, (near, far) = actuator.direction, actuator.contacts
+            parts = ((near, (-force.real, -force.imag, 0.0)), (far, (force.real, force.imag, 0.0)))
+            found.append(Port(actuator.name, False, parts))
+        return tuple(found)
+
+    @property
+    def stiffness_of_actuators(self) -> Array:
+        """Stiffness (a,), N/mm, of the actuators."""
+        return np.array([actuator.stiffness for actuator in self.actuators])
