@@ -106,7 +106,7 @@ class Layout(NamedTuple):
     """
 
     bodies: tuple[Body, ...]
-    hinges: tuple[Joint, ...]
+    joints: tuple[Joint, ...]
     thickness: float
     youngs_modulus: float
     poissons_ratio: float
@@ -130,6 +130,18 @@ class Layout(NamedTuple):
             parts = ((near, (-force.real, -force.imag, 0.0)), (far, (force.real, force.imag, 0.0)))
             found.append(Port(actuator.name, False, parts))
         return tuple(found)
+
+    @property
+    def drive_ports(self) -> list[int]:
+        """Indices of the ports of the actuators."""
+        return [3 * len(self.points) + k for k in range(len(self.actuators))]
+
+    @property
+    def lever(self) -> float:
+        """Distance, mm, from the output to the farthest hinge of its body; a rotation times it is a displacement."""
+        output = self.points[0][1]
+        arms = [abs(joint.place - output.point) for joint in self.joints if output.body in joint.bodies]
+        return max(arms, default=0.0) or 1.0
 
     @property
     def stiffness_of_actuators(self) -> Array:
