@@ -54,6 +54,8 @@ class Patch(NamedTuple):
     The load is distributed over the part of the body within `radius` mm of the point, or over the whole body for None,
     in proportion to the area, with the resultant force and moment about the point. The motion is the displacement and
     rotation conjugate to this load, which is a mean over the same part of the body.
+
+    body : index, or -1 for the ground outside the plate, which does not move.
     """
 
     body: int
@@ -107,7 +109,7 @@ class Layout(NamedTuple):
     """
 
     bodies: tuple[Body, ...]
-    hinges: tuple[Joint, ...]
+    joints: tuple[Joint, ...]
     thickness: float
     youngs_modulus: float
     poissons_ratio: float
@@ -134,6 +136,18 @@ class Layout(NamedTuple):
         return tuple(found)
 
     @property
+    def drive_ports(self) -> list[int]:
+        """Indices of the ports of the actuators."""
+        return [3 * len(self.points) + k for k in range(len(self.actuators))]
+
+    @property
+    def lever(self) -> float:
+        """Distance, mm, from the output to the farthest hinge of its body; a rotation times it is a displacement."""
+        output = self.points[0][1]
+        arms = [abs(joint.place - output.point) for joint in self.joints if output.body in joint.bodies]
+        return max(arms, default=0.0) or 1.0
+
+    @property
     def stiffness_of_actuators(self) -> Array:
         """Stiffness (a,), N/mm, of the actuators."""
         return np.array([actuator.stiffness for actuator in self.actuators])
@@ -142,7 +156,7 @@ class Layout(NamedTuple):
 class End(NamedTuple):
     """The section where a hinge ends on a body, at -length / 2 of its axis on the first body, length / 2 on the second.
 
-    The section moves as a rigid body.   hinge : index in `Layout.hinges`.   far : whether on the second body.
+    The section moves as a rigid body.   hinge : index in `Layout.joints`.   far : whether on the second body.
     """
 
     hinge: int
@@ -170,7 +184,7 @@ def interfaces(layout: Layout, body: int) -> tuple[Interface, ...]:
 
     Without patches on the whole of a body that is not clamped: its compliance there is zero.
     """
-    ends = [End(k, side == 1) for k, joint in enumerate(layout.hinges) for side in (0, 1) if joint.bodies[side] == body]
+    ends = [End(k, side == 1) for k, joint in enumerate(layout.joints) for side in (0, 1) if joint.bodies[side] == body]
     patches = [patch for port in layout.ports for patch, _ in port.parts if patch.body == body]
     elastic = [patch for patch in patches if patch.radius is not None or layout.bodies[body].clamped]
     return (*ends, *dict.fromkeys(elastic))
