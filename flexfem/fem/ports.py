@@ -48,11 +48,13 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
 def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
-    A radius less than half a triangle is increased to that. Raises ComputationFailed when no part of the body is
+    They are zero for a patch on the ground outside the plate. A radius less than half a triangle is increased to that. Raises ComputationFailed when no part of the body is
     within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
     forces, radius, whole = np.zeros((3, *mesh.nodes.shape)), np.inf, quadrature(MASS_QUADRATURE)
+    if patch.body < 0:
+        return forces
     parts = [(triangles, whole)]
     if patch.radius is not None and len(triangles):
         at = mesh.nodes[triangles] - point
@@ -174,7 +176,7 @@ class PlateResponse:
     def _at_hinges(self) -> tuple[Array, Index]:
         """Stresses (c, p, d, d), MPa, at the nodes of the triangles of all hinges, and the first node of each hinge."""
         whole, first = self.model.structure, len(self.model.layout.bodies)
-        hinges = range(first, first + len(self.model.layout.hinges))
+        hinges = range(first, first + len(self.model.layout.joints))
         nodes = [np.unique(whole.mesh.triangles[whole.mesh.bodies == hinge]) for hinge in hinges]
         depth = 1 if whole.layers is None else len(whole.layers.heights)
         used, at = np.unique(np.concatenate([NONE, *nodes]), return_inverse=True)
@@ -243,7 +245,17 @@ def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> Plat
     free = free_displacement(model.mesh.nodes, model.structure.layers)[[2, 0, 1]]
     prescribed = np.zeros_like(free)
     prescribed[:, model.held] = (ground_expansion - expansion) * free[:, model.held]
-    return model.response(np.zeros_like(free), prescribed, expansion * free)
+    response = model.response(np.zeros_like(free), prescribed, expansion * free)
+    parts = [
+        (k, patch.point, wrench)
+        for k, port in enumerate(model.layout.ports)
+        for patch, wrench in port.parts
+        if patch.body < 0
+    ]
+    for port, at, wrench in parts:  # on the ground outside the plate
+        moved = free_displacement(np.array([[at.real, at.imag]]))[[2, 0, 1], 0]
+        response.motions[port] += ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
+    return response
 
 
 class PlateModes(NamedTuple):
