@@ -48,8 +48,8 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
 def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
-    They are zero for a patch on the ground outside the plate. A radius less than half a triangle is increased to that. Raises ComputationFailed when no part of the body is
-    within the radius.
+    They are zero for a patch on the ground outside the plate. A radius less than half a triangle is increased to that.
+    Raises ComputationFailed when no part of the body is within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
     forces, radius, whole = np.zeros((3, *mesh.nodes.shape)), np.inf, quadrature(MASS_QUADRATURE)
