@@ -258,14 +258,14 @@ def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> Plat
     return response
 
 
-class PlateModes(NamedTuple):
+class VibratingPlate(NamedTuple):
     """Modes of a plate, and the displacements (count, k) of its ports in the modes of unit modal mass."""
 
     modes: Modes
     ports: Array
 
 
-def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> PlateModes:
+def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> VibratingPlate:
     """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness acts if `engaged`.
 
     Raises ComputationFailed when they do not converge.
@@ -278,4 +278,4 @@ def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> PlateMo
         model.structure, model.layout.density, None, stacks, springs, space=model.space, attached=at
     )
     found = modes(vibrating, count)
-    return PlateModes(found, found.shapes[0].T @ loads)
+    return VibratingPlate(found, found.shapes[0].T @ loads)
