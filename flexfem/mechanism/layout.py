@@ -54,6 +54,8 @@ class Patch(NamedTuple):
     The load is distributed over the part of the body within `radius` mm of the point, or over the whole body for None,
     in proportion to the area, with the resultant force and moment about the point. The motion is the displacement and
     rotation conjugate to this load, which is a mean over the same part of the body.
+
+    body : index, or -1 for the ground outside the plate, which does not move.
     """
 
     body: int
