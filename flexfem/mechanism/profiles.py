@@ -42,7 +42,8 @@ def _double_exponential(steps: int, end: float) -> tuple[Array, Array]:
     return x, np.pi * np.cosh(u) * x * (1 - x) * end / steps
 
 
-RULE = _double_exponential(60, 3.0)
+RULE = _double_exponential(64, 3.3)
+STRESSED = _double_exponential(200, 3.0)[0]  # where the largest stress is searched
 
 
 class BadDimension(BadInput):
@@ -197,14 +198,14 @@ class Profile:
 
     def _integral(self, power: int, of_height: int) -> float:
         """Integral of `x^power / height^of_height` over the length."""
-        x, weights = self._points
+        x, weights = self.quadrature
         return float(np.sum(weights * x**power / self.height(x) ** of_height))
 
     @cached_property
-    def _points(self) -> tuple[Array, Array]:
-        """Positions (n,) on the axis and weights of the integral over it."""
-        low, high = np.array(self.breaks[:-1])[:, None], np.array(self.breaks[1:])[:, None]
-        return np.ravel(low + (high - low) * RULE[0]), np.ravel((high - low) * RULE[1])
+    def quadrature(self) -> tuple[Array, Array]:
+        """Positions (n,) on the axis and weights (n,) of integrals over it."""
+        low, step = np.array(self.breaks[:-1])[:, None], np.diff(self.breaks)[:, None]
+        return np.ravel(low + step * RULE[0]), np.ravel(step * RULE[1])
 
     def concentration(self, x: Array) -> Concentration:
         """Return the stress concentration at positions x (n,), (n,) or (), of Neuber's notch with the root radius."""
@@ -222,7 +223,8 @@ class Profile:
         `6 (M K_b - V x K_s) / (b h^2)` with `concentration`. On the axis, where bending vanishes, the axial stress
         combines with `tau = 1.5 V / (b h)`; this governs in short hinges only.
         """
-        x = np.concatenate([self._points[0], self.breaks])
+        x = np.array(self.breaks)
+        x = np.concatenate([x, np.ravel(x[:-1, None] + np.diff(x)[:, None] * STRESSED)])
         K, area = self.concentration(x), np.asarray(thickness, dtype=float)[..., None] * self.height(x)
         N, V, M = (wrench[..., k, None] for k in range(3))
         surface = np.abs(N) * K.tension + 6 * np.abs(M * K.bending - V * x * K.shear) / self.height(x)
