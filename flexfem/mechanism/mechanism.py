@@ -20,15 +20,15 @@ from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch,
 from flexfem.mechanism.materials import with_material_of_file
 from flexfem.mechanism.mechanism_file import (
     STATED,
+    BodyHole,
     Copies,
-    Hole,
     MechanismContent,
     PlateBody,
     PlateHinge,
 )
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
 from flexfem.mechanism.plate_file import located, read_plate
-from flexfem.mechanism.profiles import profile_of
+from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import merged_changes
 from flexfem.refused import BadInput
@@ -136,7 +136,7 @@ class Move(NamedTuple):
         return cmath.phase(self.factor * cmath.exp(-1j * angle if self.mirrored else 1j * angle))
 
 
-class Part(NamedTuple):
+class PlacedPart(NamedTuple):
     """A part or a copy of one: its table, the names of its bodies, its place, and the name of the part it copies."""
 
     name: str
@@ -221,13 +221,13 @@ def _layout(mechanism: Mechanism) -> Layout:
     return found_layout
 
 
-def _parts(mechanism: Mechanism) -> list[Part]:
+def _parts(mechanism: Mechanism) -> list[PlacedPart]:
     """Return all parts and their copies."""
-    found = list[Part]()
+    found = list[PlacedPart]()
     for kind in PARTS:
         for index, table in enumerate(getattr(mechanism, kind)):
             bodies = () if kind == "body" else (table.body,) if kind == "point" else table.between
-            found.append(Part(table.name, kind, table, bodies, key_path((kind, index), mechanism), table.name))
+            found.append(PlacedPart(table.name, kind, table, bodies, key_path((kind, index), mechanism), table.name))
     counts = Counter((part.kind, part.original) for part in found)
     for index, copies in enumerate(mechanism.copies):
         names = {part.name for part in found}
@@ -263,7 +263,7 @@ def _moves(copies: Copies) -> Iterator[Move]:
         yield Move(turn, about - turn * about)
 
 
-def _body(part: Part) -> Body:
+def _body(part: PlacedPart) -> Body:
     table: PlateBody = part.table
     outline = _outline(table, part.move, part.key)
     holes = [_outline(hole, part.move, f"{part.key}.holes[{k}]").loop for k, hole in enumerate(table.holes)]
@@ -288,7 +288,7 @@ def _reason(face: Any) -> str:
     return str(shapely.is_valid_reason(face)).lower().replace("[", " at ").replace("]", "")
 
 
-def _outline(table: PlateBody | Hole, move: Move, key: str) -> Outline:
+def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
     if table.centre is not None and table.radius is not None:
         return disc(move(complex(*table.centre)), table.radius)
     path = table.path if isinstance(table, PlateBody) else None
@@ -304,7 +304,7 @@ def _outline(table: PlateBody | Hole, move: Move, key: str) -> Outline:
         raise BadInput(f"{key}.{name}[{k}] = {shown(list(corners[k]))}, expected {expected}") from None
 
 
-def _joint(part: Part, ends: tuple[int, int], bodies: Sequence[Body]) -> Joint:
+def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> Joint:
     table: PlateHinge = part.table
     if ends[0] == ends[1]:
         raise BadInput(f"{part.key}.between = {shown(list(part.bodies))}, expected two bodies")

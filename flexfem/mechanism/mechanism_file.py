@@ -164,7 +164,7 @@ Bends: TypeAlias = Annotated[tuple[Corner, ...], Field(min_length=2, max_length=
 Shape: TypeAlias = Literal["circular", "elliptical", "filleted", "leaf", "parabolic", "v", "profile"]
 
 
-class Hole(Dimensioned):
+class BodyHole(Dimensioned):
     """A hole in a body, inside its outline: a polygon with fillets, or a disc."""
 
     outline: Corners | None = Field(default=None, alias="outline_mm", examples=[[[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]])
@@ -175,7 +175,7 @@ class Hole(Dimensioned):
     """Radius of a disc"""
 
     @model_validator(mode="after")
-    def _has_one_form(self) -> Hole:
+    def _has_one_form(self) -> BodyHole:
         _one_form(self, ("outline",), ("centre", "radius"))
         return self
 
@@ -198,7 +198,7 @@ class PlateBody(Dimensioned):
     """Instead of `outline_mm`, with `radius_mm`: centre of a disc"""
     radius: Size | None = Field(default=None, alias="radius_mm", examples=[15.0])
     """Radius of a disc"""
-    holes: tuple[Hole, ...] = ()
+    holes: tuple[BodyHole, ...] = ()
     """Holes in the body"""
     fixed: bool = False
     """Whether the body is rigid ground"""
@@ -349,7 +349,7 @@ class NamedPoint(OutputPoint):
     """Unique name of the point"""
 
 
-class Payload(Dimensioned):
+class OutputPayload(Dimensioned):
     """A rigid payload at the output."""
 
     mass: Mass = Field(alias="mass_g", examples=[100.0])
@@ -388,7 +388,7 @@ class MechanismContent(PlateFile):
     """A linear actuator between two bodies, or between the ground and a body"""
     output: OutputPoint
     """Point at which the mechanism is loaded and its pose is read"""
-    payload: Payload | None = None
+    payload: OutputPayload | None = None
     """Rigid payload at the output"""
     point: tuple[NamedPoint, ...] = ()
     """Another point whose motion is read"""
