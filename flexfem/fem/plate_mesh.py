@@ -45,7 +45,7 @@ def regions_of(layout: Layout) -> list[Region]:
         Region([list[Curve](loop) for loop in (body.outline, *body.holes)], cuts_of(layout, index))
         for index, body in enumerate(layout.bodies)
     ]
-    return bodies + [Region([joint_loop(joint)], []) for joint in layout.hinges]
+    return bodies + [Region([joint_loop(joint)], []) for joint in layout.joints]
 
 
 def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float = TIME_LIMIT) -> StageMesh:
@@ -69,7 +69,7 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
     fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     necks, lines, divisions = list[Line](), list[Line](), dict[str, int]()
     gradings: dict[tuple[float, float], list[complex]] = {}
-    for index, joint in enumerate(layout.hinges):
+    for index, joint in enumerate(layout.joints):
         necks.append(Line(f"neck {index}", neck_line(joint), len(layout.bodies) + index))
         for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
             lines += [Line(f"end {index} {name}", line, which) for line in end_lines(joint, side)]
@@ -84,7 +84,7 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
         for point, size, radius in _refinements(body, coarse):
             gradings.setdefault((size, radius), []).append(point)
         lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
-    largest += [joint.profile.end_height * COARSEST / fine for joint in layout.hinges]
+    largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
     cones = [Grading(points, *key) for key, points in gradings.items()]
     job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)
     return _checked(layout, run_mesher(job, time_limit), resolution)
@@ -119,7 +119,7 @@ def _checked(layout: Layout, arrays: NamedArrays, resolution: int) -> StageMesh:
     check_triangles(mesh, float(arrays["areas"].sum()), len([*components(layout)]))
     meshed = np.bincount(mesh.bodies, jacobians(mesh)[:, -1] / 2, minlength=len(arrays["areas"]))
     names, count = (
-        [*(body.name for body in layout.bodies), *(joint.name for joint in layout.hinges)],
+        [*(body.name for body in layout.bodies), *(joint.name for joint in layout.joints)],
         len(layout.bodies),
     )
     worst = int(np.argmax(np.abs(meshed / arrays["areas"] - 1)))
@@ -130,7 +130,7 @@ def _checked(layout: Layout, arrays: NamedArrays, resolution: int) -> StageMesh:
     if any(body.clamped and not body.fixed for body in layout.bodies) and "clamped" not in groups:
         raise ComputationFailed("mesh has no clamped edges")
     nodes_of = [np.unique(mesh.triangles[mesh.bodies == part]) for part in range(len(names))]
-    for index, joint in enumerate(layout.hinges):
+    for index, joint in enumerate(layout.joints):
         across = len(groups.get(f"neck {index}", ()))
         if across < resolution:
             raise ComputationFailed(f"mesh has {across} triangles across {joint.name}, expected {resolution}")

@@ -102,16 +102,16 @@ def cut_box(joint: Joint) -> list[Segment]:
 
 def cuts_of(layout: Layout, body: int) -> list[list[Segment]]:
     """Return the boxes that hinges cut from a body."""
-    return [cut_box(joint) for joint in layout.hinges if body in joint.bodies]
+    return [cut_box(joint) for joint in layout.joints if body in joint.bodies]
 
 
 def check_layout(layout: Layout) -> None:
     """Raise BadInput unless hinges alone connect the bodies, and connect each of them to ground."""
     bodies = [_checked_polygon(layout, index) for index in range(len(layout.bodies))]
-    hinges = [_polygon(joint, ALONG) for joint in layout.hinges]
-    for joint in layout.hinges:
+    hinges = [_polygon(joint, ALONG) for joint in layout.joints]
+    for joint in layout.joints:
         _check_ends(layout, joint, bodies)
-    parts = [*layout.bodies, *layout.hinges]
+    parts = [*layout.bodies, *layout.joints]
     found = shapely.STRtree(bodies + hinges).query(bodies + hinges, predicate="dwithin", distance=TOUCHING)
     for i, j in found.T[found[0] < found[1]].tolist():
         one, other = parts[i], parts[j]
@@ -154,7 +154,8 @@ def _checked_polygon(layout: Layout, index: int) -> shapely.Polygon:
     if len(pieces) != 1:
         what = f"in {len(pieces)} pieces" if pieces else "nothing"
         raise BadInput(f"{_key(body)}: is {what} after the cuts for its hinges, expected one piece")
-    return pieces[0]
+    (piece,) = pieces
+    return piece
 
 
 def _check_ends(layout: Layout, joint: Joint, bodies: list[shapely.Polygon]) -> None:
@@ -197,6 +198,6 @@ def components(layout: Layout) -> Iterator[set[int]]:
         found, ahead = set[int](), {min(left)}
         while ahead:
             found |= ahead
-            ahead = {body for joint in layout.hinges if found & {*joint.bodies} for body in joint.bodies} - found
+            ahead = {body for joint in layout.joints if found & {*joint.bodies} for body in joint.bodies} - found
         yield found
         left -= found
