@@ -497,13 +497,14 @@ def _arcs(model: Any, tag: int) -> tuple[list[complex], list[complex]]:
         return np.asarray(x + 1j * y)
 
     shares = np.linspace(0, 1, 9)
-    bend = at(shares, model.getSecondDerivative)  # of a circle, whose parameter is the angle, towards its centre
-    if np.max(np.abs(bend)) < SAME_POINT:
-        return at(shares[[0, -1]]).tolist(), [STRAIGHT]
-    middle = np.mean(at(shares) + bend)
-    if np.max(np.abs(at(shares) + bend - middle)) < SAME_POINT:
-        n = int(np.ceil((high - low) / LONGEST_TURN))
-        return at(np.arange(n + 1) / n).tolist(), [complex(middle)] * n
+    points, slopes = at(shares), at(shares, model.getDerivative)
+    if np.ptp(slopes.real) + np.ptp(slopes.imag) < SAME_POINT:
+        return points[[0, -1]].tolist(), [STRAIGHT]
+    for spokes in (1j * slopes, -1j * slopes):  # of a circle, whose parameter is the angle
+        centre = np.mean(points + spokes)
+        if np.max(np.abs(points + spokes - centre)) < SAME_POINT:
+            n = int(np.ceil((high - low) / LONGEST_TURN))
+            return at(np.arange(n + 1) / n).tolist(), [complex(centre)] * n
     n, error = 4, np.inf
     while error > CURVE_ERROR and n < 1000:
         points = at(np.arange(4 * n + 1) / (4 * n))

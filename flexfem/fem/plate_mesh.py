@@ -53,7 +53,7 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
 
     Parameters
     ----------
-    resolution : least number of triangles across every neck.
+    resolution : number of triangles across a neck, see `Profile.sizes`.
     time_limit : s, for gmsh.
 
     Returns
@@ -74,8 +74,9 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
         for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
             lines += [Line(f"end {index} {name}", line, which) for line in end_lines(joint, side)]
         sizes = joint.profile.sizes(fine)
-        across = math.ceil(joint.profile.neck / min(size for _, size, _ in sizes) - 1e-6)
-        divisions[f"neck {index}"] = max(resolution, across)
+        at_neck = [size for points, size, radius in sizes if min(map(abs, points)) <= radius]
+        if at_neck:
+            divisions[f"neck {index}"] = math.ceil(float(joint.profile.height(np.array(0.0))) / min(at_neck) - 1e-6)
         for points, size, radius in sizes:
             at = (complex(joint.place + z * cmath.exp(1j * joint.heading)) for z in points)
             gradings.setdefault((size, radius), []).extend(at)
@@ -87,14 +88,14 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
     largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
     cones = [Grading(points, *key) for key, points in gradings.items()]
     job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)
-    return _checked(layout, run_mesher(job, time_limit), resolution)
+    return _checked(layout, run_mesher(job, time_limit), divisions)
 
 
 def _width(body: Body) -> float:
     """Width of a bar, or the mean width of another body, mm."""
     loops = (body.outline, *body.holes)
     perimeter = sum(segment.length for loop in loops for segment in loop)
-    return body.width or 4 * sum(area(loop) for loop in loops) / perimeter
+    return body.width or 2 * sum(area(loop) for loop in loops) / perimeter
 
 
 def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, float]]:
@@ -109,7 +110,7 @@ def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, fl
                 yield after.start, coarse / CORNER, 0.0
 
 
-def _checked(layout: Layout, arrays: NamedArrays, resolution: int) -> StageMesh:
+def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:
     """Return the mesh. Raises ComputationFailed unless it is the drawn plate, with all hinges and clamped edges."""
     labels = arrays["edge_labels"]
     groups = {str(label): arrays["edges"][labels == label] for label in np.unique(labels)}
@@ -118,10 +119,7 @@ def _checked(layout: Layout, arrays: NamedArrays, resolution: int) -> StageMesh:
         raise ComputationFailed(f"mesh of {len(mesh.triangles)} triangles, expected at most {MOST_TRIANGLES:.2g}")
     check_triangles(mesh, float(arrays["areas"].sum()), len([*components(layout)]))
     meshed = np.bincount(mesh.bodies, jacobians(mesh)[:, -1] / 2, minlength=len(arrays["areas"]))
-    names, count = (
-        [*(body.name for body in layout.bodies), *(joint.name for joint in layout.joints)],
-        len(layout.bodies),
-    )
+    count, names = len(layout.bodies), [part[0] for part in (*layout.bodies, *layout.joints)]
     worst = int(np.argmax(np.abs(meshed / arrays["areas"] - 1)))
     if abs(meshed[worst] / arrays["areas"][worst] - 1) > PART_AREA:
         raise ComputationFailed(
@@ -131,9 +129,9 @@ def _checked(layout: Layout, arrays: NamedArrays, resolution: int) -> StageMesh:
         raise ComputationFailed("mesh has no clamped edges")
     nodes_of = [np.unique(mesh.triangles[mesh.bodies == part]) for part in range(len(names))]
     for index, joint in enumerate(layout.joints):
-        across = len(groups.get(f"neck {index}", ()))
-        if across < resolution:
-            raise ComputationFailed(f"mesh has {across} triangles across {joint.name}, expected {resolution}")
+        across, expected = len(groups.get(f"neck {index}", ())), divisions.get(f"neck {index}", 1)
+        if across < expected:
+            raise ComputationFailed(f"mesh has {across} triangles across {joint.name}, expected {expected}")
         for name, body in zip(("near", "far"), joint.bodies, strict=True):
             end = groups.get(f"end {index} {name}")
             if end is None or not all(np.isin(end, nodes_of[part]).all() for part in (body, count + index)):

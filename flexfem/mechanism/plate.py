@@ -6,7 +6,9 @@ Points are complex, mm.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
 import shapely
@@ -29,43 +31,44 @@ OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the 
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
 
 
-def placed(curve: Curve, joint: Joint) -> Curve:
-    """Return a curve of the profile of a hinge where the hinge is."""
-    factor = cmath.exp(1j * joint.heading)
+def _mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
+    """Return a curve after a rigid motion or a reflection of its points."""
     if isinstance(curve, Spline):
-        return Spline(tuple(joint.place + z * factor for z in curve.points))
-    start, end = joint.place + curve.start * factor, joint.place + curve.end * factor
-    centre = None if curve.centre is None else joint.place + curve.centre * factor
+        return Spline(tuple(map(move, curve.points)))
+    start, end = move(curve.start), move(curve.end)
     if isinstance(curve, Ellipse):
-        return curve._replace(start=start, end=end, centre=centre, major=curve.major * factor)
-    return Segment(start, end, centre)
-
-
-def _mirrored(curve: Curve) -> Curve:
-    """Return the mirror image of a curve about the axis."""
-    if isinstance(curve, Spline):
-        return Spline(tuple(z.conjugate() for z in curve.points))
-    return type(curve)(*(None if z is None else z.conjugate() for z in curve))
+        centre = move(curve.centre)
+        return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
+    return Segment(start, end, None if curve.centre is None else move(curve.centre))
 
 
 def _backwards(curve: Curve) -> Curve:
-    if isinstance(curve, Spline):
-        return Spline(curve.points[::-1])
-    return curve._replace(start=curve.end, end=curve.start)
+    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
+
+
+def _position(joint: Joint, z: complex) -> complex:
+    """Return the position of a point given in the frame of a hinge."""
+    return joint.place + z * cmath.exp(1j * joint.heading)
+
+
+def _corner(joint: Joint, side: int) -> complex:
+    """Return the upper corner of a profile at its near (-1) or far end (1), in the frame of the hinge."""
+    x = side * joint.profile.length / 2
+    return complex(x, float(joint.profile.height(np.array(x))) / 2)
 
 
 def joint_loop(joint: Joint) -> list[Curve]:
     """Return the closed counter-clockwise loop of a hinge: lower edge, far end, upper edge, near end."""
-    upper = joint.profile.edge()
-    high, half = 0.5j * joint.profile.end_height, joint.profile.length / 2
-    loop = [*map(_mirrored, upper), Segment(half - high, half + high), *map(_backwards, reversed(upper))]
-    return [placed(curve, joint) for curve in (*loop, Segment(-half + high, -half - high))]
+    upper, near, far = joint.profile.edge(), _corner(joint, -1), _corner(joint, 1)
+    loop = [_mapped(curve, lambda z: z.conjugate()) for curve in upper]
+    loop += [Segment(far.conjugate(), far), *map(_backwards, reversed(upper)), Segment(near, near.conjugate())]
+    return [_mapped(curve, partial(_position, joint)) for curve in loop]
 
 
 def neck_line(joint: Joint) -> Segment:
     """Return the section at the centre of a hinge, a little longer than its neck."""
     high = 0.5j * (1 + OVERSHOOT) * float(joint.profile.height(np.array(0.0)))
-    return Segment(*(joint.place + side * cmath.exp(1j * joint.heading) for side in (-high, high)))
+    return Segment(_position(joint, -high), _position(joint, high))
 
 
 def end_lines(joint: Joint, side: int) -> list[Segment]:
@@ -76,19 +79,15 @@ def end_lines(joint: Joint, side: int) -> list[Segment]:
     """
     profile, half = joint.profile, joint.profile.length / 2
     x = half * ENDING
-    y = profile.height(x) / 2
+    y = profile.height(side * x) / 2
     gentle = np.flatnonzero(np.diff(y) <= STEEP * np.diff(x))
     leave = gentle[-1] + 1 if len(gentle) else len(x) - 1
-    corner = complex(half, y[-1])
     if leave < len(x) - 1 and y[leave] > half - x[leave]:
         start, corner = complex(x[leave], y[leave]), complex(half, y[leave] - (half - x[leave]))
-        outside = start + OVERSHOOT * (start - corner)
-        upper = [outside, corner]
+        upper = [start + OVERSHOOT * (start - corner), corner]
     else:
-        upper = [corner]
-    z = [*upper, *(point.conjugate() for point in reversed(upper))]
-    turn = side * cmath.exp(1j * joint.heading)
-    return polyline(*(joint.place + point * turn for point in z))
+        upper = [complex(half, y[-1])]
+    return polyline(*(_position(joint, side * z) for z in (*upper, *(z.conjugate() for z in reversed(upper)))))
 
 
 def cut_box(joint: Joint) -> list[Segment]:
@@ -108,19 +107,19 @@ def cuts_of(layout: Layout, body: int) -> list[list[Segment]]:
 def check_layout(layout: Layout) -> None:
     """Raise BadInput unless hinges alone connect the bodies, and connect each of them to ground."""
     bodies = [_checked_polygon(layout, index) for index in range(len(layout.bodies))]
-    hinges = [_polygon(joint, ALONG) for joint in layout.joints]
+    outlines = bodies + [_polygon(joint, ALONG) for joint in layout.joints]
     for joint in layout.joints:
         _check_ends(layout, joint, bodies)
     parts = [*layout.bodies, *layout.joints]
-    found = shapely.STRtree(bodies + hinges).query(bodies + hinges, predicate="dwithin", distance=TOUCHING)
+    found = shapely.STRtree(outlines).query(np.array(outlines), predicate="dwithin", distance=TOUCHING)
     for i, j in found.T[found[0] < found[1]].tolist():
         one, other = parts[i], parts[j]
         if isinstance(other, Joint) and i in other.bodies:
             side = _polygon(other, ALONG[INSIDE])
-            if shapely.distance(bodies[i], side) > TOUCHING and _common(bodies[i], hinges[j - len(bodies)]) < SLIVER:
+            if shapely.distance(bodies[i], side) > TOUCHING and _common(outlines[i], outlines[j]) < SLIVER:
                 continue
             raise BadInput(f"{_key(other)}: touches {one.name} along its side, expected a higher cut")
-        shared = _common(*((bodies + hinges)[k] for k in (i, j)))
+        shared = _common(outlines[i], outlines[j])
         how = f"overlaps {other.name} by {shared:.3g} mm^2" if shared > SLIVER else f"touches {other.name}"
         raise BadInput(f"{_key(one)}: {how}, expected parts that only hinges connect")
     _check_grounded(layout)
@@ -134,14 +133,14 @@ def _common(one: shapely.Geometry, other: shapely.Geometry) -> float:
     return float(shapely.area(shapely.intersection(one, other)))
 
 
-def _polygon(joint: Joint, shares: Array) -> shapely.Polygon:
+def _polygon(joint: Joint, shares: Array) -> Any:
     x = shares * joint.profile.length
     upper = x + 0.5j * joint.profile.height(x)
     z = joint.place + np.concatenate([upper, np.conj(upper[::-1])]) * cmath.exp(1j * joint.heading)
     return shapely.Polygon(np.column_stack([z.real, z.imag]))
 
 
-def _checked_polygon(layout: Layout, index: int) -> shapely.Polygon:
+def _checked_polygon(layout: Layout, index: int) -> Any:
     """Return the polygon of a body less the boxes of its hinges. Raises BadInput unless it is one piece."""
     body = layout.bodies[index]
     drawn = shapely.Polygon(polygon_points(body.outline, STEP), [polygon_points(hole, STEP) for hole in body.holes])
@@ -154,28 +153,27 @@ def _checked_polygon(layout: Layout, index: int) -> shapely.Polygon:
     if len(pieces) != 1:
         what = f"in {len(pieces)} pieces" if pieces else "nothing"
         raise BadInput(f"{_key(body)}: is {what} after the cuts for its hinges, expected one piece")
-    (piece,) = pieces
-    return piece
+    return pieces[0]
 
 
-def _check_ends(layout: Layout, joint: Joint, bodies: list[shapely.Polygon]) -> None:
+def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
     """Raise BadInput unless both ends of a hinge lie on its bodies, over their whole height."""
 
-    def away(share: float, body: int) -> Array:
-        x = complex(2 * share - 1) * joint.profile.length / 2
-        z = joint.place + (x + 0.5j * HEIGHTS * joint.profile.end_height) * cmath.exp(1j * joint.heading)
+    def away(side: int, body: int) -> Array:
+        corner = _corner(joint, side)
+        z = np.array([_position(joint, complex(corner.real, share * corner.imag)) for share in HEIGHTS])
         return np.asarray(shapely.distance(bodies[body], shapely.points(z.real, z.imag)))
 
-    ends = list(zip((0.0, 1.0), joint.bodies, strict=True))
-    if all(np.all(away(1 - share, body) < REACHED) for share, body in ends):
+    ends = list(zip((-1, 1), joint.bodies, strict=True))
+    if all(np.all(away(-side, body) < REACHED) for side, body in ends):
         first, second = (layout.bodies[body].name for body in joint.bodies)
         raise BadInput(f"{_key(joint)}: its axis points from {second} to {first}, expected the opposite direction")
-    for share, body in ends:
-        gaps, name = away(share, body), layout.bodies[body].name
+    for side, body in ends:
+        gaps, name = away(side, body), layout.bodies[body].name
         if np.min(gaps) > REACHED:
             raise BadInput(f"{_key(joint)}: ends {np.min(gaps):.3g} mm before {name}, expected to reach it")
         if np.max(gaps) > REACHED:
-            high = joint.profile.end_height
+            high = 2 * _corner(joint, side).imag
             raise BadInput(f"{_key(joint)}: is {high:.6g} mm high at {name}, expected no higher than this body there")
 
 
