@@ -37,8 +37,8 @@ from flexfem.fem.elements import (
 from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.mechanism.designs import lower
+from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput, ComputationFailed
 
 MOST_UNKNOWNS = 600_000  # in one factorisation in three dimensions: about 6 GB
@@ -263,12 +263,14 @@ class Mass(NamedTuple):
 
     areal : (n, n), tonne/mm^2, `rho int phi_i phi_j dA`.   line : (m, m), mm, `int psi_k psi_l dz`.
     carried : (3, 3), mass matrix of the bodies that the hub carries, for its pose.
+    attached : (r,), masses or moments of inertia, and the loads (size, r) conjugate to their motion.
     """
 
     structure: Structure
     areal: sp.csr_array
     line: Array
     carried: Array
+    attached: tuple[Array, Array] | None = None
 
     def forces(self, fields: Array) -> Array:
         """Inertial forces (k, n, *shape), N, of accelerations, mm/s^2, without the mass carried by the hub."""
@@ -283,6 +285,9 @@ class Mass(NamedTuple):
         loads = self.structure.loads(self.forces(self.structure.fields(motion)))
         if self.structure.poses:
             loads[-3:] += self.carried @ motion[-3:]
+        if self.attached is not None:
+            inertia, at = self.attached
+            loads += at @ (inertia[:, None] * (at.T @ motion))
         return loads
 
 

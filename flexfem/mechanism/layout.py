@@ -6,7 +6,7 @@ nothing else of a mechanism. Both compute the response to unit loads on its port
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class Patch(NamedTuple):
     The load is distributed over the part of the body within `radius` mm of the point, or over the whole body for None,
     in proportion to the area, with the resultant force and moment about the point. The motion is the displacement and
     rotation conjugate to this load, which is a mean over the same part of the body.
+
+    body : index, or -1 for the ground outside the plate, which does not move.
     """
 
     body: int
@@ -103,10 +105,11 @@ class Layout(NamedTuple):
 
     thickness : mm.   elastic : Young's modulus, MPa, and Poisson's ratio of the plane problem.   density : tonne/mm^3.
     points : named contacts to read, the output first.
+    out_of_plane : ratio of the stress out of the plane to the sum of those in it: Poisson's ratio in plane strain.
     """
 
     bodies: tuple[Body, ...]
-    hinges: tuple[Joint, ...]
+    joints: tuple[Joint, ...]
     thickness: float
     youngs_modulus: float
     poissons_ratio: float
@@ -115,6 +118,7 @@ class Layout(NamedTuple):
     points: tuple[tuple[str, Patch], ...]
     actuators: tuple[LinearActuator, ...] = ()
     payloads: tuple[PayloadMass, ...] = ()
+    out_of_plane: float = 0.0
 
     @property
     def ports(self) -> tuple[Port, ...]:
@@ -132,6 +136,55 @@ class Layout(NamedTuple):
         return tuple(found)
 
     @property
+    def drive_ports(self) -> list[int]:
+        """Indices of the ports of the actuators."""
+        return [3 * len(self.points) + k for k in range(len(self.actuators))]
+
+    @property
+    def lever(self) -> float:
+        """Distance, mm, from the output to the farthest hinge of its body; a rotation times it is a displacement."""
+        output = self.points[0][1]
+        arms = [abs(joint.place - output.point) for joint in self.joints if output.body in joint.bodies]
+        return max(arms, default=0.0) or 1.0
+
+    @property
     def stiffness_of_actuators(self) -> Array:
         """Stiffness (a,), N/mm, of the actuators."""
         return np.array([actuator.stiffness for actuator in self.actuators])
+
+
+class End(NamedTuple):
+    """The section where a hinge ends on a body, at -length / 2 of its axis on the first body, length / 2 on the second.
+
+    The section moves as a rigid body.   hinge : index in `Layout.joints`.   far : whether on the second body.
+    """
+
+    hinge: int
+    far: bool
+
+
+Interface: TypeAlias = End | Patch
+
+
+class ElasticBody(NamedTuple):
+    """Compliance (3 c, 3 c) of a body at its c interfaces, interface by interface.
+
+    Displacement x, y and rotation of every interface as a twist at the global origin, mm and rad, per wrench on the
+    body at the global origin, N and N mm. The motion is relative to the ground for a body with clamped edges, else to
+    the mean rigid motion of the body, that of `Patch(body, ..., None)`, with the load balanced by the conjugate load.
+    """
+
+    body: int
+    interfaces: tuple[Interface, ...]
+    compliance: Array
+
+
+def interfaces(layout: Layout, body: int) -> tuple[Interface, ...]:
+    """Interfaces of a body: the ends of its hinges, then the patches where the ports load it, in their order.
+
+    Without patches on the whole of a body that is not clamped: its compliance there is zero.
+    """
+    ends = [End(k, side == 1) for k, joint in enumerate(layout.joints) for side in (0, 1) if joint.bodies[side] == body]
+    patches = [patch for port in layout.ports for patch, _ in port.parts if patch.body == body]
+    elastic = [patch for patch in patches if patch.radius is not None or layout.bodies[body].clamped]
+    return (*ends, *dict.fromkeys(elastic))
