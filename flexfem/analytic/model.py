@@ -15,11 +15,12 @@ from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
-from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
+from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.profiles import Concentration
 from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.units import PLANES

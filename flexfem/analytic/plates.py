@@ -15,7 +15,6 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
-from flexfem.mechanism.profiles import GAUSS, Profile
+from flexfem.mechanism.profiles import Profile
 from flexfem.refused import ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge
@@ -272,15 +271,11 @@ def _box(joint: Joint) -> shapely.Polygon:
 
 def _half_moments(joint: Joint, end: int) -> AnyArray:
     """Integrals (5,) over the half of a hinge at its first (0) or second body (1)."""
-    half, total = joint.profile.length / 2, np.zeros(5, dtype=complex)
-    for low, high in pairwise(sorted({-half, 0.0, half, *joint.profile.breaks})):
-        if (low >= 0) == (end == 1):
-            x = low + (high - low) * (GAUSS[0] + 1) / 2
-            height = joint.profile.height(x)
-            z = joint.place + cmath.exp(1j * joint.heading) * (x + 0.5j * np.outer(ACROSS[0], height))
-            weights = np.outer(ACROSS[1] / 2, height * GAUSS[1] * (high - low) / 2)
-            total += _integrals(z.ravel(), weights.ravel())
-    return total
+    x, weights = joint.profile.quadrature
+    half = (x >= 0) == (end == 1)
+    height = joint.profile.height(x[half])
+    z = joint.place + cmath.exp(1j * joint.heading) * (x[half] + 0.5j * np.outer(ACROSS[0], height))
+    return _integrals(z.ravel(), np.outer(ACROSS[1] / 2, height * weights[half]).ravel())
 
 
 def inertia(layout: Layout) -> tuple[tuple[Port, ...], Array]:
