@@ -37,6 +37,8 @@ from flexfem.units import DENSITY
 GROUND = "ground"  # carries actuators, also where no body has this name
 CUT = 1.02  # default height of a cut relative to the bodies or the profile
 CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
+FINE = np.pi / 512  # angle between the vertices of arcs where fits are checked
+ROUND_OFF = 1e-5  # mm, or relative to the coordinates: distance at which bodies meet
 PARTS = ("body", "hinge", "actuator", "point")
 Named = TypeVar("Named")
 
@@ -218,6 +220,7 @@ def _layout(mechanism: Mechanism) -> Layout:
         out_of_plane=nu if strain else 0.0,
     )
     _check_held(found_layout)
+    _check_fit(found_layout)
     return found_layout
 
 
@@ -346,3 +349,51 @@ def _check_held(layout: Layout) -> None:
             raise BadInput(f"{body.key}, expected hinges that connect {shown(body.name)} to the ground")
     if layout.bodies[layout.points[0][1].body].fixed:
         raise BadInput("output.body, expected a body that can move, not a fixed one")
+
+
+def _check_fit(layout: Layout) -> None:
+    """Refuse hinges that do not end on their bodies, bodies cut in two, and bodies that meet beside their hinges."""
+    faces = [
+        shapely.Polygon(polygon_points(body.outline, FINE), [polygon_points(hole, FINE) for hole in body.holes])
+        for body in layout.bodies
+    ]
+    left: list[Any] = list(faces)
+    near = [ROUND_OFF * max(1.0, *map(abs, face.bounds)) for face in faces]
+    for joint in layout.joints:
+        box = _across(joint, joint.cut, (-1, -1), (1, -1), (1, 1), (-1, 1))
+        for end in joint.bodies:
+            left[end] = left[end].difference(shapely.Polygon(box))
+    for body, face in zip(layout.bodies, left, strict=True):
+        pieces = [piece for piece in getattr(face, "geoms", [face]) if piece.area > ROUND_OFF]
+        if len(pieces) != 1:
+            at = "".join(f", one at {_shown_place(piece.representative_point())}" for piece in pieces[1:2])
+            raise BadInput(
+                f"{body.key}, expected one piece of {shown(body.name)} beside its hinges, not {len(pieces)}{at}"
+            )
+    for joint in layout.joints:
+        for side, end in zip((-1, 1), joint.bodies, strict=True):
+            section = shapely.LineString(_across(joint, joint.profile.end_height, (side, -1), (side, 1)))
+            if not left[end].buffer(near[end]).covers(section):
+                where = f"{_shown_place(section.centroid)}, over the height {joint.profile.end_height:g}"
+                raise BadInput(
+                    f"{joint.key}, expected that {shown(layout.bodies[end].name)} reaches its end at {where}"
+                )
+    tree = shapely.STRtree(left)
+    for first, second in tree.query(left, predicate="dwithin", distance=ROUND_OFF).T.tolist():
+        one, other = layout.bodies[first], layout.bodies[second]
+        if first < second and not (one.fixed and other.fixed):
+            at = _shown_place(shapely.shortest_line(left[first], left[second]).centroid)
+            raise BadInput(
+                f"{other.key}, expected a gap to {shown(one.name)} beside their hinges, which meets it at {at}"
+            )
+
+
+def _across(joint: Joint, height: float, *corners: tuple[int, int]) -> list[tuple[float, float]]:
+    """Return corners of the box of a hinge, length by height, mm, in units of half its sides."""
+    half, turn = complex(joint.profile.length, height) / 2, cmath.exp(1j * joint.heading)
+    points = [joint.place + turn * complex(x * half.real, y * half.imag) for x, y in corners]
+    return [(point.real, point.imag) for point in points]
+
+
+def _shown_place(point: Any) -> str:
+    return f"[{point.x:.4g}, {point.y:.4g}]"
