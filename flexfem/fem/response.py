@@ -23,7 +23,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, integration, nodal_stress
-from flexfem.fem.factor import Solve, factorise
+from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import Sector, StageMesh, nodes_on, welded
 from flexfem.fem.structure import NONE, Mass, Structure, structure
 from flexfem.fem.symmetry import chain_values, factorise_stage, whole_fields
@@ -213,7 +213,7 @@ def unit_response(
 def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> StaticSolution:
     """Solve as `unit_response` on a whole mesh; the compliance is the pose block of `(T' K T)^-1`, hence symmetric."""
     whole = structure(mesh, plate, degree=degree)
-    return refined_solution(whole, factorise(whole.lower()), _unit_loads(whole))
+    return refined_solution(whole, whole.factorised(), _unit_loads(whole))
 
 
 def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
@@ -221,7 +221,7 @@ def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
     structure = mass.structure
     loads = structure.loads(mass.forces(np.tensordot(acceleration, structure.rigid_fields(), axes=1)[None]))
     loads[-3:, 0] += mass.carried @ acceleration
-    return refined_solution(structure, factorise(structure.lower()), loads)
+    return refined_solution(structure, structure.factorised(), loads)
 
 
 def _unit_loads(structure: Structure) -> Array:
@@ -243,7 +243,7 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> D
     """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped."""
     whole = structure(mesh, plate)
     loads = stack_loads(whole, stacks)
-    solution = refined_solution(whole, factorise(whole.lower()), loads)
+    solution = refined_solution(whole, whole.factorised(), loads)
     compliance = loads.T @ solution.motion
     return DrivenResponse((compliance + compliance.T) / 2, solution.fields)
 
@@ -349,7 +349,7 @@ def thermal_response(sectors: tuple[Sector, ...], plate: Plate, layers: Layers |
 def thermal_solution(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> StaticSolution:
     """Solve as `thermal_response` on any mesh with clamped faces and a hub."""
     whole = structure(mesh, plate, layers)
-    return refined_solution(whole, factorise(whole.lower()), np.zeros((whole.size, 3)), _prescribed(whole))
+    return refined_solution(whole, whole.factorised(), np.zeros((whole.size, 3)), _prescribed(whole))
 
 
 def _prescribed(structure: Structure) -> Array:

@@ -34,7 +34,7 @@ from flexfem.fem.elements import (
     sheet,
     stress_tensor,
 )
-from flexfem.fem.factor import factorise
+from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.plate_file import located
@@ -115,7 +115,12 @@ class Structure:
 
     @property
     def size(self) -> int:
-        return len(self.free) * len(self.line.free_components) + self.poses
+        return len(self.free) * self.block + self.poses
+
+    @property
+    def block(self) -> int:
+        """Number of unknowns of a free node of the plane."""
+        return len(self.line.free_components)
 
     @property
     def vector_first(self) -> Index:
@@ -199,6 +204,10 @@ class Structure:
         pieces = (piece for batch in self.batches for piece in batch.pieces())
         blocks = (piece.stiffness(self.plate, self.line.axes) for piece in pieces)
         return self.tie_hub(assembled(self.pairs, blocks, self.line), self.rigid_unknowns(self.hub))
+
+    def factorised(self) -> Solve:
+        """Inverse of the stiffness. Raises ComputationFailed as `lower`, or when a part is not held."""
+        return factorise(self.lower(), self.block)
 
     def solve(self, lower: sp.csr_array, force: Array, held: AnyArray) -> Array:
         """Displacements (n, *shape), zero where `held`, of a structure without clamps under forces (n, *shape), N.
