@@ -152,7 +152,7 @@ def draw_outline(axes: Axes, stage: Stage) -> Array:
     clamped = [[_xy(pad[0].start), _xy(pad[0].end)] for pad in part.pads]
     axes.add_patch(Polygon(list(rim), facecolor=PALE, edgecolor=INK, linewidth=0.7, zorder=1))
     axes.add_collection(LineCollection(clamped, colors=INK, linewidths=2.4, zorder=3), autolim=False)
-    axes.add_patch(Circle((0, 0), part.hub.radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
+    axes.add_patch(Circle((0, 0), stage.platform.hub_radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
     return rim
 
 
