@@ -20,8 +20,9 @@ from flexfem.mechanism.bodies import necks
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of
 from flexfem.mechanism.outlines import Segment
+from flexfem.mechanism.plate_file import of_stage
 from flexfem.mechanism.stage import CHAINS, Stage
-from flexfem.mechanism.stage_file import assumptions_said, of_stage
+from flexfem.mechanism.stage_file import assumptions_said
 from flexfem.refused import BadInput, ComputationFailed
 
 FORMATS = (".dxf", ".svg", ".step")

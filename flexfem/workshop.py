@@ -142,7 +142,7 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
     from flexfem.fem.export import check_format, write_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
     from flexfem.fem.structure import plate_of
-    from flexfem.mechanism.stage_file import of_stage
+    from flexfem.mechanism.plate_file import of_stage
     from flexfem.questions import warnings as warning
 
     target = checked_path(output)

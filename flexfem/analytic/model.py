@@ -19,7 +19,8 @@ from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_r
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import Broken, check_closed_form
-from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of, located
+from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.units import PLANES
 

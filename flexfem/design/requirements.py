@@ -14,6 +14,7 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arguments import FINEST
 from flexfem.arrays import Array
 from flexfem.files import quantities
+from flexfem.files.expressions import names_in
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
@@ -262,7 +263,7 @@ class Requirements(Sourced):
 
     def names_of(self, *expressions: str) -> frozenset[str]:
         """Return the names in expressions and in the derived outputs that these use."""
-        return plan.expanded_names((name for text in expressions for name in plan.names_in(text)), self.output)
+        return plan.expanded_names((name for text in expressions for name in names_in(text)), self.output)
 
     @property
     def numbers(self) -> tuple[str, ...]:

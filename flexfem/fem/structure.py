@@ -37,8 +37,8 @@ from flexfem.fem.elements import (
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.mechanism.designs import lower
+from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import located
 from flexfem.refused import BadInput, ComputationFailed
 
 MOST_UNKNOWNS = 600_000  # in one factorisation in three dimensions: about 6 GB

@@ -26,7 +26,8 @@ from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrenc
 from flexfem.mechanism.designs import CHAIN_TURN, Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator, located
+from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator
 from flexfem.refused import BadInput
 
 ON_OUTLINE = 0.01  # distance of a contact from the outline of its body, per link width: coordinates are rounded

@@ -14,7 +14,8 @@ from flexfem.mechanism.bodies import draw_sector, turn
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of, located
+from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of
 from flexfem.refused import BadInput
 
 PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, each (chain, position)

@@ -54,6 +54,8 @@ class Patch(NamedTuple):
     The load is distributed over the part of the body within `radius` mm of the point, or over the whole body for None,
     in proportion to the area, with the resultant force and moment about the point. The motion is the displacement and
     rotation conjugate to this load, which is a mean over the same part of the body.
+
+    body : index, or -1 for the ground outside the plate, which does not move.
     """
 
     body: int
@@ -154,7 +156,7 @@ class Layout(NamedTuple):
 class End(NamedTuple):
     """The section where a hinge ends on a body, at -length / 2 of its axis on the first body, length / 2 on the second.
 
-    The section moves as a rigid body.   hinge : index in `Layout.hinges`.   far : whether on the second body.
+    The section moves as a rigid body.   hinge : index in `Layout.joints`.   far : whether on the second body.
     """
 
     hinge: int
@@ -182,7 +184,7 @@ def interfaces(layout: Layout, body: int) -> tuple[Interface, ...]:
 
     Without patches on the whole of a body that is not clamped: its compliance there is zero.
     """
-    ends = [End(k, side == 1) for k, joint in enumerate(layout.hinges) for side in (0, 1) if joint.bodies[side] == body]
+    ends = [End(k, side == 1) for k, joint in enumerate(layout.joints) for side in (0, 1) if joint.bodies[side] == body]
     patches = [patch for port in layout.ports for patch, _ in port.parts if patch.body == body]
     elastic = [patch for patch in patches if patch.radius is not None or layout.bodies[body].clamped]
     return (*ends, *dict.fromkeys(elastic))

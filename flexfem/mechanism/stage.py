@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
-from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
-from flexfem.files.provenance import Assumptions, key_paths, values_by_key
-from flexfem.files.refusals import Problem, checked_path, key_path, needed
-from flexfem.files.toml import PathLike, validate
-from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
+from flexfem.files.provenance import Assumptions
+from flexfem.files.refusals import Problem, key_path, needed
+from flexfem.files.toml import PathLike
+from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
-from flexfem.mechanism.dimensioned import KEPT
 from flexfem.mechanism.drives import check_drive
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.materials import materials, sources_of, with_material_of_file
+from flexfem.mechanism.materials import materials, with_material_of_file
+from flexfem.mechanism.plate_file import read_plate
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
 from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.stage_file import Hinge as Hinge
 from flexfem.mechanism.stage_file import (
-    Origin,
     StageContent,
     actuators_of,
     hinges_of,
@@ -31,7 +28,6 @@ from flexfem.mechanism.stage_file import (
     of_drive,
     of_heat,
 )
-from flexfem.refused import BadInput
 from flexfem.sources import read_data
 
 
@@ -70,66 +66,11 @@ class Stage(StageContent):
         flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide as the \
 link, expected < chain.link_width_mm = 9
         """
-        origin = self.origin._replace(changed=self.origin.path is not None)
-        try:
-            changed = self._with_content(merged_changes(self.model_dump(exclude_unset=True), changes))
-            if "provenance" not in changes:
-                changed = changed.model_copy(update={"provenance": self._sources_of(changed)})
-        except BadInput as refusal:
-            raise BadInput(refusal.reason.removeprefix("Stage: "), str(origin)) from None
-        changed.__dict__["origin"] = origin
+        changed = self._replaced(merged_changes(self.model_dump(exclude_unset=True), changes), changes)
         check_feasible(changed)
         if "actuator" in changes or changed.override != self.override:
             check_drive(changed)
         return changed
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Stage:
-        """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
-        return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
-
-    def _with_content(self, content: dict[str, Any]) -> Stage:
-        """Return a stage of this content, without the provenance of keys of this stage that no longer exist."""
-        sources = content.pop("provenance", {})
-        stage = Stage(**content)
-        removed = {key for key in sources if key in self.provenance} - set(key_paths(stage))
-        kept = {key: source for key, source in sources.items() if key not in removed}
-        return Stage(**content, provenance=kept) if kept else stage
-
-    def _sources_of(self, changed: Stage) -> dict[str, str]:
-        """Return the provenance of a changed stage, in which changed values lose the sources of this stage."""
-        before, stated = values_by_key(self), changed.sources
-        different = [key for key, value in values_by_key(changed).items() if before.get(key) != value]
-        sources = dict(changed.provenance) | {key: "replaced in Python" for key in different if stated[key] is not None}
-        registered = sources_of(changed.material.name)
-        if not registered or changed.material == self.material:
-            return sources
-        return registered | {key: text for key, text in sources.items() if not key.startswith("material")}
-
-    def to_toml(self) -> str:
-        """Return the text of a stage file that reads back as an equal stage with the same hash, bit for bit."""
-        content = self.model_dump(by_alias=True, exclude_unset=True, exclude_none=True)
-        sources = content.pop("provenance", {})
-        return toml_text(content | ({"provenance": sources} if sources else {}))
-
-    def save(self, path: PathLike) -> None:
-        """Write `to_toml` to a file. Raises BadInput when its folder does not exist or is not writable."""
-        target = checked_path(path)
-        check_file(target)
-        write_atomically(target, lambda file: file.write(self.to_toml().encode()))
-
-    def __getstate__(self) -> dict[Any, Any]:
-        """Return fields and origin for a pickle, without cached results."""
-        state = super().__getstate__()
-        content = {key: value for key, value in state["__dict__"].items() if key != KEPT}
-        return state | {"__dict__": content}
-
-    def __eq__(self, other: object) -> bool:
-        """Compare the content of the stage file; origin and cached results are ignored."""
-        return isinstance(other, Stage) and all(getattr(self, n) == getattr(other, n) for n in Stage.model_fields)
-
-    def __hash__(self) -> int:
-        """Hash consistently with equality, so that a stage can be a key."""
-        return hash(self.hash)
 
     def array(self, attr: str) -> AnyArray:
         """Return radius, neck (mm) or prismatic (bool) of all hinges, (3 chains, 3 hinges), read-only."""
@@ -216,13 +157,7 @@ link, expected < chain.link_width_mm = 9
 
 def load_stage(path: PathLike) -> Stage:
     """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
-    return _read(path, partial(with_material_of_file, path))
-
-
-def _read(path: PathLike, complete: Callable[[dict[str, Any]], dict[str, Any]]) -> Stage:
-    stage = validate(Stage, path, complete)
-    stage.__dict__["origin"] = Origin(os.fspath(path))
-    return stage
+    return read_plate(Stage, path, partial(with_material_of_file, path))
 
 
 def load_feasible(path: PathLike) -> Stage:
@@ -282,7 +217,7 @@ def load_partly(path: PathLike) -> PartialStage:
                 missing.append(key)
         return data
 
-    partial_stage = PartialStage(_read(path, complete), missing)
+    partial_stage = PartialStage(read_plate(Stage, path, complete), missing)
     if partial_stage.whole:
         check_feasible(partial_stage.stage)
     return partial_stage

@@ -6,21 +6,19 @@ File keys end in their unit; attributes carry none and are in inside units (degr
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
-from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
 
-from flexfem.files.provenance import Sourced
-from flexfem.files.refusals import KeyPath, key_path, path_of, place_of, problem_of, refusal, shown, suggestion
-from flexfem.files.toml import Label, read_toml
+from flexfem.files.refusals import KeyPath, key_path, problem_of, refusal, shown, suggestion
+from flexfem.files.toml import Label
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.actuators import HingeName as HingeName
 from flexfem.mechanism.dimensioned import Angle, Dimensioned, FrameExpansion, Length, once, plain
-from flexfem.mechanism.materials import Material, sources_of, with_changes
+from flexfem.mechanism.materials import Material, with_changes
+from flexfem.mechanism.plate_file import PlateFile
 from flexfem.refused import BadInput
 
 Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
@@ -233,17 +231,7 @@ else:
     )
 
 
-class Origin(NamedTuple):
-    """The file of a stage, None without one, and whether the stage was changed since it was read."""
-
-    path: str | None = None
-    changed: bool = False
-
-    def __str__(self) -> str:
-        return "" if self.path is None else self.path + ", changed" * self.changed
-
-
-class StageContent(Dimensioned, Sourced):
+class StageContent(PlateFile):
     """The content of a stage file, from which `Stage` derives further properties."""
 
     kind: ClassVar[str] = "stage file"
@@ -273,15 +261,6 @@ class StageContent(Dimensioned, Sourced):
     """A piezo stack, or a pair of stacks, at the same position on every chain; any number of them. Only results of the
     driven stage depend on them, not those of the passive stage"""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _add_registered_sources(cls, data: Any) -> Any:
-        material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
-        sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
-        if not sources or not isinstance(stated, dict | None):
-            return data
-        return data | {"provenance": sources | (stated or {})}
-
     @model_validator(mode="after")
     def _check_names_and_overrides(self) -> Self:
         names = [actuator.name for actuator in self.actuator]
@@ -290,11 +269,6 @@ class StageContent(Dimensioned, Sourced):
                 raise refusal("a name that no other actuator has", "actuator", index, "name")
         _check_overrides(self)
         return self
-
-    @cached_property
-    def origin(self) -> Origin:
-        """Origin of the stage; not part of its hash, and ignored when stages are compared."""
-        return Origin()
 
     def hinge(self, chain: int, name: str) -> Hinge:
         """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
@@ -366,31 +340,3 @@ def _key(stage: StageContent, place: Place, table: KeyPath, key: str) -> str:
         if override.place == place and key in override.model_dump(by_alias=True, exclude_none=True):
             table = ("override", index)
     return key_path((*table, key), stage)
-
-
-def of_stage(stage: StageContent) -> dict[str, Any]:
-    """Description of the stage in every result: file, name, and assumed and unstated numbers."""
-    assumptions = {"assumed": list(stage.assumed), "not_stated": list(stage.not_stated)}
-    return {"file": str(stage.origin), "name": stage.name, **assumptions}
-
-
-@contextmanager
-def located(stage: StageContent) -> Iterator[None]:
-    """Prefix BadInput messages that begin with a key path with the file and line of the stage."""
-    try:
-        yield
-    except BadInput as refusal:
-        if refusal.located or stage.origin.path is None:
-            raise
-        raise BadInput(str(refusal), _file_and_line(stage.origin, str(refusal))) from None
-
-
-def _file_and_line(origin: Origin, refusal: str) -> str:
-    if origin.path is None or origin.changed:
-        return str(origin)
-    try:
-        file = read_toml(origin.path)
-        key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
-        return place_of(origin.path, file.line(path_of(key[0] if key else "", file.data)))
-    except BadInput:  # the file no longer exists or has changed
-        return place_of(origin.path)

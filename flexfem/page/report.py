@@ -23,8 +23,9 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
+from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
-from flexfem.mechanism.stage_file import assumptions_said, counted, located
+from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.models import solve
 from flexfem.page.section import PageSection, facts, html_of, notes, shown_figure, table, tables_of
 from flexfem.page.study import Part, study_parts

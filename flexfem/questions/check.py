@@ -14,8 +14,9 @@ from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.plate_file import of_stage
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat, of_stage
+from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat
 from flexfem.questions import warnings as warning
 from flexfem.units import RATE
 

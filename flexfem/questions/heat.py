@@ -26,8 +26,8 @@ from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import located
 from flexfem.questions import setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands

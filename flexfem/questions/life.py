@@ -25,8 +25,8 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import located
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, answer, mesh_of, on_meshes, question, solved

@@ -29,6 +29,7 @@ from flexfem.analytic.responses import (
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.mesher import Limit, MeshTimeout
+from flexfem.files.expressions import names_in
 from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
@@ -46,7 +47,7 @@ from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, failed_row, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
-from flexfem.study.plan import Study, expanded_names, names_in
+from flexfem.study.plan import Study, expanded_names
 from flexfem.units import DENSITY
 
 

@@ -17,6 +17,7 @@ from scipy.special import ndtr, ndtri
 
 from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.expressions import names_in, value_of
 from flexfem.files.provenance import Assumptions, is_assumed
 from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
 from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
@@ -29,7 +30,7 @@ from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
-from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, names_in, normal_correlation, value_of
+from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, normal_correlation
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import math
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import lru_cache, reduce
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import Annotated, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
@@ -16,6 +13,7 @@ from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
+from flexfem.files.expressions import names_in
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
@@ -25,89 +23,6 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
 from flexfem.study.factors import WAYS, Column, Factor, columns_of, require_keys
-
-LONGEST = 400  # characters, which also limits the depth of nesting
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "abs": np.abs,
-    "sqrt": np.sqrt,
-    "exp": np.exp,
-    "log": np.log,
-    "log10": np.log10,
-    "min": lambda *values: reduce(np.minimum, values),
-    "max": lambda *values: reduce(np.maximum, values),
-}
-_OPERATIONS: dict[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: np.add,
-    ast.Sub: np.subtract,
-    ast.Mult: np.multiply,
-    ast.Div: np.divide,
-    ast.Pow: np.power,
-    ast.USub: np.negative,
-    ast.UAdd: np.positive,
-}
-_WORD = re.compile(
-    rf"(?P<function>({'|'.join(_FUNCTIONS)})(?=\s*\())|`(?P<quoted>[^`]+)`"
-    r"|(?<![\w.])(?P<name>[A-Za-z_]\w*(?:\.\w+|\[\d+\])*)|(?P<other>[^-+*/(),.\w\s])"
-)
-_ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(_FUNCTIONS)}"
-
-
-def names_in(text: str) -> tuple[str, ...]:
-    """Return the names in an expression, each once. Raises ValueError, which says what was expected, for other text."""
-    return _parsed(text)[1]
-
-
-def value_of(text: str, values: Mapping[str, Array]) -> Array:
-    """Return the value of an expression, in the shape of the named values; not finite where it is not defined."""
-    tree, names = _parsed(text)
-    with np.errstate(all="ignore"):
-        known = {f"_{k}": np.asarray(values[name], np.float64) for k, name in enumerate(names)}
-        return np.asarray(_value(tree, known), dtype=np.float64)
-
-
-@lru_cache(maxsize=256)
-def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
-    """Return the syntax tree of an arithmetic expression, and its names, which the tree holds as `_0`, `_1`."""
-    if len(text) > LONGEST:
-        raise ValueError(f"at most {LONGEST} characters, not {len(text)}")
-    names = list[str]()
-
-    def numbered(word: re.Match[str]) -> str:
-        name = word["quoted"] or word["name"]
-        if word["other"]:
-            raise ValueError(_ALLOWED)
-        if name and name not in names:
-            names.append(name)
-        return f" _{names.index(name)} " if name else word["function"]
-
-    try:
-        tree = ast.parse(" ".join(_WORD.sub(numbered, text).split()), mode="eval").body
-        with np.errstate(all="ignore"):
-            _value(tree, {f"_{k}": np.ones(1) for k in range(len(names))})
-    except (SyntaxError, MemoryError, RecursionError, KeyError, TypeError, OverflowError):
-        raise ValueError(_ALLOWED) from None
-    if not names:
-        raise ValueError("the name of a column or key, not numbers alone")
-    return tree, tuple(names)
-
-
-def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
-    """Return the value of a tree. Numbers are of numpy, whose powers neither raise nor take for ever."""
-    match node:
-        case ast.Constant(value=float() | int() as number):
-            return np.float64(number)
-        case ast.Name(id=name):
-            return known[name]
-        case ast.UnaryOp(op=operator, operand=operand):
-            return _OPERATIONS[type(operator)](_value(operand, known))
-        case ast.BinOp(left=left, op=operator, right=right):
-            return _OPERATIONS[type(operator)](_value(left, known), _value(right, known))
-        case ast.Call(func=ast.Name(id=name), args=[_, *others] as arguments, keywords=[]) if bool(others) == (
-            name in ("min", "max")
-        ):
-            return _FUNCTIONS[name](*(_value(argument, known) for argument in arguments))
-    raise ValueError(_ALLOWED)
-
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; one design with 100 columns takes a kilobyte
@@ -161,9 +76,11 @@ class Sampling(Table):
 
 def _expression(text: str) -> str:
     try:
-        names_in(text)
+        names = names_in(text)
     except ValueError as error:
         raise refusal(str(error)) from None
+    if not names:
+        raise refusal("the name of a column or key, not numbers alone")
     return text
 
 

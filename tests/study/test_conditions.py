@@ -9,10 +9,10 @@ import pyarrow.parquet as pq
 import pytest
 from scipy.stats import kstest, spearmanr, truncnorm, uniform
 
+from flexfem.files.expressions import value_of
 from flexfem.study.answer import answer, nominal
 from flexfem.study.collect import collect, read_table
 from flexfem.study.loaded import judge, sample
-from flexfem.study.plan import value_of
 from flexfem.study.run import parts_of, table_of, write_part
 
 FEW = 'method = "monte_carlo"\ndesigns = 40\nseed = 5'
