@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import cmath
+import math
 from collections.abc import Iterator
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -36,19 +38,19 @@ class Part(NamedTuple):
     outer : closed counter-clockwise loop; at every neck of a stage an arc ends and the next begins.
     hub : the hole in the platform of a stage.   mounting : one hole in every pad of a stage, or none.
     pads : clamped regions, closed loops; of a stage rectangles, whose first line is the clamped edge.
-    inner : closed clockwise loops inside.
+    others : further closed loops, clockwise around holes and counter-clockwise around separate pieces.
     """
 
     outer: list[Segment]
     hub: Hole | None
     mounting: list[Hole]
     pads: list[list[Segment]]
-    inner: tuple[list[Segment], ...] = ()
+    others: tuple[list[Segment], ...] = ()
 
     @property
     def loops(self) -> list[list[Segment]]:
         """All closed loops, the outer one first."""
-        return [self.outer, *self.inner]
+        return [self.outer, *self.others]
 
     @property
     def holes(self) -> list[Hole]:
@@ -105,19 +107,21 @@ def cut_path(part: Part, kerf: float) -> Part:
     narrowest = 2 * min([*concave, *(hole.radius for hole in part.holes)], default=np.inf)
     if not kerf < narrowest:
         raise BadInput(f"kerf of {kerf:g} mm, expected less than the narrowest notch, fillet or hole, {narrowest:g} mm")
-    outer, *inner = (_offset_outwards(loop, half) for loop in part.loops)
-    for loop in (outer, *inner):
-        validity = shapely.is_valid_reason(shapely.Polygon(polygon_points(loop, FINE)))
+    outer, *others = (_offset_outwards(loop, half) for loop in part.loops)
+    drawn = [shapely.Polygon(polygon_points(loop, FINE)) for loop in (outer, *others)]
+    for validity in map(shapely.is_valid_reason, drawn):
         if validity != "Valid Geometry":
-            x, y = map(float, validity.partition("[")[2].rstrip("]").split())
-            raise _too_wide(kerf, complex(x, y))
+            raise _too_wide(kerf, *map(float, validity.partition("[")[2].rstrip("]").split()))
+    for one, other in combinations([polygon.exterior for polygon in drawn], 2):
+        if not (shared := shapely.intersection(one, other)).is_empty:
+            raise _too_wide(kerf, *shapely.get_coordinates(shared)[0].tolist())
     hub, *mounting = (hole._replace(radius=hole.radius - half) for hole in part.holes) if part.holes else (None,)
-    return part._replace(outer=outer, inner=tuple(inner), hub=hub, mounting=mounting)
+    return part._replace(outer=outer, others=tuple(others), hub=hub, mounting=mounting)
 
 
-def _too_wide(kerf: float, at: complex) -> BadInput:
-    where = f"the wire would cut the part at {at.real:.1f}, {at.imag:.1f}"
-    return BadInput(f"kerf of {kerf:g} mm, expected less than every gap of the part: {where}")
+def _too_wide(kerf: float, x: float, y: float) -> BadInput:
+    gaps = f"expected less than every gap of the part: the wire would cut the part at {x:.1f}, {y:.1f}"
+    return BadInput(f"kerf of {kerf:g} mm, {gaps}")
 
 
 def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
@@ -136,12 +140,12 @@ def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
             middle = (moved[k].end + moved[following].start) / 2
             at = _crossing(moved[k], moved[following], middle)
             if at is None and bend < -BLUNT:
-                raise _too_wide(2 * distance, segment.end)
+                raise _too_wide(2 * distance, segment.end.real, segment.end.imag)
             at = middle if at is None else at
             moved[k], moved[following] = moved[k]._replace(end=at), moved[following]._replace(start=at)
     for old, new in zip(before, moved, strict=True):
         if new.turn * old.turn < 0 or ((new.end - new.start) * (old.end - old.start).conjugate()).real <= 0:
-            raise _too_wide(2 * distance, old.start)
+            raise _too_wide(2 * distance, old.start.real, old.start.imag)
     return [piece for k, segment in enumerate(moved) for piece in (segment, corners.get(k)) if piece is not None]
 
 
@@ -160,7 +164,7 @@ def _crossing(a: Segment, b: Segment, near: complex) -> complex | None:
     half_squared = radius**2 - abs(foot - a.centre) ** 2
     if half_squared < 0:
         return None
-    half = along * half_squared**0.5
+    half = along * math.sqrt(half_squared)
     return min(foot + half, foot - half, key=lambda z: abs(z - near))
 
 
