@@ -75,7 +75,7 @@ class AnalyticModel(PlatformModel):
     result: AnalyticResult
 
     def neck_stress(self, pose: ArrayLike) -> Array:
-        """See `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `strength.concentration`."""
+        """See `PlatformModel`: `|6 M K_b / (b t^2)| + |N K_t / (b t)|`, see `profiles.concentration`."""
         return self.result.neck_stress(self.chosen.stage, poses("pose", pose))
 
     @property

@@ -9,17 +9,18 @@ from numpy.typing import NDArray
 
 from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.network import GROUND, Mechanism
+from flexfem.analytic.network import GROUND, Network
 from flexfem.analytic.paper import KINDS, Freedoms, PaperModel, freedoms_of, mechanism, rank_revealing, stiffness
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, inverse
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
-from flexfem.hinges.strength import Concentration, Wrench, neck_stress, stress_raised
+from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.profiles import Concentration
 from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.units import PLANES
@@ -127,7 +128,7 @@ def invalid_hinges(designs: Designs, formula: str, hinges: Compliance) -> list[B
     ]
 
 
-def network_of(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> Mechanism:
+def network_of(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: Array | None = None) -> Network:
     """Return the stages as networks of the platform and the links of chain 1, 2 and 3, joined by the nine hinges.
 
     bodies : (..., 9, 9), compliance of elastic bodies at the platform's hinges, as from `body_compliance`.
@@ -135,7 +136,7 @@ def network_of(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: A
     allowed = np.array([[[kind in hinge for kind in KINDS] for hinge in chain] for chain in freedoms])
     rotation, axial, shear = (np.asarray(part) * allowed[..., kind] for kind, part in enumerate(hinges))
     C = network.joint_compliance(frames.centres, frames.axes, rotation, axial, shear)
-    return Mechanism(7, 0, JOINTS, C.reshape(*C.shape[:-4], len(JOINTS), 3, 3), PLATFORM_HINGES, bodies)
+    return Network(7, 0, JOINTS, C.reshape(*C.shape[:-4], len(JOINTS), 3, 3), PLATFORM_HINGES, bodies)
 
 
 def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:

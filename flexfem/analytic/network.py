@@ -31,7 +31,7 @@ GROUND = -1
 SINGULAR = 1e-14  # relative to the largest eigenvalue of a joint's scaled compliance; smaller ones are no freedoms
 
 
-class Mechanism(NamedTuple):
+class Network(NamedTuple):
     """Mechanisms of one topology, leading axes (...) designs; twists and wrenches x, y, theta at the global origin.
 
     bodies : number of moving bodies.   output : the body whose stiffness is computed.
@@ -165,13 +165,13 @@ def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, 
     return np.moveaxis(rows.reshape(3, 3, *xx.shape), (0, 1), (-2, -1))  # designs contiguous in memory: faster
 
 
-def in_series(mechanism: Mechanism) -> Array:
+def in_series(mechanism: Network) -> Array:
     """Return the sums (..., P, 3, 3) of the compliances of the joints of each path."""
     signs = topology(*mechanism[:3]).signs
     return np.moveaxis(np.moveaxis(mechanism.compliance, (-2, -1), (0, 1)) @ np.abs(signs).T, (0, 1), (-2, -1))
 
 
-def stiffness(mechanism: Mechanism) -> OutputStiffness:
+def stiffness(mechanism: Network) -> OutputStiffness:
     """Return the stiffness of the output, and the wrenches in the joints per twist of it.
 
     nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
@@ -196,7 +196,7 @@ def stiffness(mechanism: Mechanism) -> OutputStiffness:
 
 
 def solve(
-    mechanism: Mechanism, loads: Array, openings: Array | None = None, internal: InternalMotions | None = None
+    mechanism: Network, loads: Array, openings: Array | None = None, internal: InternalMotions | None = None
 ) -> MotionUnderLoads:
     """Return the response to loads (..., bodies, 3, k) on the bodies and openings (..., m, 3, k) of the joints.
 
@@ -268,7 +268,7 @@ def _block_diagonal(A: Array) -> Array:
     return full.reshape(*A.shape[:-3], 3 * count, 3 * count)
 
 
-def _coupled(A: Array, mechanism: Mechanism, graph: Topology) -> Array:
+def _coupled(A: Array, mechanism: Network, graph: Topology) -> Array:
     """Compliance (..., 3 P, 3 P) of all paths: A (..., P, 3, 3) of their joints, and that of the elastic bodies."""
     if mechanism.coupling is None:
         return _block_diagonal(A)
@@ -276,13 +276,13 @@ def _coupled(A: Array, mechanism: Mechanism, graph: Topology) -> Array:
     return _block_diagonal(A) + S @ mechanism.coupling @ S.T
 
 
-def _path_stiffness(mechanism: Mechanism, graph: Topology) -> Array:
+def _path_stiffness(mechanism: Network, graph: Topology) -> Array:
     """Stiffness (..., 3 P, 3 P) of all paths, path by path where nothing couples them; nan as in `stiffness`."""
     A = in_series(mechanism)
     return _block_diagonal(inverse(A)) if mechanism.coupling is None else inverse(_coupled(A, mechanism, graph))
 
 
-def _opened(mechanism: Mechanism, wrenches: Array) -> Array:
+def _opened(mechanism: Network, wrenches: Array) -> Array:
     """Openings (..., m, 3, k) of joints, and of elastic bodies at them, under wrenches (..., m, 3, k)."""
     openings = mechanism.compliance @ wrenches
     if mechanism.coupling is None:
@@ -293,7 +293,7 @@ def _opened(mechanism: Mechanism, wrenches: Array) -> Array:
     return np.asarray(openings + np.einsum("mc,...cak->...mak", at, of_bodies))
 
 
-def _has_ideal_path(mechanism: Mechanism, graph: Topology, solution: Array) -> NDArray[np.bool_]:
+def _has_ideal_path(mechanism: Network, graph: Topology, solution: Array) -> NDArray[np.bool_]:
     """Return which designs (..., 1, 1) with a nan solution have a path of joints with fewer than three freedoms.
 
     A path with a joint of an elastic body counts as elastic.

@@ -13,18 +13,8 @@ from flexfem.arrays import Array
 from flexfem.hinges.chart import thickness_chart
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.materials import FLATTEST, STEEPEST, SWT, Material, materials
+from flexfem.mechanism.profiles import Concentration, concentration
 from flexfem.refused import BadInput
-
-
-class Concentration(NamedTuple):
-    """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions of t/R.
-
-    shear : for a transverse force, off the neck centre: surface stress relative to that of the bending moment there.
-    """
-
-    bending: Array
-    tension: Array
-    shear: Array
 
 
 class Wrench(NamedTuple):
@@ -36,27 +26,6 @@ class Wrench(NamedTuple):
     moment: Array
     normal: Array
     shear: Array
-
-
-def concentration(ratio: Array) -> Concentration:
-    """Return the stress concentration at a notch of t/R = `ratio` (...).
-
-    The notch is the deep hyperbolic notch of H. Neuber, Kerbspannungslehre, Springer (1937): with `a = t/2R`,
-    `4 a sqrt a / (3 (sqrt a + (a - 1) arctan sqrt a))` in bending and
-    `2 (a + 1) sqrt a / ((a + 1) arctan sqrt a + sqrt a)` in tension, both recalled, not copied from a print. For shear
-    our own algebra, from Kolosov's `phi = i A w`, `z = c sinh w`, gives `2 a sqrt a (a + 1) / (3 ((a + 1) arctan sqrt a
-    - sqrt a))` in the limit at the centre; a circular notch agrees within 1 % up to 0.6 R from the centre. Against
-    plane-stress finite elements of whole stages (t/R 0.13 to 0.60) the highest neck stress agrees within 1 % when the
-    forces are those of calibrated hinges and elastic links; other forces are worse (`warnings.STRESS_ABOVE`).
-    Smith and Chetwynd's `(1 + t/2R)^0.45` is up to 1.4 % and 3.4 % too large; no concentration is 6 to 9 % too small.
-    """
-    a = 0.5 * ratio
-    root = np.sqrt(a)
-    angle = np.arctan(root)
-    bending = 4.0 * a * root / (3.0 * (root + (a - 1.0) * angle))
-    tension = 2.0 * (a + 1.0) * root / ((a + 1.0) * angle + root)
-    shear = 2.0 * a * root * (a + 1.0) / (3.0 * ((a + 1.0) * angle - root))
-    return Concentration(bending, tension, shear)
 
 
 def stress_raised(designs: Designs) -> Concentration:

@@ -9,7 +9,7 @@ import pytest
 from flexfem.analytic.model import JOINTS, network_of
 from flexfem.analytic.network import (
     GROUND,
-    Mechanism,
+    Network,
     joint_compliance,
     solve,
     stiffness,
@@ -33,7 +33,7 @@ def compliances(rng, count, freedoms=(1, 1, 1)):
     return joint_compliance(rng.uniform(-10, 10, (count, 2)), rng.uniform(-np.pi, np.pi, count), *size)
 
 
-def at_once(of: Mechanism, loads, openings):
+def at_once(of: Network, loads, openings):
     """Twists (bodies, 3, k) and wrenches (m, 3, k): `G U - C w = e` and `G' w = F` as they stand."""
     m, b = len(of.joints), of.bodies
     G, C = np.zeros((m, 3, b, 3)), np.zeros((m, 3, m, 3))
@@ -73,7 +73,7 @@ def test_paths_give_what_all_equations_give(of, coupled):
     """Loads on every body and openings of every joint, bodies within paths, branches, loops, parallel joints."""
     rng, (bodies, output, joints) = np.random.default_rng(11), of
     m = len(joints)
-    mechanism = Mechanism(bodies, output, joints, compliances(rng, m))
+    mechanism = Network(bodies, output, joints, compliances(rng, m))
     if coupled:
         L = rng.normal(size=(9, 9)) * np.tile([1e-3, 1e-3, 3e-5], 3)[:, None]
         mechanism = mechanism._replace(coupled=(0, m - 1, 0), coupling=L @ L.T)
@@ -90,7 +90,7 @@ def test_paths_give_what_all_equations_give(of, coupled):
 
 def test_springs_along_lines_between_bodies_add_to_the_stiffness_of_all_bodies():
     rng, rates = np.random.default_rng(14), np.array([3e3, 8e2])
-    of = Mechanism(*FOUR_CHAINS, compliances(rng, 8))
+    of = Network(*FOUR_CHAINS, compliances(rng, 8))
     lines = np.zeros((5, 3, 2))
     lines[0] = rng.normal(size=(3, 2)) * np.array([1.0, 1.0, 20.0])[:, None]
     lines[4] = -lines[0]
@@ -103,7 +103,7 @@ def test_springs_along_lines_between_bodies_add_to_the_stiffness_of_all_bodies()
 @pytest.mark.parametrize("of", TOPOLOGIES)
 def test_the_output_moved_alone_is_the_inverse_of_its_compliance(of, error):
     rng, (bodies, output, joints) = np.random.default_rng(12), of
-    mechanism = Mechanism(bodies, output, joints, compliances(rng, len(joints)))
+    mechanism = Network(bodies, output, joints, compliances(rng, len(joints)))
     loads = np.zeros((bodies, 3, 3))
     loads[output] = np.eye(3)
     free, held = solve(mechanism, loads), stiffness(mechanism)
@@ -124,11 +124,11 @@ def test_ideal_pivots_need_no_special_case(error):
         parts += [joint_compliance(there, angle, np.array(1.0), none, none)]
         line = np.array([*along, there[0] * along[1] - there[1] * along[0]])
         expected += np.outer(line, line) / 4e-5
-    of = Mechanism(4, 0, tuple(joints), np.array(parts))
+    of = Network(4, 0, tuple(joints), np.array(parts))
     assert error(stiffness(of).matrix, expected) < 1e-5  # springs of the pivots: 1 N mm/rad
 
     pivot, beam = joint_compliance(*np.array([[3.0, 4.0], [0.0, 0.0]]), 1e-2, 0.0, 0.0)[0], compliances(rng, 1)[0]
-    single = Mechanism(1, 0, ((GROUND, 0), (GROUND, 0)), np.array([pivot, beam]))  # a path of one ideal pivot
+    single = Network(1, 0, ((GROUND, 0), (GROUND, 0)), np.array([pivot, beam]))  # a path of one ideal pivot
     loads = np.concatenate([np.eye(3), [[0.0], [0.0], [1.0]]], axis=1)[None]
     U, w = at_once(single, loads, np.zeros((2, 3, 4)))
     found = solve(single, loads)

@@ -12,8 +12,9 @@ from flexfem.fem.chart import SingleHinge, hinge_mesh
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import nodes_on
 from flexfem.fem.structure import edge_force
-from flexfem.hinges.strength import Concentration, Wrench, concentration, neck_stress, stress_raised
+from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames
+from flexfem.mechanism.profiles import Concentration, concentration
 
 from ..validation.fields import Support, nearest_node, solve
 

@@ -1,0 +1,133 @@
+"""The analytic model of plate mechanisms against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from flexfem.analytic.plates import body_moments, modes, respond, warmed, weighed
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.outlines import polyline
+from flexfem.mechanism.profiles import Circular, Leaf
+from flexfem.refused import ComputationFailed
+
+E, NU, B, RHO = 70e3, 0.3, 8.0, 2.7e-9
+SPAN, T = 40.0, 0.8
+EI, EA = E * B * T**3 / 12, E * B * T
+SHEAR = 1.2 * SPAN * 2 * (1 + NU) / EA  # transverse compliance of the leaf by shear
+LEAF = Leaf(T, SPAN)
+
+
+def box(name, low, high, **more):
+    a, b = low.real + 1j * high.imag, high.real + 1j * low.imag
+    return Body(name, tuple(polyline(low, b, high, a, low)), **more)
+
+
+def layout(bodies, hinges, points, **more):
+    return Layout(tuple(bodies), tuple(hinges), B, E, NU, RHO, 300.0, points, **more)
+
+
+def parallelogram(**more):
+    """Two leaves up from the ground at x = -15 and 25 to a stage, the output where forces cause no rotation."""
+    bodies = [box("ground", -30 - 10j, 40 + 0j, fixed=True), box("stage", -20 + 40j, 30 + 52j)]
+    hinges = [Joint(f"leaf {x}", (0, 1), x + 20j, np.pi / 2, LEAF, T) for x in (-15, 25)]
+    return layout(bodies, hinges, (("output", Patch(1, 5 + 20j)),), **more)
+
+
+def test_cantilever():
+    """Along 30 degrees, a force and a moment at the end of the leaf; the moments at root and end."""
+    d = np.exp(1j * np.pi / 6)
+    bodies = [box("wall", -9 - 9j, 0j, fixed=True), box("tip", SPAN * d - 5, SPAN * d + 5 + 9j)]
+    found = respond(layout(bodies, [Joint("leaf", (0, 1), SPAN / 2 * d, np.pi / 6, LEAF, T)],
+                           (("output", Patch(1, SPAN * d)),)))  # fmt: skip
+    R = np.array([[d.real, -d.imag, 0], [d.imag, d.real, 0], [0, 0, 1]])
+    local = R.T @ found.compliance @ R
+    bending, slope = SPAN**3 / (3 * EI) + SHEAR, SPAN**2 / (2 * EI)
+    assert local == pytest.approx(
+        np.array([[SPAN / EA, 0, 0], [0, bending, slope], [0, slope, SPAN / EI]]), rel=1e-12, abs=1e-15
+    )
+    N, V, M = found.wrenches[0] @ R  # by the local forces and the moment at the end
+    assert np.array([N, V]) == pytest.approx(np.eye(3)[:2], abs=1e-12)
+    root, end = M + SPAN / 2 * V, M - SPAN / 2 * V
+    assert (*root, *end) == pytest.approx((0, SPAN, 1, 0, 0, 1), abs=1e-12)
+
+
+def test_parallelogram_and_its_frequency():
+    """24 E I / L^3 and shear; with a payload and a drive from ground to stage, `omega^2 = K / m`."""
+    K = 2 / (SPAN**3 / (12 * EI) + SHEAR)
+    found = np.linalg.inv(respond(parallelogram()).compliance)
+    assert found[0, 0] == pytest.approx(K, rel=1e-12)
+    assert found[1, 1] == pytest.approx(2 * EA / SPAN, rel=1e-12)
+    assert found[2, 2] == pytest.approx(2 * (EA / SPAN * 20**2 + EI / SPAN), rel=1e-12)
+    drive = LinearActuator("drive", (Patch(0, -20 + 20j), Patch(1, 5 + 20j)), 1 + 0j, 3.0, 0.02, 0.06, 4e-6)
+    driven = parallelogram(actuators=(drive,), payloads=(PayloadMass(Patch(1, 10 + 46j), 5e-5, 0.0),))
+    mass = RHO * B * (50 * 12 + 2 * SPAN * T / 2) + 5e-5 + 2e-6
+    C, at_rest = respond(driven).compliance, modes(driven)
+    slow = (at_rest.frequencies[0], modes(driven, engaged=True).frequencies[0])
+    assert C[3, :3] == pytest.approx(C[0, :3], rel=1e-12)
+    assert slow == pytest.approx((np.sqrt(K / mass), np.sqrt((K + 3) / mass)), rel=1e-3)  # it turns a little
+    assert abs(at_rest.shapes[0, 0, 0]) == pytest.approx(1 / np.sqrt(mass), rel=2e-3)
+    assert len(at_rest.frequencies) == 3
+    engaged = respond(driven).engaged([3], np.array([3.0]))
+    assert engaged.compliance[0, 0] == pytest.approx(1 / (K + 3), rel=1e-9)
+    assert engaged.wrenches[:, 1, 0] == pytest.approx([-K / (K + 3) / 2] * 2, rel=1e-9)
+    assert weighed(driven, [(9810.0, 0.0)])[0][0, 0] == pytest.approx(9810 * mass / K, rel=1e-9)
+
+
+def test_cross_spring_pivot():
+    """8 (1 - 3 a + 3 a^2) E I / L, the leaves crossing at a = 0.3 of their length from the moving body."""
+    a, Phi = 0.3, 12 * EI / SPAN**3 * SHEAR
+    bodies = [box("ground", -60 - 60j, 60 - 40j, fixed=True), box("rotor", -20 + 20j, 20 + 30j)]
+    hinges = [Joint(name, (0, 1), (a - 0.5) * SPAN * d, np.angle(d), LEAF, T)
+              for name, d in (("1", np.exp(1j)), ("2", np.exp(1.9j)))]  # fmt: skip
+    found = np.linalg.inv(respond(layout(bodies, hinges, (("output", Patch(1, 0j)),))).compliance)
+    assert found[2, 2] == pytest.approx(2 * EI / SPAN * (1 + 12 * (0.5 - a) ** 2 / (1 + Phi)), rel=1e-12)
+    assert found[2, 2] == pytest.approx(8 * (1 - 3 * a + 3 * a * a) * EI / SPAN, rel=1e-3)
+
+
+def test_lever_and_its_link():
+    """A drive at 10 mm turns a lever; a link takes the motion at 45 mm to a stage on a parallelogram."""
+    notch = Circular(0.3, 2.0)
+    bodies = [box("ground", -30 - 40j, 90 - 20j, fixed=True), box("lever", -5 - 3j, 50 + 3j),
+              box("link", 43 + 6j, 47 + 40j), box("stage", 20 + 40j, 70 + 52j)]  # fmt: skip
+    hinges = [Joint("pivot", (0, 1), -5j, np.pi / 2, notch, 10), Joint("root", (1, 2), 45 + 4j, np.pi / 2, notch, 10),
+              Joint("tip", (3, 2), 45 + 38j, -np.pi / 2, notch, 10),
+              *(Joint(f"leaf {y}", (3, 0), 90 + y * 1j, 0.0, Leaf(0.3, 40.0), 1.0) for y in (42, 50))]  # fmt: skip
+    drive = LinearActuator("drive", (Patch(0, 10 - 20j), Patch(1, 10 - 3j)), 1j, 1e4, 0.01, 100.0)
+    C = respond(layout(bodies, hinges, (("output", Patch(3, 45 + 46j)),), actuators=(drive,))).compliance
+    assert np.abs(C - C.T).max() < 1e-9 * np.abs(C).max()
+    assert C[1, 3] / C[3, 3] == pytest.approx(4.5, rel=0.03)  # less by axial compliance
+
+
+def test_a_beam_between_walls_expands():
+    """`N = -(alpha - alpha_g) T D / (2 c)`, D between the walls; a stage off the middle moves towards the middle."""
+    bodies = [box("left", -70 - 5j, -50 + 5j, fixed=True), box("stage", -10 - 5j, 30 + 5j),
+              box("right", 50 - 5j, 70 + 5j, fixed=True)]  # fmt: skip
+    hinges = [Joint("long", (0, 1), -30, 0.0, LEAF, T), Joint("short", (1, 2), 40, 0.0, Leaf(T, 20.0), T)]
+    strip = layout(bodies, hinges, (("output", Patch(1, 12 + 0j)), ("spot", Patch(1, 20 + 0j, 1.0))))
+    motions, wrenches = warmed(strip, 23e-6, 11e-6)
+    N = -12e-6 * 100 / (60 / EA)
+    assert wrenches[:, 0, 0] == pytest.approx([N, N], rel=1e-9)
+    centre = 11e-6 * 10 + 12e-6 * 60 + N * 40 / EA  # of the stage: with the ground, expanded, compressed
+    assert motions[:, 0] == pytest.approx([centre, 0, 0, centre + 23e-6 * 10, 0, 0], rel=1e-9, abs=1e-12)
+    motions, wrenches = warmed(strip, 23e-6, 23e-6)  # free: a bar bows by alpha y x^2 / 2 by 1 K / mm along y
+    assert wrenches == pytest.approx(0.0, abs=1e-9)
+    mean = 23e-6 / 2 * (10**2 / 12 - 40**2 / 12 - 10**2), -23e-6 * 10  # over the stage, and rotation
+    assert motions[:3, 2] == pytest.approx([0, mean[0] + 2 * mean[1], mean[1]], rel=1e-9, abs=1e-12)
+
+
+def test_area_of_a_cut_body():
+    """A bar drawn to the centre of a circular hinge: less the box, more half of the notch, and a hole."""
+    hole = tuple(polyline(2j, 4 + 2j, 4 + 0j, 0j, 2j))
+    bodies = [box("ground", -30 - 3j, -8 + 3j, fixed=True), box("bar", -8 - 3j, 10 + 3j, holes=(hole,))]
+    found = body_moments(layout(bodies, [Joint("notch", (0, 1), -8, 0.0, Circular(1.0, 2.0), 6.0)], ()), 1)
+    half_notch = 2 * 1.0 + 2 * (2 * 2 - np.pi)
+    assert found[0].real == pytest.approx(18 * 6 - 2 * 6 + half_notch - 8, rel=1e-7)
+    assert found[1].imag == pytest.approx(-8.0, rel=1e-9)
+
+
+def test_a_body_that_is_not_held():
+    bodies = [box("ground", -9 - 9j, 0j, fixed=True), box("stage", 0j, 9 + 9j), box("mass", 9 + 0j, 19 + 9j)]
+    hinges = [Joint("one", (1, 2), 9 + 4j, 0.0, LEAF, T)]
+    with pytest.raises(ComputationFailed, match="'stage', 'mass' can move"):
+        respond(layout(bodies, hinges, ()))
