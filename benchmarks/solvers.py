@@ -42,9 +42,9 @@ def flexfem_unlike(sectors: Any, plate: Any) -> Any:
 
 
 def flexfem_superlu(mesh: Any, plate: Any) -> Any:
-    from flexfem.fem import factor, response
+    from flexfem.fem import factor, response, structure
 
-    response.factorise = factor.superlu
+    structure.factorise = lambda lower, block: factor.superlu(lower)
     return response.platform_response(mesh, plate).compliance
 
 

@@ -1,12 +1,16 @@
 """Sparse Cholesky factorisation and static condensation: CHOLMOD of the cvxopt wheel when installed, else SuperLU.
 
-Matrices are symmetric and given by their lower triangles. A matrix is condensed onto its last unknowns, the boundary,
-by one factorisation `P K P' = L L'` with the boundary last in the elimination order: the trailing block gives the Schur
-complement `S = L_bb L_bb'` without a solve for each boundary unknown.
+Matrices are symmetric and given by their lower triangles, by rows in ascending order: the upper triangles by columns.
+The unknowns are those of the nodes of a plane mesh, `block` for each, and any others last. Nodes, not unknowns, are
+ordered for little fill (approximate minimum degree): in extruded meshes this is faster and leaves less fill.
+
+A matrix is condensed onto its last unknowns, the boundary, by one factorisation `P K P' = L L'` with the boundary last
+in the elimination order: the trailing block of L gives the Schur complement `S = L_bb L_bb'`.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
@@ -17,49 +21,66 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import cho_factor, cho_solve
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.refused import ComputationFailed
 
 SINGULAR = "finite-element equations singular to working precision: a part is not supported, or a neck is too thin"
 UNSTABLE = "tangent stiffness singular to working precision: a limit or bifurcation load"
-FACTORISED_TWICE = 12_000  # unknowns from which a second factorisation is faster than a solve per boundary unknown
+SUPERNODAL = 1, 1, 2, 1, 0  # is_ll, is_super, itype, xtype and dtype of a factor of dense blocks of real numbers
 WHOLE, FORWARD, BACKWARD, PERMUTE, RESTORE = 0, 4, 5, 7, 8  # CHOLMOD: K x = b, L x = b, L' x = b, x = P b, x = P' b
 
 Solve: TypeAlias = Callable[[Array], Array]
 """Function from right-hand sides b (m, k) to solutions x (m, k)."""
 
 
-def factorise(lower: sp.csr_array) -> Solve:
+def factorise(lower: sp.csr_array, block: int = 1) -> Solve:
     """Factorise a positive definite matrix. Raises ComputationFailed when it is singular."""
     if find_spec("cvxopt") is None:
         return superlu(lower)
-    K = _to_cvxopt(lower)
+    K, order = _to_cvxopt(lower), _node_order(lower, lower.shape[0], block)
     del lower  # frees its memory for the factor unless the caller holds it
-    return partial(_solve, _cholmod_factor(K), kind=WHOLE)
+    return partial(_solve, _cholmod_factor(K, _symbolic(K, order)), kind=WHOLE)
 
 
 def _to_cvxopt(lower: sp.csr_array) -> Any:
-    from cvxopt import cholmod, matrix, spmatrix
+    """Return the upper triangle: its entries are in the order of cvxopt, which copies them fast."""
+    from cvxopt import matrix, spmatrix
 
-    cholmod.options["supernodal"] = 2
-    rows, columns = (matrix(part.astype(np.int64)) for part in lower.tocoo().coords)
-    return spmatrix(matrix(lower.data), rows, columns, lower.shape)
+    columns = matrix(np.repeat(np.arange(lower.shape[0], dtype=np.int64), np.diff(lower.indptr)))
+    return spmatrix(matrix(lower.data), matrix(lower.indices.astype(np.int64)), columns, lower.shape)
 
 
-def _cholmod_factor(K: Any, order: Index | None = None, symbolic: Any = None) -> Any:
-    """Factorise with CHOLMOD, in its own order, a given one, or that of a symbolic factor. Raises ComputationFailed."""
+def _node_order(lower: sp.csr_array, inner: int, block: int) -> Index:
+    """Order the unknowns: those of the nodes among the first `inner` by minimum degree, then all others."""
+    from cvxopt import amd
+
+    nodes = inner // block
+    first = lower[: nodes * block : block]  # one row of every node
+    entries = np.ones(len(first.indices)), first.indices // block, first.indptr
+    order = amd.order(_to_cvxopt(sp.csr_array(entries, shape=(nodes, nodes))), "U")
+    unknowns = np.ravel(order)[:, None] * block + np.arange(block)
+    return np.concatenate([unknowns.ravel(), np.arange(nodes * block, lower.shape[0])])
+
+
+def _symbolic(K: Any, order: Index) -> Any:
     from cvxopt import cholmod, matrix
 
-    if order is not None:
-        cholmod.options["nmethods"] = 1  # else CHOLMOD also tries an order of its own and may prefer it
-        symbolic = cholmod.symbolic(K, p=matrix(order.astype(np.int64)))
-        del cholmod.options["nmethods"]  # it would disable the search for an order in later calls
-    factor = symbolic or cholmod.symbolic(K)
+    cholmod.options["supernodal"] = 2
+    cholmod.options["nmethods"] = 1  # else CHOLMOD also tries an order of its own and may prefer it
+    symbolic = cholmod.symbolic(K, p=matrix(order.astype(np.int64)), uplo="U")
+    del cholmod.options["nmethods"]  # it would disable the search for an order in later calls
+    return symbolic
+
+
+def _cholmod_factor(K: Any, symbolic: Any) -> Any:
+    """Factorise with CHOLMOD in the order of a symbolic factor. Raises ComputationFailed."""
+    from cvxopt import cholmod
+
     try:
-        cholmod.numeric(K, factor)
+        cholmod.numeric(K, symbolic)
     except ArithmeticError:
         raise ComputationFailed(SINGULAR) from None
-    return factor
+    return symbolic
 
 
 def _solve(factor: Any, b: Array, kind: int) -> Array:
@@ -109,25 +130,19 @@ class Condensed(NamedTuple):
     expanded: Callable[[Array, Array], Array]
 
 
-def condense(lower: sp.csr_array, boundary: int) -> Condensed:
+def condense(lower: sp.csr_array, boundary: int, block: int = 1) -> Condensed:
     """Condense a positive definite matrix onto its last unknowns. Raises ComputationFailed when it is singular."""
     if find_spec("cvxopt") is None:
         return _by_superlu(lower, boundary)
-    from cvxopt import amd, cholmod, matrix
-
-    K, size = _to_cvxopt(lower), lower.shape[0]
+    size, inner = lower.shape[0], lower.shape[0] - boundary
+    K, order = _to_cvxopt(lower), _node_order(lower, inner, block)
     del lower  # frees its memory for the factor unless the caller holds it
-    inner, order = size - boundary, np.array(amd.order(K, "L")).ravel()
-    order = np.concatenate([order[order < inner], np.arange(inner, size)])
-    factor = _cholmod_factor(K, order)
+    factor = _cholmod_factor(K, _symbolic(K, order))
+    del K
     last = _solve(factor, np.arange(size, dtype=float)[:, None], PERMUTE)[inner:, 0]
     if not np.array_equal(last, np.arange(inner, size)):
         raise ComputationFailed(SINGULAR)  # inner unknowns without connection to the boundary are not held
-    if size < FACTORISED_TWICE:
-        L = np.linalg.inv(_solve(factor, np.eye(size, boundary, -inner), FORWARD)[inner:])
-    else:
-        L = np.tril(np.array(matrix(cholmod.getfactor(factor)[inner:, inner:])))
-        factor = _cholmod_factor(K, order)  # again, as getfactor invalidates it
+    L = _trailing(factor, size, boundary)
 
     def reduced(loads: Array) -> tuple[Array, Array]:
         y = _solve(factor, _solve(factor, loads, PERMUTE), FORWARD)
@@ -139,6 +154,45 @@ def condense(lower: sp.csr_array, boundary: int) -> Condensed:
         return x
 
     return Condensed(L @ L.T, reduced, expanded)
+
+
+class _Factor(ctypes.Structure):
+    """The first fields of `cholmod_factor` in cholmod.h, the same in CHOLMOD 3 to 5."""
+
+    _sizes = "n minor Perm ColCount IPerm nzmax p i x z nz next prev nsuper ssize xsize maxcsize maxesize super pi px s"
+    _kinds = "ordering is_ll is_super is_monotonic itype xtype dtype"
+    _fields_ = (
+        *((name, ctypes.c_size_t) for name in _sizes.split()),
+        *((name, ctypes.c_int) for name in _kinds.split()),
+    )
+
+
+def _trailing(factor: Any, size: int, count: int) -> Array:
+    """Return the last rows and columns (count, count) of L, read where CHOLMOD keeps them.
+
+    cvxopt copies all of L at once and spends the factor. Where the fields of a factor are not the expected ones, the
+    inverse of the block is found by substitution, which for many unknowns takes longer than the factorisation.
+    """
+    name, pointer = ctypes.pythonapi.PyCapsule_GetName, ctypes.pythonapi.PyCapsule_GetPointer
+    name.restype, name.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer.restype, pointer.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    of, first, L = _Factor.from_address(pointer(factor, name(factor))), size - count, np.zeros((count, count))
+    if (of.n, of.minor, of.is_ll, of.is_super, of.itype, of.xtype, of.dtype) != (size, size, *SUPERNODAL):
+        for start in range(0, count, 64):
+            columns = np.eye(size, min(64, count - start), -first - start)
+            L[:, start : start + 64] = _solve(factor, columns, FORWARD)[first:]
+        return np.asarray(np.linalg.inv(L))
+
+    def field(address: int, kind: Any, length: int) -> AnyArray:
+        return np.ctypeslib.as_array(ctypes.cast(address, ctypes.POINTER(kind)), (length,))
+
+    at, rows_at, values_at = (field(part, ctypes.c_int64, of.nsuper + 1) for part in (of.super, of.pi, of.px))
+    numbers, values = field(of.s, ctypes.c_int64, of.ssize), field(of.x, ctypes.c_double, of.xsize)
+    for j in range(np.searchsorted(at, first, side="right") - 1, of.nsuper):  # supernodes, dense by columns
+        rows, wide, skip = numbers[rows_at[j] : rows_at[j + 1]], at[j + 1] - at[j], max(first - at[j], 0)
+        dense = values[values_at[j] : values_at[j + 1]].reshape(wide, len(rows)).T
+        L[rows[skip:] - first, at[j] + skip - first : at[j + 1] - first] = dense[skip:, skip:]
+    return np.asarray(np.tril(L))
 
 
 def _by_superlu(lower: sp.csr_array, boundary: int) -> Condensed:
@@ -165,6 +219,9 @@ class Factoriser:
     _matrix: Any
     _symbolic: Any
 
+    def __init__(self, block: int = 1) -> None:
+        self._block = block
+
     def __call__(self, lower: sp.csr_array) -> Solve:
         """Return the solver of a matrix, valid until the next call. Raises ComputationFailed for a singular matrix."""
         from scipy.sparse.linalg import splu
@@ -179,13 +236,12 @@ class Factoriser:
         return lambda b: np.asarray(factor.solve(b))
 
     def _by_cholmod(self, lower: sp.csr_array) -> Solve:
-        from cvxopt import cholmod, matrix
+        from cvxopt import matrix
 
-        ordered = lower.tocsc()  # the order of entries in cvxopt
-        pattern = ordered.indptr, ordered.indices
+        pattern = lower.indptr, lower.indices
         if self._pattern and all(map(np.array_equal, self._pattern, pattern)):
-            self._matrix.V = matrix(ordered.data)
+            self._matrix.V = matrix(lower.data)
         else:
             self._pattern, self._matrix = pattern, _to_cvxopt(lower)
-            self._symbolic = cholmod.symbolic(self._matrix)
-        return partial(_solve, _cholmod_factor(self._matrix, symbolic=self._symbolic), kind=WHOLE)
+            self._symbolic = _symbolic(self._matrix, _node_order(lower, lower.shape[0], self._block))
+        return partial(_solve, _cholmod_factor(self._matrix, self._symbolic), kind=WHOLE)

@@ -84,18 +84,19 @@ def vibrating_structure(
     stack_stiffness: Array | None = None,
     degree: int = MASS_QUADRATURE,
     space: Space | None = None,
+    attached: tuple[Array, Array] | None = None,
 ) -> VibratingStructure:
     """Assemble the mass and factorise the stiffness.
 
     density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload.
     stack_loads, stack_stiffness : of engaged stacks, (size, n) and (n,), N/mm.
     degree : of the quadrature of the mass, by default exact.
-    space : factorised space of motions; None for all.
+    space : factorised space of motions; None for all.   attached : rigid masses, as in `Mass`.
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
     space, P = space or full_space(structure), np.zeros((structure.size, 0)) if stack_loads is None else stack_loads
     k = np.zeros(P.shape[1]) if stack_stiffness is None else stack_stiffness
-    mass = mass_of(structure, density, carried, degree)
+    mass = mass_of(structure, density, carried, degree)._replace(attached=attached)
     return VibratingStructure(mass, space._replace(solve=_with_stacks(space.solve, P, k)), P, k)
 
 
@@ -203,6 +204,11 @@ def _ordered_modes(
     participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
     if structure.poses:
         participation = participation + shapes[0, -3:].T @ mass.carried
+    if mass.attached is not None:
+        inertia, at = mass.attached
+        moved = inertia[:, None] * (at.T @ structure.rigid_unknowns(structure.free))
+        found = found._replace(total=total + moved.T @ (moved / inertia[:, None]))
+        participation = participation + shapes[0].T @ at @ moved
     Q = _aligned(squares, participation[:, structure.vector_first])
     shapes = shapes @ Q
     flat = shapes.reshape(-1, shapes.shape[-1])

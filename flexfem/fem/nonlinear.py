@@ -77,7 +77,7 @@ class LargeStructure:
     """A plane structure whose hub rotates by any angle: `u = U + (R(theta) - 1) r`."""
 
     def __init__(self, structure: Structure) -> None:
-        self.structure, self.pairs, self.factorise = structure, structure.pairs, Factoriser()
+        self.structure, self.pairs, self.factorise = structure, structure.pairs, Factoriser(structure.block)
 
     def hub_motion(self, pose: Array) -> tuple[Array, Array]:
         """Displacements (h, 2), mm, and rotated moment arms (h, 2), mm, of the hub nodes at a pose (3,), mm and rad."""

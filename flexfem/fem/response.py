@@ -23,7 +23,7 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, integration, nodal_stress
-from flexfem.fem.factor import Solve, factorise
+from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import Sector, StageMesh, nodes_on, welded
 from flexfem.fem.structure import NONE, Mass, Structure, structure
 from flexfem.fem.symmetry import chain_values, factorise_stage, whole_fields
@@ -67,7 +67,12 @@ class StaticSolution(NamedTuple):
 
 
 def refined_solution(
-    structure: Structure, solve: Solve, loads: Array, prescribed: Array | None = None, cyclic: bool = False
+    structure: Structure,
+    solve: Solve,
+    loads: Array,
+    prescribed: Array | None = None,
+    cyclic: bool = False,
+    held: Index | None = None,
 ) -> StaticSolution:
     """Solve and refine until forces and energy balance. Raises ComputationFailed when they do not.
 
@@ -75,12 +80,15 @@ def refined_solution(
     loads : (size, k), on the unknowns; a third of those of the whole if `cyclic`.
     prescribed : (k, n, ...), displacements of clamped nodes, zero elsewhere; None for all zero.
     cyclic : the structure is one of three identical sectors, whose 3 cases rotate as the vector x, y, theta.
+    held : clamped nodes, as one pad, of a structure that may be under loads without a resultant; None for a stage.
     """
     rotations = [chain_rotation(chain) for chain in range(3)] if cyclic else [np.eye(loads.shape[1])]
     scale = np.ones(3)
     points, order = structure.mesh.nodes, structure.vector_first
     scale[order[2:] if order[0] == 0 else order[:2]] = 1 / np.max(np.abs(points))  # moments
-    pads = [nodes_on(structure.mesh, "ground")] if cyclic else clamped_nodes(structure.mesh)
+    pads = [nodes_on(structure.mesh, "ground")] if cyclic else [held] if held is not None else []
+    pads = pads or clamped_nodes(structure.mesh)
+    nodal = 0.0 if held is None else np.sum(np.abs(loads), axis=0)
     rigid, motion = [structure.rigid_fields(nodes).reshape(3, -1).T for nodes in pads], np.zeros_like(loads)
     offset = np.zeros((loads.shape[1], len(points), *structure.shape)) if prescribed is None else prescribed
 
@@ -105,11 +113,11 @@ def refined_solution(
         energy = summed(fields.reshape(len(fields), -1) @ flat.T)
         solution = StaticSolution(motion, fields, np.stack([r for pad in reactions for r in of_chains(pad)], 1), energy)
         work = summed(motion.T @ loads + offset.reshape(len(offset), -1) @ flat.T)
-        imbalance = _imbalance(solution, work, loaded, scale)
+        imbalance = _imbalance(solution, work, loaded, scale, nodal)
         if max(imbalance.values()) <= REFINED:
             break
     if prescribed is not None:  # resultants may vanish, so nodal forces count as well
-        imbalance = _imbalance(solution, work, loaded, scale, np.max(np.abs(flat), axis=1))
+        imbalance = _imbalance(solution, work, loaded, scale, nodal + np.max(np.abs(flat), axis=1))
     for name, worst in imbalance.items():
         if not worst <= BALANCE:
             raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
@@ -205,7 +213,7 @@ def unit_response(
 def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> StaticSolution:
     """Solve as `unit_response` on a whole mesh; the compliance is the pose block of `(T' K T)^-1`, hence symmetric."""
     whole = structure(mesh, plate, degree=degree)
-    return refined_solution(whole, factorise(whole.lower()), _unit_loads(whole))
+    return refined_solution(whole, whole.factorised(), _unit_loads(whole))
 
 
 def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
@@ -213,7 +221,7 @@ def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
     structure = mass.structure
     loads = structure.loads(mass.forces(np.tensordot(acceleration, structure.rigid_fields(), axes=1)[None]))
     loads[-3:, 0] += mass.carried @ acceleration
-    return refined_solution(structure, factorise(structure.lower()), loads)
+    return refined_solution(structure, structure.factorised(), loads)
 
 
 def _unit_loads(structure: Structure) -> Array:
@@ -235,7 +243,7 @@ def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> D
     """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped."""
     whole = structure(mesh, plate)
     loads = stack_loads(whole, stacks)
-    solution = refined_solution(whole, factorise(whole.lower()), loads)
+    solution = refined_solution(whole, whole.factorised(), loads)
     compliance = loads.T @ solution.motion
     return DrivenResponse((compliance + compliance.T) / 2, solution.fields)
 
@@ -341,7 +349,7 @@ def thermal_response(sectors: tuple[Sector, ...], plate: Plate, layers: Layers |
 def thermal_solution(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> StaticSolution:
     """Solve as `thermal_response` on any mesh with clamped faces and a hub."""
     whole = structure(mesh, plate, layers)
-    return refined_solution(whole, factorise(whole.lower()), np.zeros((whole.size, 3)), _prescribed(whole))
+    return refined_solution(whole, whole.factorised(), np.zeros((whole.size, 3)), _prescribed(whole))
 
 
 def _prescribed(structure: Structure) -> Array:

@@ -34,7 +34,7 @@ from flexfem.fem.elements import (
     sheet,
     stress_tensor,
 )
-from flexfem.fem.factor import factorise
+from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.mechanism.designs import lower
 from flexfem.mechanism.plate_file import located
@@ -115,7 +115,12 @@ class Structure:
 
     @property
     def size(self) -> int:
-        return len(self.free) * len(self.line.free_components) + self.poses
+        return len(self.free) * self.block + self.poses
+
+    @property
+    def block(self) -> int:
+        """Number of unknowns of a free node of the plane."""
+        return len(self.line.free_components)
 
     @property
     def vector_first(self) -> Index:
@@ -200,6 +205,10 @@ class Structure:
         blocks = (piece.stiffness(self.plate, self.line.axes) for piece in pieces)
         return self.tie_hub(assembled(self.pairs, blocks, self.line), self.rigid_unknowns(self.hub))
 
+    def factorised(self) -> Solve:
+        """Inverse of the stiffness. Raises ComputationFailed as `lower`, or when a part is not held."""
+        return factorise(self.lower(), self.block)
+
     def solve(self, lower: sp.csr_array, force: Array, held: AnyArray) -> Array:
         """Displacements (n, *shape), zero where `held`, of a structure without clamps under forces (n, *shape), N.
 
@@ -254,12 +263,14 @@ class Mass(NamedTuple):
 
     areal : (n, n), tonne/mm^2, `rho int phi_i phi_j dA`.   line : (m, m), mm, `int psi_k psi_l dz`.
     carried : (3, 3), mass matrix of the bodies that the hub carries, for its pose.
+    attached : (r,), masses or moments of inertia, and the loads (size, r) conjugate to their motion.
     """
 
     structure: Structure
     areal: sp.csr_array
     line: Array
     carried: Array
+    attached: tuple[Array, Array] | None = None
 
     def forces(self, fields: Array) -> Array:
         """Inertial forces (k, n, *shape), N, of accelerations, mm/s^2, without the mass carried by the hub."""
@@ -274,6 +285,9 @@ class Mass(NamedTuple):
         loads = self.structure.loads(self.forces(self.structure.fields(motion)))
         if self.structure.poses:
             loads[-3:] += self.carried @ motion[-3:]
+        if self.attached is not None:
+            inertia, at = self.attached
+            loads += at @ (inertia[:, None] * (at.T @ motion))
         return loads
 
 

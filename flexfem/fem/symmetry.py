@@ -18,7 +18,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import Layers, Plate
-from flexfem.fem.factor import Condensed, condense, dense, factorise
+from flexfem.fem.factor import Condensed, condense, dense
 from flexfem.fem.mesh import Sector, joined
 from flexfem.fem.structure import Structure, structure
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation
@@ -43,8 +43,8 @@ class Space(NamedTuple):
 
 
 def full_space(structure: Structure) -> Space:
-    """Return the space of all unknowns. Raises ComputationFailed as `Structure.lower` and `factorise`."""
-    return Space(structure.size, float, np.asarray, np.asarray, factorise(structure.lower()))
+    """Return the space of all unknowns. Raises ComputationFailed as `Structure.factorised`."""
+    return Space(structure.size, float, np.asarray, np.asarray, structure.factorised())
 
 
 class FactorisedStage(NamedTuple):
@@ -92,8 +92,8 @@ def factorise_stage(
         return FactorisedStage(whole, sector_nodes, (full_space(whole),), whole.size)
     (sector,) = sectors
     part = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
-    cut = len(sector.ahead) * len(part.line.free_components)
-    condensed = condense(part.lower(), 2 * cut + 3)
+    cut = len(sector.ahead) * part.block
+    condensed = condense(part.lower(), 2 * cut + 3, part.block)
     spaces = tuple(_harmonic_space(part, condensed, len(sector.ahead), harmonic) for harmonic in (0, 1))
     return FactorisedStage(part, [], spaces, 3 * (part.size - cut) - 6)
 

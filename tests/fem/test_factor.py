@@ -50,8 +50,8 @@ def test_condensed_equations_are_those_of_the_whole(installed, monkeypatch):
     A = rng.normal(size=(41, 41)) * (rng.uniform(size=(41, 41)) < 0.1)
     K = A @ A.T + np.diag(rng.uniform(1.0, 2.0, 41)) + 0.1  # every unknown meets the boundary, none in its order
     inner, b = 34, rng.normal(size=(41, 3))
-    for apart in (0, 1000):  # the factor taken apart, and solved for every unknown of the boundary
-        monkeypatch.setattr(flexfem.fem.factor, "FACTORISED_TWICE", apart)
+    for kind in (flexfem.fem.factor.SUPERNODAL, ()):  # the factor is read, and solved for every unknown of the boundary
+        monkeypatch.setattr(flexfem.fem.factor, "SUPERNODAL", kind)
         found = condense(sp.csr_array(np.tril(K)), 7)
         schur = K[inner:, inner:] - K[inner:, :inner] @ np.linalg.solve(K[:inner, :inner], K[:inner, inner:])
         np.testing.assert_allclose(found.schur, schur, rtol=0, atol=ROUND_OFF)

@@ -1,0 +1,97 @@
+"""Compliances of the bodies of a plate by finite elements, for the analytic network: each body alone, plane.
+
+The end sections of hinges move rigidly, and each contact as the motion conjugate to its load. With the loads B, the
+conjugate loads F of the mean motion of the body, and the stiffness K of the body held at the end of one hinge,
+
+    C = (B - F)' K^-1 (B - F),
+
+as every load of B is balanced by F, and the mean motion F' u is subtracted. With clamped edges F is left out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.factor import factorise
+from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.ports import contact_forces, plate_of_layout
+from flexfem.fem.structure import NONE, structure
+from flexfem.mechanism.layout import ElasticBody, End, Layout, Patch, interfaces
+
+SOLVES = 3  # refinements remove the round-off of the factorisation
+
+
+def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]:
+    """Compliances of all bodies that are not fixed, in their order.
+
+    mesh : of the layout, with edges `end 0 near`, `end 0 far` and so on of the hinges.
+    Raises ComputationFailed for a body that no hinge or clamped edge holds.
+    """
+    moving = [number for number, body in enumerate(layout.bodies) if not body.fixed]
+    return tuple(_elastic_body(layout, mesh, number) for number in moving)
+
+
+def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
+    """Return the triangles of a body with their nodes and the edges on it."""
+    chosen = mesh.bodies == body
+    used, number = np.unique(mesh.triangles[chosen]), np.full(len(mesh.nodes), -1)
+    number[used] = np.arange(len(used))
+    edges = {name: number[edge[np.all(number[edge] >= 0, axis=1)]] for name, edge in mesh.edges.items()}
+    return StageMesh(mesh.nodes[used], number[mesh.triangles[chosen]], mesh.bodies[chosen], edges)
+
+
+def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
+    at, part, clamped = interfaces(layout, body), body_mesh(mesh, body), bool(layout.bodies[body].clamped)
+    whole = structure(part, plate_of_layout(layout), held=np.unique(part.edges["clamped"]) if clamped else NONE)
+    sections = [nodes_on(part, f"end {one.hinge} {'far' if one.far else 'near'}") for one in at if isinstance(one, End)]
+    centres = [complex(*part.nodes[section].mean(axis=0)) for section in sections]
+    T, first = _tied(part, whole.free, sections, centres)
+
+    def loads(patch: Patch) -> Array:
+        return np.asarray(T.T @ whole.loads(contact_forces(part, patch)))
+
+    B = [np.eye(T.shape[1], 3, -first - 3 * k) @ _at(centre) for k, centre in enumerate(centres)]
+    B += [loads(one) @ _at(one.point) for one in at if isinstance(one, Patch)]
+    balanced = np.hstack(B)
+    if not clamped:
+        balanced = balanced - np.tile(loads(Patch(body, 0j)), len(at))
+    free = np.delete(np.arange(T.shape[1]), [] if clamped else np.arange(first, first + 3))
+    lower = whole.lower()
+    K = sp.csr_array(T.T @ (lower + sp.tril(lower, -1).T) @ T)
+    solve, motion = factorise(sp.csr_array(sp.tril(K[free][:, free]))), np.zeros_like(balanced)
+    for _ in range(SOLVES):
+        residual = balanced - T.T @ whole.loads(whole.forces(whole.fields(T @ motion)))
+        motion[free] += solve(residual[free])
+    C = balanced.T @ motion
+    return ElasticBody(body, at, (C + C.T) / 2)
+
+
+def _tied(part: StageMesh, nodes: Index, sections: list[Index], centres: list[complex]) -> tuple[sp.csr_array, int]:
+    """Matrix from unknowns to those of free nodes, and the first of the poses of the sections, which come last."""
+    section = np.full(len(part.nodes), -1)
+    for k, tied in enumerate(sections):
+        section[tied] = k
+    of, rows = section[nodes], 2 * np.arange(len(nodes))
+    alone = np.flatnonzero(of < 0)
+    first = 2 * len(alone)
+    parts: list[tuple[AnyArray, ...]] = [((rows[alone, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
+    for k, centre in enumerate(centres):
+        tied = np.flatnonzero(of == k)
+        (x, y), column, one = (
+            (part.nodes[nodes[tied]] - [centre.real, centre.imag]).T,
+            first + 3 * k,
+            np.ones(len(tied)),
+        )
+        for row, freedom, values in ((0, 0, one), (1, 1, one), (0, 2, -y), (1, 2, x)):
+            parts.append((rows[tied] + row, np.full(len(tied), column + freedom), values))
+    entries = [np.concatenate(each) for each in zip(*parts, strict=True)]
+    return sp.csr_array(
+        (entries[2], (entries[0], entries[1])), shape=(2 * len(nodes), first + 3 * len(sections))
+    ), first
+
+
+def _at(point: complex) -> Array:
+    """Wrench (3, 3) at a point per unit wrench at the origin."""
+    return np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [point.imag, -point.real, 1.0]])

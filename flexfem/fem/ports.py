@@ -1,0 +1,281 @@
+"""Finite elements of any plate mechanism: unit loads on its ports, weight, heat and modes from one factorisation.
+
+A load acts at a contact as a body force over a part of a body, and the motion of the contact is conjugate to it (see
+`Patch`), so that the compliance between ports is symmetric. Bodies that are fixed are left out: their nodes are held.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexfem.arrays import Array, Index
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, nodal_stress, von_mises
+from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
+from flexfem.fem.modes import Modes, modes, vibrating_structure
+from flexfem.fem.response import free_displacement, refined_solution
+from flexfem.fem.structure import NONE, Structure, mass_of, structure
+from flexfem.fem.symmetry import Space, full_space
+from flexfem.mechanism.layout import Layout, Patch
+from flexfem.refused import ComputationFailed
+
+SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
+LARGEST = 4_000_000  # stress components computed at once
+
+
+def plate_of_layout(layout: Layout, layers: Layers | None = None) -> Plate:
+    """Return the plate of the plane problem, or with layers the material itself."""
+    E, nu, ratio = layout.youngs_modulus, layout.poissons_ratio, layout.out_of_plane
+    return (
+        Plate(E, nu, layout.thickness) if layers is None else Plate(E * (1 - ratio**2), ratio or nu, layout.thickness)
+    )
+
+
+def held_nodes(layout: Layout, mesh: StageMesh) -> Index:
+    """Nodes of fixed bodies and clamped edges, ascending."""
+    return np.unique(np.append(mesh.triangles[_is_fixed(layout, mesh)], mesh.edges.get("clamped", NONE)))
+
+
+def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
+    """Return which triangles (m,) belong to fixed bodies."""
+    return np.isin(mesh.bodies, np.flatnonzero([body.fixed for body in layout.bodies]))
+
+
+def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
+    """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
+
+    They are zero for a patch on the ground outside the plate. A radius less than half a triangle is increased to that.
+    Raises ComputationFailed when no part of the body is within the radius.
+    """
+    triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
+    forces, radius, whole = np.zeros((3, *mesh.nodes.shape)), np.inf, quadrature(MASS_QUADRATURE)
+    if patch.body < 0:
+        return forces
+    parts = [(triangles, whole)]
+    if patch.radius is not None and len(triangles):
+        at = mesh.nodes[triangles] - point
+        middle = at.mean(axis=1)
+        size, away = np.max(np.hypot(*(at - middle[:, None]).T), axis=0), np.hypot(*middle.T)
+        radius = max(patch.radius, float(size[np.argmin(away)]))
+        inside = np.max(np.hypot(*at.T), axis=0) <= radius
+        parts = [(triangles[inside], whole), (triangles[~inside & (away < radius + size)], _subdivided())]
+    for chosen, (points, weights) in parts:
+        phi, determinant = shape_functions(points)[0], gradients(mesh.nodes[chosen], points)[1]
+        x, y = np.einsum("eid,iq->deq", mesh.nodes[chosen] - point, phi)
+        area, one = np.abs(determinant) * weights * (np.hypot(x, y) <= radius), np.ones_like(x)
+        densities = np.array([[one, 0 * one], [0 * one, one], [-y, x]]) * area
+        nodal = np.einsum("kdeq,iq->keid", densities, phi)
+        for force, values in zip(forces, nodal, strict=True):
+            np.add.at(force, chosen, values)
+    resultants = _resultants(mesh.nodes - point, forces)
+    if not resultants[0, 0] > 0:
+        raise ComputationFailed(f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm")
+    return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
+
+
+def _subdivided() -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of the midpoint rule on a subdivided reference triangle."""
+    corners = [(i, j, up) for i in range(SUBDIVISION) for j in range(SUBDIVISION - i) for up in (1, 2)]
+    points = np.array([(i + up / 3, j + up / 3) for i, j, up in corners if i + j + up <= SUBDIVISION])
+    return points / SUBDIVISION, np.full(len(points), 0.5 / len(points))
+
+
+def _resultants(nodes: Array, forces: Array) -> Array:
+    """Force and moment (3, k) about the origin of forces (k, n, 2) at nodes (n, 2)."""
+    (x, y), (fx, fy) = nodes.T, np.moveaxis(forces, -1, 0)
+    return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
+
+
+@dataclass(frozen=True)
+class PlateModel:
+    """A factorised plate with all loads that act on it.
+
+    mesh : the whole.   structure : the bodies that are not fixed, with the nodes of the whole.
+    held : nodes that do not move.
+    """
+
+    layout: Layout
+    mesh: StageMesh
+    structure: Structure
+    held: Index
+    space: Space
+
+    @cached_property
+    def port_forces(self) -> Array:
+        """Nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included."""
+        ports = self.layout.ports
+        contacts = {patch: contact_forces(self.mesh, patch) for port in ports for patch, _ in port.parts}
+        plane = [
+            np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
+            for port in ports
+        ]
+        return self._through(np.array(plane))
+
+    @cached_property
+    def attached(self) -> tuple[Array, Array]:
+        """Masses and moments of inertia (r,) of payloads and actuators, tonne and tonne mm^2, and forces (r, n, ...).
+
+        Three follow each other: along x, along y, and of the rotation.
+        """
+        bodies = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
+        bodies += [(at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts]
+        carried = [(patch, mass, inertia) for patch, mass, inertia in bodies if mass > 0 or inertia > 0]
+        forces = [contact_forces(self.mesh, patch) for patch, _, _ in carried]
+        plane = np.concatenate([np.zeros((0, *self.mesh.nodes.shape)), *forces])
+        return np.array([v for _, mass, inertia in carried for v in (mass, mass, inertia)]), self._through(plane)
+
+    def _through(self, plane: Array) -> Array:
+        """Spread forces (k, n, 2) evenly through the thickness: (k, n, ...)."""
+        line = self.structure.line
+        if line.axes == 2:
+            return plane
+        share = line.values @ line.weights / line.weights.sum()
+        return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (0, 1)])
+
+    def response(self, forces: Array, prescribed: Array | None = None, free: Array | None = None) -> PlateResponse:
+        """Solve for forces (c, n, ...), and displacements of held nodes with a free expansion, (c, n, ...)."""
+        loads = self.structure.loads(forces)
+        solution = refined_solution(self.structure, self.space.solve, loads, prescribed, held=self.held)
+        fields = solution.fields if free is None else solution.fields + free
+        held = forces[:, self.held].reshape(len(forces), -1) @ self.structure.rigid_fields(self.held).reshape(3, -1).T
+        motions = self.port_forces.reshape(len(self.port_forces), -1) @ fields.reshape(len(fields), -1).T
+        return PlateResponse(self, motions, fields, solution.fields, solution.reactions - held)
+
+
+@dataclass(frozen=True)
+class PlateResponse:
+    """Response of a plate to c cases.
+
+    motions : (k, c), displacements conjugate to the ports, mm and rad; the compliance, if the cases are unit loads on
+        the ports.
+    fields : (c, n, 2), mm, displacements of all nodes of the mesh; with layers (c, n, m, 3).
+    elastic : as `fields`, less the free expansion.
+    reactions : (c, 3), resultant that holds fixed bodies and clamped edges, about the origin, N and N mm.
+    """
+
+    model: PlateModel
+    motions: Array
+    fields: Array
+    elastic: Array
+    reactions: Array
+
+    @property
+    def compliance(self) -> Array:
+        """The motions under unit loads on the ports, symmetric."""
+        return (self.motions + self.motions.T) / 2
+
+    @property
+    def unknowns(self) -> int:
+        return self.model.structure.size
+
+    @cached_property
+    def _at_hinges(self) -> tuple[Array, Index]:
+        """Stresses (c, p, d, d), MPa, at the nodes of the triangles of all hinges, and the first node of each hinge."""
+        whole, first = self.model.structure, len(self.model.layout.bodies)
+        hinges = range(first, first + len(self.model.layout.joints))
+        nodes = [np.unique(whole.mesh.triangles[whole.mesh.bodies == hinge]) for hinge in hinges]
+        depth = 1 if whole.layers is None else len(whole.layers.heights)
+        used, at = np.unique(np.concatenate([NONE, *nodes]), return_inverse=True)
+        stress = nodal_stress(whole.mesh, whole.plate, self.elastic, used, whole.layers)
+        stress = stress.reshape(len(stress), len(used), depth, *stress.shape[-2:])[:, at]
+        starts = depth * np.cumsum([0, *map(len, nodes)])[:-1]
+        return stress.reshape(len(stress), -1, *stress.shape[-2:]), starts
+
+
+def hinge_stress(response: PlateResponse, loads: Array) -> Array:
+    """Highest von Mises stress (..., h), MPa, at every hinge under loads (..., c), multiples of the cases.
+
+    It is the highest at the nodes of the triangles of the hinge. At a sharp root, without a fillet, the stress is
+    singular: it grows without limit as the mesh is refined.
+    """
+    (stress, starts), flat = response._at_hinges, np.reshape(loads, (-1, len(response.elastic)))
+    if not len(starts):
+        return np.zeros((*np.shape(loads)[:-1], 0))
+    ratio, size = response.model.layout.out_of_plane, max(1, LARGEST // max(1, stress[0].size))
+    parts = [
+        np.maximum.reduceat(von_mises(np.tensordot(flat[start : start + size], stress, axes=1), ratio), starts, axis=1)
+        for start in range(0, len(flat), size)
+    ]
+    return np.concatenate([np.zeros((0, len(starts))), *parts]).reshape(*np.shape(loads)[:-1], len(starts))
+
+
+def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
+    """Factorise a plate, plane or extruded.
+
+    Raises ComputationFailed when a part is not held, or for too many unknowns.
+    """
+    held, moving = held_nodes(layout, mesh), ~_is_fixed(layout, mesh)
+    part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
+    whole = structure(part, plate_of_layout(layout, layers), layers, held=held)
+    return PlateModel(layout, mesh, whole, held, full_space(whole))
+
+
+def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateResponse:
+    """Solve for unit loads on the ports of a layout, in their order.
+
+    Parameters
+    ----------
+    mesh : of the layout: `bodies` are those of the layout, then its hinges; held are fixed bodies and edges `clamped`.
+    layers : through the thickness, for three dimensions.
+
+    Raises ComputationFailed as `plate_model`, `contact_forces`, and when forces or energy do not balance.
+    """
+    model = plate_model(layout, mesh, layers)
+    return model.response(model.port_forces)
+
+
+def weight_of(model: PlateModel, accelerations: Array) -> PlateResponse:
+    """Solve for the weight of bodies, payloads and actuators in fields (c, 2), mm/s^2."""
+    rigid, (inertia, attached) = model.structure.rigid_fields()[:2], model.attached
+    unit = mass_of(model.structure, model.layout.density).forces(rigid)
+    for axis in range(2):
+        unit[axis] += np.tensordot(inertia[axis::3], attached[axis::3], axes=1)
+    return model.response(np.tensordot(accelerations, unit, axes=1))
+
+
+def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> PlateResponse:
+    """Solve for one kelvin, and one kelvin per mm along x and along y, with expansions of plate and ground, 1/K.
+
+    The ground expands about the origin as a free body of its own material; motions include this.
+    """
+    free = free_displacement(model.mesh.nodes, model.structure.layers)[[2, 0, 1]]
+    prescribed = np.zeros_like(free)
+    prescribed[:, model.held] = (ground_expansion - expansion) * free[:, model.held]
+    response = model.response(np.zeros_like(free), prescribed, expansion * free)
+    parts = [
+        (k, patch.point, wrench)
+        for k, port in enumerate(model.layout.ports)
+        for patch, wrench in port.parts
+        if patch.body < 0
+    ]
+    for port, at, wrench in parts:  # on the ground outside the plate
+        moved = free_displacement(np.array([[at.real, at.imag]]))[[2, 0, 1], 0]
+        response.motions[port] += ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
+    return response
+
+
+class VibratingPlate(NamedTuple):
+    """Modes of a plate, and the displacements (count, k) of its ports in the modes of unit modal mass."""
+
+    modes: Modes
+    ports: Array
+
+
+def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> VibratingPlate:
+    """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness acts if `engaged`.
+
+    Raises ComputationFailed when they do not converge.
+    """
+    inertia, attached = model.attached
+    loads, springs = model.structure.loads(model.port_forces), model.layout.stiffness_of_actuators * engaged
+    stacks = loads[:, loads.shape[1] - len(springs) :]
+    at = (inertia[inertia > 0], model.structure.loads(attached[inertia > 0])) if len(inertia) else None
+    vibrating = vibrating_structure(
+        model.structure, model.layout.density, None, stacks, springs, space=model.space, attached=at
+    )
+    found = modes(vibrating, count)
+    return VibratingPlate(found, found.shapes[0].T @ loads)

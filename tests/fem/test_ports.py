@@ -1,0 +1,169 @@
+"""Any plate with ports: strips on mapped meshes against beams, and readings of fields that do not use the loads."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from scipy.interpolate import LinearNDInterpolator
+from scipy.optimize import brentq
+
+from flexfem.fem.elements import layered
+from flexfem.fem.mesh import mapped
+from flexfem.fem.plate_bodies import body_compliances
+from flexfem.fem.ports import contact_forces, hinge_stress, plate_model, plate_modes, plate_response, warmed, weight_of
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.profiles import Leaf
+from flexfem.refused import ComputationFailed
+
+E, B, H, DENSITY = 70_000.0, 4.0, 5.0, 2.7e-9  # MPa, mm, mm, tonne/mm^3
+CLAMP, ROOT, TIP = 10.0, 50.0, 70.0  # mm: ends of the fixed body, the hinge and the strip
+INERTIA = B * H**3 / 12
+OUTPUT = Patch(1, 60.0 + 0j)
+
+
+def strip(columns=56, rows=4, hinge=CLAMP):
+    """A strip in three parts: a fixed body 0, a hinge that starts at `hinge`, and a body 1."""
+    mesh = mapped(columns, rows, lambda u, v: np.stack([TIP * u, H * (v - 0.5)], axis=-1))
+    x = mesh.nodes[mesh.triangles[:, :3], 0].mean(axis=1)
+    return mesh._replace(bodies=np.where(x < CLAMP, 0, np.where((x > hinge) & (x < ROOT), 2, 1)))
+
+
+def layout(points=(("output", OUTPUT),), nu=0.0, fixed=True, thickness=B, **others):
+    bodies = Body("ground", (), fixed=fixed), Body("stage", ())
+    hinge = Joint("leaf", (0, 1), 30 + 0j, 0.0, Leaf(H, ROOT - CLAMP), H)
+    return Layout(bodies, (hinge,), thickness, E, nu, DENSITY, 500.0, points, **others)
+
+
+def beam_compliance(length, E=E):
+    """Tip of a cantilever at its end: Timoshenko with kappa = 6/5 and nu = 0."""
+    bending = length**3 / (3 * E * INERTIA) + 1.2 * 2 * length / (E * B * H)
+    cross = length**2 / (2 * E * INERTIA)
+    return np.array([[length / (E * B * H), 0, 0], [0, bending, cross], [0, cross, length / (E * INERTIA)]])
+
+
+def test_patch_loads_have_their_resultant_and_the_mean_over_the_disc_as_motion():
+    mesh, radius, point = strip(), 1.7, 61.3 + 0.4j
+    forces, (x, y) = contact_forces(mesh, Patch(1, point, radius)), mesh.nodes.T
+    moments = forces[..., 1] @ (x - 61.3) - forces[..., 0] @ (y - 0.4)
+    np.testing.assert_allclose(np.column_stack([forces.sum(axis=1), moments]), np.eye(3), atol=1e-12)
+    field = np.stack([(y - 0.4) ** 2, 0.5 * x], axis=-1)  # half of the slope is strain
+    motion = np.sum(forces * field, axis=(1, 2))
+    np.testing.assert_allclose(motion, [radius**2 / 4, 30.65, 0.25], rtol=0.03)
+    with pytest.raises(ComputationFailed, match="no part of body 1"):
+        contact_forces(mesh, Patch(1, 61.3 + 9j, radius))
+
+
+def spread_compliance(span, length):
+    """Compliance (2, 2), y and theta, of the last `length` of a cantilever loaded in proportion to its area."""
+    alpha = 1 / (length**3 / 12 + length * H**2 / 12)
+    loads = [(Polynomial([1 / length]), 0.0), (alpha * Polynomial([length / 2, -1.0]), alpha * H**2 / 12)]
+    V = [load.integ() for load, _ in loads]  # over the distance from the end
+    M = [shear.integ() + Polynomial([0.0, couple]) for shear, (_, couple) in zip(V, loads, strict=True)]
+    at, weights = np.polynomial.legendre.leggauss(8)
+    total = np.zeros((2, 2))
+    for low, high in ((0.0, length), (length, span)):
+        d, w = low + (high - low) * (at + 1) / 2, weights * (high - low) / 2
+        near = np.minimum(d, length)
+        shear = np.array([v(near) for v in V])
+        moment = np.array([m(near) for m in M]) + shear * (d - near)
+        total += (moment * w) @ moment.T / (E * INERTIA) + 2.4 * (shear * w) @ shear.T / (E * B * H)
+    return total
+
+
+def test_cantilever_answers_as_a_timoshenko_beam_and_carries_its_stress():
+    """Loads on the whole stage, 20 mm long, and near the end, where the contact sinks in."""
+    tip = "tip", Patch(1, 69 + 0j, 1.0)
+    response = plate_response(layout((("output", OUTPUT), tip)), strip())
+    C = response.compliance
+    assert C[0, 0] == pytest.approx(40 / (E * B * H) + 20 / (3 * E * B * H), rel=1e-6)  # int N^2, falling linearly
+    np.testing.assert_allclose(C[1:3, 1:3], spread_compliance(60.0, 20.0), rtol=5e-4)
+    np.testing.assert_allclose(C[4, 4:], beam_compliance(59.0)[1, 1:], rtol=1e-3)
+    np.testing.assert_allclose(response.reactions[3:], [[-1, 0, 0], [0, -1, -69], [0, 0, -1]], atol=1e-8)
+    loads, modulus = np.zeros((2, 6)), B * H**2 / 6
+    loads[0, [0, 5]], loads[1, 1] = (3.0, 7.0), 2.0
+    stress = hinge_stress(response, loads)[:, 0]
+    assert stress[0] == pytest.approx(3 / (B * H) + 7 / modulus, rel=1e-6)
+    assert stress[1] == pytest.approx(2 * 50 / modulus, rel=0.02)
+
+
+def test_motion_of_contacts_is_read_from_the_field_and_the_compliance_is_symmetric():
+    """An actuator bears on the lever and on the ground; a rigid motion is fitted to samples of the field in a disc."""
+    near, far = Patch(0, 5 + 0j, 2.0), Patch(1, 62 + 0.5j, 1.5)
+    direction = complex(0.6, 0.8)
+    actuator = LinearActuator("drive", (near, far), direction, 100.0, 0.01, 1.0)
+    response = plate_response(layout(actuators=(actuator,), nu=0.3), strip(140, 10))
+    raw, size = response.motions, np.sqrt(np.diag(response.motions))
+    assert np.max(np.abs(raw - raw.T) / np.outer(size, size)) < 1e-9
+    r, angle = np.meshgrid(1.5 * np.sqrt((np.arange(40) + 0.5) / 40), np.arange(80) * np.pi / 40)
+    z = (far.point + r * np.exp(1j * angle)).ravel()
+    for case, field in enumerate(response.fields):
+        u = LinearNDInterpolator(response.model.mesh.nodes, field)(z.real, z.imag)
+        opening = u.mean(axis=0) @ [direction.real, direction.imag]
+        assert opening == pytest.approx(raw[3, case], abs=2e-4 * size[3] * size[case])
+
+
+def test_free_body_bends_as_a_beam_between_its_hinges():
+    mesh = mapped(40, 6, lambda u, v: np.stack([20 + 30 * u, H * (v - 0.5)], axis=-1))
+    edges = {"end 0 far": mesh.edges["left"], "end 1 near": mesh.edges["right"]}
+    mesh = mesh._replace(bodies=mesh.bodies + 1, edges=edges)
+    of = layout((("whole", Patch(1, 7 + 3j, 100.0)), ("spot", Patch(1, 40 + 1j, 1.0))), fixed=True)
+    leaf = of.joints[0]
+    (body,) = body_compliances(of._replace(joints=(leaf, leaf._replace(bodies=(1, 0)))), mesh)
+    C = body.compliance
+    assert C.shape == (12, 12)
+    assert np.linalg.eigvalsh(C).min() > -1e-12 * np.linalg.norm(C)
+    np.testing.assert_allclose(C[6:9], 0.0, atol=1e-9 * np.abs(C).max())  # on the whole body it is its mean motion
+    apart = np.hstack([-np.eye(3), np.eye(3)])
+    to_end = np.array([[1.0, 0, 0], [0, 1, 50], [0, 0, 1]])  # twist at the end of the bar from that at the origin
+    between = to_end @ apart @ C[:6, :6] @ apart.T @ to_end.T
+    np.testing.assert_allclose(between, beam_compliance(30.0), rtol=2e-3, atol=1e-12)
+    clamped = of._replace(bodies=(of.bodies[0], of.bodies[1]._replace(clamped=(0,))))
+    held = mesh._replace(edges={"clamped": mesh.edges["end 0 far"], "end 0 far": mesh.edges["end 1 near"]})
+    (body,) = body_compliances(clamped, held)
+    np.testing.assert_allclose(
+        to_end @ body.compliance[:3, :3] @ to_end.T, beam_compliance(30.0), rtol=2e-3, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(("payload", "spring"), [(0.0, 0.0), (3e-6, 0.0), (1e-6, 2.0)])
+def test_cantilever_vibrates_as_a_beam_with_a_mass_and_a_spring_at_its_end(payload, spring):
+    mesh, end = strip(70, 2), Patch(1, 70 - 0.5 + 0j, 0.5)
+    slender, length = mesh._replace(nodes=mesh.nodes * [1.0, 0.2]), TIP - CLAMP
+    actuator = LinearActuator("spring", (Patch(0, 5 + 0j, 1.0), end), 1j, spring, 0.01, 1.0, 2e-6)
+    of = layout((("tip", end),), actuators=(actuator,), payloads=(PayloadMass(end, payload, 0.0),))
+    second, beam = INERTIA * 0.2**3, DENSITY * B * H * 0.2 * length
+    mass, rate = (payload + 1e-6) / beam, spring * length**3 / (E * second)
+
+    def free(k):
+        return 1 + np.cos(k) * np.cosh(k) + (rate / k**3 - mass * k) * (np.sin(k) * np.cosh(k) - np.cos(k) * np.sinh(k))
+
+    root = brentq(free, 0.3, 3.5)
+    expected = root**2 * np.sqrt(E * second / (beam * length**3))
+    found = plate_modes(plate_model(of, slender), 2, engaged=spring > 0)
+    assert found.modes.frequencies[0] == pytest.approx(expected, rel=0.02)
+
+
+def test_weight_and_heat():
+    outside = LinearActuator("drive", (Patch(-1, 60 + 40j), OUTPUT), -1j, 100.0, 0.01, 1.0)
+    model = plate_model(layout(actuators=(outside,), payloads=(PayloadMass(OUTPUT, 2e-5, 0.0),)), strip())
+    weight = weight_of(model, np.array([[0.0, -9810.0]]))
+    own = 9810 * DENSITY * B * H * (TIP - CLAMP)
+    moment = own * (CLAMP + TIP) / 2 + 9810 * 2e-5 * 60
+    np.testing.assert_allclose(weight.reactions, [[0, own + 9810 * 2e-5, moment]], rtol=1e-9, atol=1e-9)
+    heat = warmed(model, 23e-6, 11e-6)
+    assert heat.motions[0, 0] == pytest.approx(23e-6 * 50 + 11e-6 * CLAMP, rel=1e-9)
+    alike = warmed(model, 23e-6, 23e-6)
+    assert hinge_stress(alike, np.eye(3)).max() < 1e-12
+    np.testing.assert_allclose(alike.motions[:, 0], [23e-6 * 60, 0, 0, 23e-6 * 40], rtol=1e-9, atol=1e-15)
+
+
+def test_thin_strip_in_three_dimensions_is_in_plane_stress():
+    of, mesh = layout(nu=0.3, thickness=0.2), strip(56, 4, 20.0)
+    plane, solid = (plate_response(of, mesh, layers) for layers in (None, layered(np.array([0.0, 0.1]), (0,), 2)))
+    size = np.sqrt(np.diag(plane.compliance))
+    np.testing.assert_allclose(
+        solid.compliance / np.outer(size, size), plane.compliance / np.outer(size, size), atol=2e-3
+    )
+    loads = np.eye(3)
+    np.testing.assert_allclose(hinge_stress(solid, loads), hinge_stress(plane, loads), rtol=0.01)
