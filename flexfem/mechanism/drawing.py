@@ -218,14 +218,17 @@ class Dimensions(NamedTuple):
     height: float
 
 
+def text_height(part: Part) -> float:
+    """Height of the texts on a drawing of a part, mm."""
+    return TEXT * float(np.max(np.ptp(np.concatenate([polygon_points(loop) for loop in part.loops]), axis=0)))
+
+
 def dimensions_of(stage: Stage, part: Part) -> Dimensions:
     """Return the dimensions of a stage, placed clear of each other and of the part where there is room.
 
     Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
     """
-    body = shapely.Polygon(polygon_points(part.outer))
-    west, south, east, north = body.bounds
-    height = TEXT * max(east - west, north - south)
+    body, height = shapely.Polygon(polygon_points(part.outer)), text_height(part)
     poses, width = necks(stage, 1), stage.chain.link_width
     ends = [pose.point for pose in poses] + [0j]
     spans = list[Span]()
