@@ -48,7 +48,7 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
 def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
-    They are zero for a patch on the ground outside the plate. A radius below a fifth of a triangle is increased to that.
+    They are zero for a patch on the ground outside the plate. Radii below a fifth of a triangle are increased.
     Raises ComputationFailed when no part of the body is within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])

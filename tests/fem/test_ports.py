@@ -162,7 +162,9 @@ def test_weight_and_heat():
     np.testing.assert_allclose(weight.reactions, [[0, own + 9810 * 2e-5, moment]], rtol=1e-9, atol=1e-9)
     heat = warmed(model, 23e-6, 11e-6)
     both = hinge_stress(together(weight, heat), np.array([[1.0, 0, 0, 0], [0, 5, 0, 0], [1, 5, 0, 0]]))
-    assert both[:2, 0].max() < both[2, 0] <= both[:2].sum()
+    assert abs(both[1, 0] - both[0, 0]) <= both[2, 0] <= both[:2].sum()
+    assert both[0] == pytest.approx(hinge_stress(weight, np.eye(1))[0])
+    assert both[1] == pytest.approx(hinge_stress(heat, 5 * np.eye(3))[0])
     assert heat.motions[0, 0] == pytest.approx(23e-6 * 50 + 11e-6 * CLAMP, rel=1e-9)
     alike = warmed(model, 23e-6, 23e-6)
     assert hinge_stress(alike, np.eye(3)).max() < 1e-12
