@@ -35,6 +35,7 @@ from flexfem.refused import ComputationFailed
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
 CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an elastic body
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
+AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 VOLUME_ERROR = 1e-9  # relative, of a solid that is read back
 
@@ -89,6 +90,9 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
         for point, size, radius in _refinements(body, coarse):
             gradings.setdefault((size, radius), []).append(point)
         lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
+    for patch in dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts):
+        if patch.radius is not None and patch.body >= 0 and not layout.bodies[patch.body].fixed:
+            gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).append(patch.point)
     largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
     cones = [Grading(points, *key) for key, points in gradings.items()]
     job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)
