@@ -197,8 +197,9 @@ def warmed(
     motions = net.P.T @ U + net.B.T @ w
     for j, port in enumerate(ports):
         for patch, wrench in port.parts:
-            strain = ground if layout.bodies[patch.body].fixed else expansion
-            mean = free(patch.point) if patch.radius is not None else _mean_expansion(layout, patch)
+            outside = patch.body < 0
+            strain = ground if outside or layout.bodies[patch.body].fixed else expansion
+            mean = free(patch.point) if outside or patch.radius is not None else _mean_expansion(layout, patch)
             motions[j] += strain * np.array(wrench) @ mean
     wrenches = w.reshape(-1, 3, 3)
     if engaged and layout.actuators:

@@ -28,7 +28,7 @@ from flexfem.fem.mesh import (
 from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, PlateSolid, Region, run_mesher
 from flexfem.mechanism.layout import Body, Layout
 from flexfem.mechanism.outlines import Segment, area, reverse
-from flexfem.mechanism.plate import check_layout, components, cuts_of, end_lines, joint_loop, neck_line
+from flexfem.mechanism.plate import check_layout, components, cuts_of, end_corners, end_lines, joint_loop, neck_line
 from flexfem.mechanism.profiles import Curve
 from flexfem.refused import ComputationFailed
 
@@ -73,7 +73,11 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
     for index, joint in enumerate(layout.joints):
         necks.append(Line(f"neck {index}", neck_line(joint), len(layout.bodies) + index))
         for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
-            lines += [Line(f"end {index} {name}", line, which) for line in end_lines(joint, side)]
+            ends = end_lines(joint, side)
+            lines += [Line(f"end {index} {name}", line, which) for line in ends]
+            for point in (ends[0].start, ends[-1].end) if len(ends) > 1 else ():  # at the needles of `end_lines`
+                length = min(abs(corner - point) for corner in end_corners(joint, side))
+                gradings.setdefault((length / 2, length), []).append(point)
         sizes = joint.profile.sizes(fine)
         at_neck = [size for points, size, radius in sizes if min(map(abs, points)) <= radius]
         if at_neck:
