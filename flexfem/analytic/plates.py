@@ -204,8 +204,9 @@ def warmed(
     motions = net.P.T @ U + net.B.T @ w
     for j, port in enumerate(ports):
         for patch, wrench in port.parts:
-            mean = free(patch.point) if patch.radius is not None else _mean_expansion(layout, patch)
-            mean = mean * (ground if layout.bodies[patch.body].fixed else expansion)
+            outside = patch.body < 0
+            mean = free(patch.point) if outside or patch.radius is not None else _mean_expansion(layout, patch)
+            mean = mean * (ground if outside or layout.bodies[patch.body].fixed else expansion)
             if patch.body in clamps:
                 mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
             motions[j] += np.array(wrench) @ mean
