@@ -96,9 +96,16 @@ class Mechanism(MechanismContent):
         return layout_of(self)
 
 
+def read_mechanism(path: PathLike) -> Mechanism:
+    """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as `load_mechanism`."""
+    mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
+    _ = mechanism.layout
+    return mechanism
+
+
 def load_mechanism(path: PathLike) -> Mechanism:
     """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
-    mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
+    mechanism = read_mechanism(path)
     with located(mechanism):
         check_layout(mechanism.layout)
     return mechanism
