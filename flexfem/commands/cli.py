@@ -208,13 +208,15 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
     """Call a function with the options of its command; return its result and the stem of its files."""
-    from flexfem.mechanism.stage import load_feasible
+    from flexfem.mechanism.mechanism import load_plate
+    from flexfem.mechanism.stage import Stage, load_feasible
 
     hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
     for parameter in inspect.signature(function).parameters.values():
         hint = hints[parameter.name]
         if parameter.name == "stage":
-            arguments["stage"], stem = load_feasible(given["stage"]), f"{given['stage'].stem}-{name}"
+            read = load_feasible if hint is Stage and not hasattr(function, "__wrapped__") else load_plate
+            arguments["stage"], stem = read(given["stage"]), f"{given['stage'].stem}-{name}"
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
         elif parameter.kind is parameter.VAR_POSITIONAL:

@@ -245,7 +245,7 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     largest, error = np.max(np.abs(C), axis=0), _relative_error(n**ORDER, C)
     bound = CAUTIOUS * (error.common * np.abs(C[-1]) + error.spread * size)
     bands = np.where(largest <= ROUND_OFF * size, np.maximum(largest, np.finfo(float).eps * size), bound)
-    np.fill_diagonal(bands, [grid_convergence(n, C[:, k, k], round_off=0.0).band for k in range(3)])
+    np.fill_diagonal(bands, [grid_convergence(n, C[:, k, k], round_off=0.0).band for k in range(len(size))])
     return np.asarray(bands)
 
 

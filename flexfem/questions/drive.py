@@ -153,7 +153,7 @@ class DrivenElements(NamedTuple):
 def drive(
     stage: Stage,
     *,
-    pose: tuple[float, float, float],
+    pose: tuple[float, float, float] | None = None,
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
@@ -163,8 +163,8 @@ def drive(
 
     Parameters
     ----------
-    pose : tuple of float
-        Pose of the platform: mm, mm, rad.
+    pose : tuple of float, optional
+        Pose of the platform: mm, mm, rad. A mechanism needs none: its result is the motion for every free stroke.
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
@@ -182,6 +182,8 @@ def drive(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2)
+    if pose is None:
+        raise BadInput("pose is missing, expected the pose of the platform: mm, mm, rad")
     target = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
     stacks, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
+from importlib import import_module
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType, NoneType
@@ -21,6 +22,7 @@ from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import AXES, About, Progress, Result
@@ -66,8 +68,11 @@ def question(function: Function) -> Function:
 
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
-        hints = hints_of()
-        for name, value in signature.bind(*positional, **named).arguments.items():
+        hints, bound = hints_of(), signature.bind(*positional, **named).arguments
+        if isinstance(subject := next(iter(bound.values()), None), Mechanism):
+            given = {key: value for key, value in list(bound.items())[1:] if value != signature.parameters[key].default}
+            return of_mechanism(function.__name__, subject, **given)
+        for name, value in bound.items():
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
             is_known = isinstance(value, str) and value in words
@@ -78,6 +83,28 @@ def question(function: Function) -> Function:
         return function(*positional, **named)
 
     return cast(Function, checked)
+
+
+FOR_MECHANISMS: dict[str, Callable[..., Any]] = {}
+IN_MODULE = "flexfem.questions.plates"
+
+
+def answer_for_mechanisms(function: Function) -> Function:
+    """Register a function as the question of its name for any plate mechanism."""
+    FOR_MECHANISMS[function.__name__] = function
+    return function
+
+
+def of_mechanism(name: str, mechanism: Mechanism, **given: Any) -> Any:
+    """Return the result of a question for a mechanism; refuse a question or an option of the nine-hinge stage."""
+    import_module(IN_MODULE)
+    function = FOR_MECHANISMS.get(name)
+    if function is None:
+        raise BadInput(f"{mechanism.origin}: {name} is for the nine-hinge stage of a stage file, not for a mechanism")
+    known = inspect.signature(function).parameters
+    for key in given.keys() - known.keys():
+        raise BadInput(f"{key} {given[key]!r}: an option of the nine-hinge stage, not of a mechanism")
+    return function(mechanism, **given)
 
 
 class Analytic(NamedTuple):
@@ -180,6 +207,12 @@ class MeshFields(NamedTuple):
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     """Return a mesh as settings of a result."""
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
+
+
+def about_mechanism(mechanism: Mechanism) -> About:
+    """Return the subject of a result: a mechanism."""
+    doubts = tuple(mechanism.assumed), tuple(mechanism.not_stated)
+    return About(mechanism.name, str(mechanism.origin), mechanism.hash, *doubts, mechanism.layout.lever)
 
 
 def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
