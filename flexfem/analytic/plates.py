@@ -24,6 +24,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
+from flexfem.mechanism.plate import cuts_of
 from flexfem.mechanism.profiles import Profile
 from flexfem.refused import ComputationFailed
 
@@ -229,15 +230,17 @@ def body_moments(layout: Layout, body: int, hinges: bool = True) -> AnyArray:
     """
     outline, holes = layout.bodies[body].outline, layout.bodies[body].holes
     total = np.sum([_loop_moments(loop) for loop in (outline, *holes)], axis=0)
-    joints = [joint for joint in layout.joints if body in joint.bodies]
     whole = shapely.Polygon(polygon_points(outline), [polygon_points(hole) for hole in holes])
-    cut = shapely.intersection(whole, shapely.union_all([_box(joint) for joint in joints]))
+    cut = shapely.intersection(
+        whole, shapely.union_all([shapely.Polygon(polygon_points(box)) for box in cuts_of(layout, body)])
+    )
     for part in shapely.get_parts(cut):
         if isinstance(part, shapely.Polygon):
             part = shapely.orient_polygons(part)
             total -= sum(_loop_moments(_ring(ring.coords)) for ring in (part.exterior, *part.interiors))
-    for joint in joints if hinges else ():
-        total += _half_moments(joint, joint.bodies.index(body))
+    for joint in layout.joints if hinges else ():
+        if body in joint.bodies:
+            total += _half_moments(joint, joint.bodies.index(body))
     return np.asarray(total)
 
 
@@ -260,13 +263,6 @@ def _loop_moments(loop: Iterable[Segment]) -> AnyArray:
 
 def _ring(points: Iterable[tuple[float, ...]]) -> list[Segment]:
     return polyline(*(complex(x, y) for x, y in points))
-
-
-def _box(joint: Joint) -> shapely.Polygon:
-    """Return the box in which the hinge replaces the material of its bodies."""
-    half, side, turn = joint.profile.length / 2, 0.5j * joint.cut, cmath.exp(1j * joint.heading)
-    corners = np.array([half + side, -half + side, -half - side, half - side]) * turn + joint.place
-    return shapely.Polygon(np.column_stack([corners.real, corners.imag]))
 
 
 def _half_moments(joint: Joint, end: int) -> AnyArray:

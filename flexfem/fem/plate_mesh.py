@@ -28,13 +28,14 @@ from flexfem.fem.mesh import (
 from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, PlateSolid, Region, run_mesher
 from flexfem.mechanism.layout import Body, Layout
 from flexfem.mechanism.outlines import Segment, area, reverse
-from flexfem.mechanism.plate import check_layout, components, cuts_of, end_lines, joint_loop, neck_line
+from flexfem.mechanism.plate import check_layout, components, cuts_of, end_corners, end_lines, joint_loop, neck_line
 from flexfem.mechanism.profiles import Curve
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
 CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an elastic body
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
+AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 VOLUME_ERROR = 1e-9  # relative, of a solid that is read back
 
@@ -72,7 +73,11 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
     for index, joint in enumerate(layout.joints):
         necks.append(Line(f"neck {index}", neck_line(joint), len(layout.bodies) + index))
         for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
-            lines += [Line(f"end {index} {name}", line, which) for line in end_lines(joint, side)]
+            ends = end_lines(joint, side)
+            lines += [Line(f"end {index} {name}", line, which) for line in ends]
+            for point in (ends[0].start, ends[-1].end) if len(ends) > 1 else ():  # at the needles of `end_lines`
+                length = min(abs(corner - point) for corner in end_corners(joint, side))
+                gradings.setdefault((length / 2, length), []).append(point)
         sizes = joint.profile.sizes(fine)
         at_neck = [size for points, size, radius in sizes if min(map(abs, points)) <= radius]
         if at_neck:
@@ -85,6 +90,9 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
         for point, size, radius in _refinements(body, coarse):
             gradings.setdefault((size, radius), []).append(point)
         lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
+    for patch in dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts):
+        if patch.radius is not None and patch.body >= 0 and not layout.bodies[patch.body].fixed:
+            gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).append(patch.point)
     largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
     cones = [Grading(points, *key) for key, points in gradings.items()]
     job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)

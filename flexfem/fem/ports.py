@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, nodal_stress, von_mises
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import free_displacement, refined_solution
@@ -48,7 +48,7 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
 def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
-    They are zero for a patch on the ground outside the plate. A radius less than half a triangle is increased to that.
+    They are zero for a patch on the ground outside the plate. Radii below a fifth of a triangle are increased.
     Raises ComputationFailed when no part of the body is within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
@@ -60,7 +60,7 @@ def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
         at = mesh.nodes[triangles] - point
         middle = at.mean(axis=1)
         size, away = np.max(np.hypot(*(at - middle[:, None]).T), axis=0), np.hypot(*middle.T)
-        radius = max(patch.radius, float(size[np.argmin(away)]))
+        radius = max(patch.radius, float(size[np.argmin(away)]) / 3)
         inside = np.max(np.hypot(*at.T), axis=0) <= radius
         parts = [(triangles[inside], whole), (triangles[~inside & (away < radius + size)], _subdivided())]
     for chosen, (points, weights) in parts:
@@ -207,6 +207,18 @@ def hinge_stress(response: PlateResponse, loads: Array) -> Array:
         for start in range(0, len(flat), size)
     ]
     return np.concatenate([np.zeros((0, len(starts))), *parts]).reshape(*np.shape(loads)[:-1], len(starts))
+
+
+def together(*responses: PlateResponse) -> PlateResponse:
+    """Return the response of one model to the cases of several, so that loads and stresses can combine them."""
+    parts = zip(*((each.motions.T, each.fields, each.elastic, each.reactions) for each in responses), strict=True)
+    motions, fields, elastic, reactions = (np.concatenate(part) for part in parts)
+    return PlateResponse(responses[0].model, motions.T, fields, elastic, reactions)
+
+
+def plate_layers(layout: Layout, number: int) -> Layers:
+    """Return `number` layers in half the thickness, graded for the narrowest neck."""
+    return mirrored(layout.thickness, number, min(joint.profile.neck for joint in layout.joints))
 
 
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:

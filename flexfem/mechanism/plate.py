@@ -24,7 +24,7 @@ REACHED = 1e-6  # mm, between the end of a hinge and its body
 STEP = np.pi / 512  # rad, of the polygons of parts: 0.5 um from an arc of 100 mm
 SLIVER = 1e-6  # mm^2; a smaller area is round-off
 ALONG = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 129)) / 2  # positions on the axis of a hinge, per length
-ENDING = np.sin(np.linspace(np.pi / 6, np.pi / 2, 400))  # the same towards its end, per half the length
+ENDING = np.sin(np.linspace(np.pi / 3, np.pi / 2, 400))  # the same towards its end, per half the length
 HEIGHTS = np.linspace(-1, 1, 9)  # across its end, per half the height
 STEEP = np.tan(np.deg2rad(60.0))
 OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
@@ -71,17 +71,23 @@ def neck_line(joint: Joint) -> Segment:
     return Segment(_position(joint, -high), _position(joint, high))
 
 
+def end_corners(joint: Joint, side: int) -> tuple[complex, complex]:
+    """Return both corners of a hinge at its first (`side` = -1) or second (1) body."""
+    corner = _corner(joint, side)
+    return _position(joint, corner), _position(joint, corner.conjugate())
+
+
 def end_lines(joint: Joint, side: int) -> list[Segment]:
     """Return the lines between a hinge and its first (`side` = -1) or second (1) body.
 
     Where the edge of the profile is steep at its end, a triangle between them would be a needle: the lines then leave
-    the edge at a slope of 60 degrees, and the corner beyond them belongs to the body.
+    the edge where it gets steeper than 60 degrees, and the corner beyond them belongs to the body.
     """
     profile, half = joint.profile, joint.profile.length / 2
     x = half * ENDING
     y = profile.height(side * x) / 2
     gentle = np.flatnonzero(np.diff(y) <= STEEP * np.diff(x))
-    leave = gentle[-1] + 1 if len(gentle) else len(x) - 1
+    leave = gentle[-1] + 1 if len(gentle) else 0
     if leave < len(x) - 1 and y[leave] > half - x[leave]:
         start, corner = complex(x[leave], y[leave]), complex(half, y[leave] - (half - x[leave]))
         upper = [start + OVERSHOOT * (start - corner), corner]
@@ -93,10 +99,8 @@ def end_lines(joint: Joint, side: int) -> list[Segment]:
 def cut_box(joint: Joint) -> list[Segment]:
     """Return the counter-clockwise loop of the box that a hinge cuts from its two bodies."""
     half, high = joint.profile.length / 2, 0.5j * joint.cut
-    corners = [
-        joint.place + z * cmath.exp(1j * joint.heading) for z in (-half - high, half - high, half + high, high - half)
-    ]
-    return polyline(*corners, corners[0])
+    corners = (-half - high, half - high, half + high, -half + high, -half - high)
+    return polyline(*(_position(joint, z) for z in corners))
 
 
 def cuts_of(layout: Layout, body: int) -> list[list[Segment]]:

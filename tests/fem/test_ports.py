@@ -11,7 +11,16 @@ from scipy.optimize import brentq
 from flexfem.fem.elements import layered
 from flexfem.fem.mesh import mapped
 from flexfem.fem.plate_bodies import body_compliances
-from flexfem.fem.ports import contact_forces, hinge_stress, plate_model, plate_modes, plate_response, warmed, weight_of
+from flexfem.fem.ports import (
+    contact_forces,
+    hinge_stress,
+    plate_model,
+    plate_modes,
+    plate_response,
+    together,
+    warmed,
+    weight_of,
+)
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.profiles import Leaf
 from flexfem.refused import ComputationFailed
@@ -152,6 +161,10 @@ def test_weight_and_heat():
     moment = own * (CLAMP + TIP) / 2 + 9810 * 2e-5 * 60
     np.testing.assert_allclose(weight.reactions, [[0, own + 9810 * 2e-5, moment]], rtol=1e-9, atol=1e-9)
     heat = warmed(model, 23e-6, 11e-6)
+    both = hinge_stress(together(weight, heat), np.array([[1.0, 0, 0, 0], [0, 5, 0, 0], [1, 5, 0, 0]]))
+    assert abs(both[1, 0] - both[0, 0]) <= both[2, 0] <= both[:2].sum()
+    assert both[0] == pytest.approx(hinge_stress(weight, np.eye(1))[0])
+    assert both[1] == pytest.approx(hinge_stress(heat, 5 * np.eye(3))[0])
     assert heat.motions[0, 0] == pytest.approx(23e-6 * 50 + 11e-6 * CLAMP, rel=1e-9)
     alike = warmed(model, 23e-6, 23e-6)
     assert hinge_stress(alike, np.eye(3)).max() < 1e-12
