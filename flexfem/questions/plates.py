@@ -19,8 +19,9 @@ from flexfem.fem.elements import mirrored
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plate_bodies import body_compliances
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.ports import PlateResponse, hinge_stress, plate_response
+from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.layout import ElasticBody
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import setup
 from flexfem.questions.bands import compliance_bands, corner_bands, error_bands, error_matrix, grid_convergence, levels
@@ -52,25 +53,41 @@ def meshed(mechanism: Mechanism, resolution: int) -> StageMesh:
 
 
 @once
-def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateResponse:
-    """Solve finite elements for unit loads on all ports, in the plane without layers."""
+def model_of(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateModel:
+    """Factorise finite elements, in the plane without layers."""
     layout = mechanism.layout
-    necks = min(joint.profile.neck for joint in layout.joints)
+    necks = min((joint.profile.neck for joint in layout.joints), default=layout.thickness)
     through = mirrored(layout.thickness, layers, necks) if layers else None
-    return plate_response(layout, meshed(mechanism, resolution), through)
+    return plate_model(layout, meshed(mechanism, resolution), through)
+
+
+@once
+def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateResponse:
+    """Solve finite elements for unit loads on all ports."""
+    model = model_of(mechanism, resolution, layers)
+    return model.response(model.port_forces)
+
+
+@once
+def bodies_of(mechanism: Mechanism) -> tuple[ElasticBody, ...]:
+    """Return the compliance of every moving body by finite elements of it alone."""
+    return body_compliances(mechanism.layout, meshed(mechanism, BODY_RESOLUTION))
+
+
+def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
+    """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
+    layout = mechanism.layout
+    parts = [joint.profile.stress(wrenches[..., h, :], layout.thickness) for h, joint in enumerate(layout.joints)]
+    return np.stack(parts, axis=-1)
 
 
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     """Return the response of the analytic network with rigid or with elastic bodies."""
-    layout = mechanism.layout
-    bodies = body_compliances(layout, meshed(mechanism, BODY_RESOLUTION)) if elastic else ()
-    found = respond(layout, bodies)
+    found = respond(mechanism.layout, bodies_of(mechanism) if elastic else ())
 
     def stress(loads: Array) -> Array:
-        wrenches = np.einsum("hck,...k->...hc", found.wrenches, loads)
-        parts = [joint.profile.stress(wrenches[..., h, :], layout.thickness) for h, joint in enumerate(layout.joints)]
-        return np.stack(parts, axis=-1)
+        return stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads))
 
     return Responses(found.compliance, stress)
 
@@ -226,6 +243,7 @@ def answer(
     values: Mapping[str, Any] | None = None,
     axes: Mapping[str, Sequence[str]] | None = None,
     bands: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
     **texts: Any,
 ) -> setup.Kind:
     """Return the result of a question with the axes of a mechanism: its hinges, points and actuators."""
@@ -237,9 +255,9 @@ def answer(
     }
     labels |= {"model": tuple(models), **(axes or {})}
     stacked, widths = setup.stack_models(kind, models, labels) if models else ({}, {})
-    about, settings = setup.about_mechanism(mechanism), setup.meshed(mesh)
     values, widths = stacked | dict(values or {}), widths | dict(bands or {})
-    return kind(about, values, widths, labels, settings, **texts)
+    settings = setup.meshed(mesh) | dict(settings or {})
+    return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
 
 
 class MechanismErrors(Result):

@@ -86,7 +86,6 @@ def question(function: Function) -> Function:
 
 
 FOR_MECHANISMS: dict[str, Callable[..., Any]] = {}
-IN_MODULE = "flexfem.questions.plates"
 
 
 def answer_for_mechanisms(function: Function) -> Function:
@@ -97,7 +96,8 @@ def answer_for_mechanisms(function: Function) -> Function:
 
 def of_mechanism(name: str, mechanism: Mechanism, **given: Any) -> Any:
     """Return the result of a question for a mechanism; refuse a question or an option of the nine-hinge stage."""
-    import_module(IN_MODULE)
+    import_module("flexfem.questions.plates")
+    import_module("flexfem.questions.plates_loaded")
     function = FOR_MECHANISMS.get(name)
     if function is None:
         raise BadInput(f"{mechanism.origin}: {name} is for the nine-hinge stage of a stage file, not for a mechanism")
