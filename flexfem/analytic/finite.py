@@ -34,7 +34,7 @@ class FiniteResponse(NamedTuple):
     """Equilibria under s loads.
 
     motions : (s, k), displacements and rotations of the ports, mm and rad; of an actuator along its line at rest.
-    compliance : (s, k, k), tangent compliance between the ports.
+    compliance : (s, k, k), tangent compliance between the ports, with the springs if they are engaged.
     wrenches : (s, h, 3), tension N of the middle, and V and M so that `M - x V` is the moment at both ends, N and N mm.
     stable : (s,), whether the equilibrium is stable under dead loads.
     """
@@ -86,7 +86,7 @@ class _Plate:
     The nodes at the ends of a hinge move with its bodies; those at the ground have the three numbers after the last.
     """
 
-    def __init__(self, layout: Layout, beams: int) -> None:
+    def __init__(self, layout: Layout, beams: int, engaged: bool) -> None:
         moving, count = moving_bodies(layout), len(layout.joints)
         material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
         marks = {profile: divided_profile(profile, beams) for profile in {joint.profile for joint in layout.joints}}
@@ -108,7 +108,8 @@ class _Plate:
                  for j, port in enumerate(layout.ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip
         columns = [np.array(values) for values in zip(*parts, strict=True)]
         self.port, self.loaded, self.load_arm, self.load = *columns[:3], np.array(columns[3:])
-        self.ports = len(layout.ports)
+        self.ports, self.rates = len(layout.ports), np.zeros(len(layout.ports))
+        self.rates[layout.drive_ports] = layout.stiffness_of_actuators if engaged else 0.0
 
     def state(self, q: Array) -> _State:
         """Beam forces and derivatives of the energy; a node at z of a body moves to the body's pose and turned z."""
@@ -163,18 +164,19 @@ class _Plate:
         np.add.at(motions, self.port, parts)
         return motions, P, -(arm.real * fx + arm.imag * fy)
 
-    def tangent(self, q: Array, f: Array) -> tuple[_State, Array, Array]:
-        """State, derivatives (size, k) of the ports, and tangent stiffness (size, size) under dead loads (k,)."""
-        state, (_, P, second) = self.state(q), self.loads(q)
-        K = state.hessian.copy()
-        np.add.at(K, (self.loaded + 2, self.loaded + 2), -f[self.port] * second)
-        return state, P, K
+    def tangent(self, q: Array, f: Array) -> tuple[_State, Array, Array, Array]:
+        """State, derivatives (size, k) of the ports, loads (k,) less the forces of springs, and tangent stiffness."""
+        state, (motions, P, second) = self.state(q), self.loads(q)
+        left = f - self.rates * motions
+        K = state.hessian + (P * self.rates) @ P.T
+        np.add.at(K, (self.loaded + 2, self.loaded + 2), -left[self.port] * second)
+        return state, P, left, K
 
     def equilibrium(self, q: Array, f: Array) -> Array | None:
         """Unknowns (size,) under dead loads (k,), from a start; None if Newton's method does not converge."""
         for _ in range(ITERATIONS):
-            state, P, K = self.tangent(q, f)
-            step = np.linalg.solve(K, P @ f - state.gradient)
+            state, P, left, K = self.tangent(q, f)
+            step = np.linalg.solve(K, P @ left - state.gradient)
             if not np.isfinite(step).all():
                 return None
             angle, shift = np.abs(step[2::3]).max(), np.max(np.abs(step.reshape(-1, 3)[:, :2])) / self.extent
@@ -184,9 +186,10 @@ class _Plate:
         return None
 
 
-def displaced(layout: Layout, loads: Array, beams: int = BEAMS) -> FiniteResponse:
+def displaced(layout: Layout, loads: Array, engaged: bool = False, beams: int = BEAMS) -> FiniteResponse:
     """Return the equilibria under dead loads (s, k) on the ports, N and N mm, followed one from the other.
 
+    engaged : actuators act as springs, too: the load of one with a free stroke is its stiffness times the stroke.
     beams : number for every hinge.
 
     Raises
@@ -194,7 +197,7 @@ def displaced(layout: Layout, loads: Array, beams: int = BEAMS) -> FiniteRespons
     ComputationFailed: a body can move without load, or there is no equilibrium near the one before: the mechanism
         buckles, or a load is far too large.
     """
-    plate, found = _Plate(layout, beams), list[tuple[Array, Array, Array, bool]]()
+    plate, found = _Plate(layout, beams, engaged), list[tuple[Array, Array, Array, bool]]()
     q, f = np.zeros(plate.size), np.zeros(plate.ports)
     for number, target in enumerate(np.asarray(loads, dtype=float)):
         done, share = 0.0, 1.0
@@ -205,7 +208,7 @@ def displaced(layout: Layout, loads: Array, beams: int = BEAMS) -> FiniteRespons
             elif (share := share / 4) < SMALLEST:
                 raise ComputationFailed(f"no equilibrium beyond {done:.3g} of load {number + 1}: it is too large")
         f = target
-        state, P, K = plate.tangent(q, f)
+        state, P, _, K = plate.tangent(q, f)
         ends = state.forces.reshape(-1, beams, 3)
         near, far = -ends[:, 0, 1], ends[:, -1, 2]
         tension = ends[:, (beams - 1) // 2 : beams // 2 + 1, 0].mean(axis=1)

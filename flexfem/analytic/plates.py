@@ -184,22 +184,32 @@ def warmed(
         z = np.array([point, point**2 / 2, -1j * point**2 / 2])
         return np.stack([z.real, z.imag, (point * turned).imag])
 
+    def back(point: complex) -> Array:
+        """Twist at the origin that moves a point back to where it is on the ground."""
+        return np.asarray((ground - expansion) * np.linalg.solve(to_axes(point, 0.0), free(point)))
+
+    clamps = {
+        number: back(complex(np.mean([body.outline[edge].at(0.5) for edge in body.clamped])))
+        for number, body in enumerate(layout.bodies)
+        if body.clamped
+    }
     openings = np.zeros((len(layout.joints), 3, 3))
     for opening, joint in zip(openings, layout.joints, strict=True):
         for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
             if body not in net.moving:
-                edges = [layout.bodies[body].outline[edge] for edge in layout.bodies[body].clamped]
                 end = joint.place + sign * joint.profile.length / 2 * cmath.exp(1j * joint.heading)
-                held = complex(np.mean([edge.at(0.5) for edge in edges])) if edges else end
-                at_origin = np.linalg.solve(to_axes(held, 0.0), free(held))
-                opening += sign * (expansion - ground) * to_axes(joint.place, joint.heading) @ at_origin
+                at_origin = clamps[body] if body in clamps else back(end)
+                opening -= sign * to_axes(joint.place, joint.heading) @ at_origin
     U, w = net.solve(np.zeros((net.P.shape[0], 3)), openings.reshape(-1, 3))
     motions = net.P.T @ U + net.B.T @ w
     for j, port in enumerate(ports):
         for patch, wrench in port.parts:
-            strain = ground if layout.bodies[patch.body].fixed else expansion
-            mean = free(patch.point) if patch.radius is not None else _mean_expansion(layout, patch)
-            motions[j] += strain * np.array(wrench) @ mean
+            outside = patch.body < 0
+            mean = free(patch.point) if outside or patch.radius is not None else _mean_expansion(layout, patch)
+            mean = mean * (ground if outside or layout.bodies[patch.body].fixed else expansion)
+            if patch.body in clamps:
+                mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
+            motions[j] += np.array(wrench) @ mean
     wrenches = w.reshape(-1, 3, 3)
     if engaged and layout.actuators:
         response = respond(layout, bodies)

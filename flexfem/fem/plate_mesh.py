@@ -43,7 +43,7 @@ VOLUME_ERROR = 1e-9  # relative, of a solid that is read back
 def regions_of(layout: Layout) -> list[Region]:
     """Return the faces of the plate, bodies then hinges."""
     bodies = [
-        Region([list[Curve](loop) for loop in (body.outline, *body.holes)], cuts_of(layout, index))
+        Region([list[Curve](loop) for loop in (body.outline, *map(reverse, body.holes))], cuts_of(layout, index))
         for index, body in enumerate(layout.bodies)
     ]
     return bodies + [Region([joint_loop(joint)], []) for joint in layout.joints]

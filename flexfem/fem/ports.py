@@ -77,6 +77,17 @@ def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
 
 
+def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
+    """Nodal forces (k, n, 2), N, of unit loads on the ports, those on held nodes included."""
+    contacts = {patch: contact_forces(mesh, patch) for port in layout.ports for patch, _ in port.parts}
+    return np.array(
+        [
+            np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
+            for port in layout.ports
+        ]
+    )
+
+
 def _subdivided() -> tuple[Array, Array]:
     """Points (q, 2) and weights (q,) of the midpoint rule on a subdivided reference triangle."""
     corners = [(i, j, up) for i in range(SUBDIVISION) for j in range(SUBDIVISION - i) for up in (1, 2)]
@@ -107,13 +118,7 @@ class PlateModel:
     @cached_property
     def port_forces(self) -> Array:
         """Nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included."""
-        ports = self.layout.ports
-        contacts = {patch: self._at_contact(patch) for port in ports for patch, _ in port.parts}
-        plane = [
-            np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
-            for port in ports
-        ]
-        return self._through(np.array(plane))
+        return self._through(forces_on_ports(self.layout, self.mesh))
 
     @cached_property
     def attached(self) -> tuple[Array, Array]:
@@ -124,15 +129,9 @@ class PlateModel:
         bodies = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
         bodies += [(at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts]
         carried = [(patch, mass, inertia) for patch, mass, inertia in bodies if mass > 0 or inertia > 0]
-        forces = [self._at_contact(patch) for patch, _, _ in carried]
+        forces = [contact_forces(self.mesh, patch) for patch, _, _ in carried]
         plane = np.concatenate([np.zeros((0, *self.mesh.nodes.shape)), *forces])
         return np.array([v for _, mass, inertia in carried for v in (mass, mass, inertia)]), self._through(plane)
-
-    def _at_contact(self, patch: Patch) -> Array:
-        """Nodal forces (3, n, 2) of `contact_forces`; zero on a fixed body, where a contact needs no material."""
-        if patch.body >= 0 and self.layout.bodies[patch.body].fixed:
-            return np.zeros((3, *self.mesh.nodes.shape))
-        return contact_forces(self.mesh, patch)
 
     def _through(self, plane: Array) -> Array:
         """Spread forces (k, n, 2) evenly through the thickness: (k, n, ...)."""

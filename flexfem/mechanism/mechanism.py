@@ -324,13 +324,15 @@ def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> J
 
 
 def _contact(patch: Patch, bodies: Sequence[Body], key: str, side: int) -> Patch:
-    """Return a contact of an actuator with its radius. Refuses one that is not on its body."""
+    """Return a contact of an actuator with its radius. Refuses one that is not on its body, unless this is fixed."""
     if patch.body < 0 or (bodies[patch.body].fixed and patch.radius is None):
         return patch
     face = shapely.Polygon(polygon_points(bodies[patch.body].outline))
     left, low, right, high = face.bounds
     radius = CONTACT * math.hypot(right - left, high - low) if patch.radius is None else float(patch.radius)
-    if not bodies[patch.body].fixed and face.distance(shapely.Point(patch.point.real, patch.point.imag)) >= radius:
+    if face.distance(shapely.Point(patch.point.real, patch.point.imag)) >= radius:
+        if bodies[patch.body].fixed:
+            return patch._replace(body=-1, radius=radius)
         at = f"[{patch.point.real:g}, {patch.point.imag:g}]"
         raise BadInput(f"{key}.at_mm[{side}] = {at}, expected a point of {shown(bodies[patch.body].name)}")
     return patch._replace(radius=radius)

@@ -111,7 +111,7 @@ def cuts_of(layout: Layout, body: int) -> list[list[Segment]]:
 def check_layout(layout: Layout) -> None:
     """Raise BadInput unless hinges alone connect the bodies, and connect each of them to ground."""
     bodies = [_checked_polygon(layout, index) for index in range(len(layout.bodies))]
-    outlines = bodies + [_polygon(joint, ALONG) for joint in layout.joints]
+    outlines = bodies + [joint_polygon(joint) for joint in layout.joints]
     for joint in layout.joints:
         _check_ends(layout, joint, bodies)
     parts = [*layout.bodies, *layout.joints]
@@ -119,7 +119,7 @@ def check_layout(layout: Layout) -> None:
     for i, j in found.T[found[0] < found[1]].tolist():
         one, other = parts[i], parts[j]
         if isinstance(other, Joint) and i in other.bodies:
-            side = _polygon(other, ALONG[INSIDE])
+            side = joint_polygon(other, ALONG[INSIDE])
             if shapely.distance(bodies[i], side) > TOUCHING and _common(outlines[i], outlines[j]) < SLIVER:
                 continue
             raise BadInput(f"{_key(other)}: touches {one.name} along its side, expected a higher cut")
@@ -137,22 +137,28 @@ def _common(one: shapely.Geometry, other: shapely.Geometry) -> float:
     return float(shapely.area(shapely.intersection(one, other)))
 
 
-def _polygon(joint: Joint, shares: Array) -> Any:
+def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
+    """Return the polygon of a hinge between positions on its axis, per length."""
     x = shares * joint.profile.length
     upper = x + 0.5j * joint.profile.height(x)
     z = joint.place + np.concatenate([upper, np.conj(upper[::-1])]) * cmath.exp(1j * joint.heading)
     return shapely.Polygon(np.column_stack([z.real, z.imag]))
 
 
-def _checked_polygon(layout: Layout, index: int) -> Any:
-    """Return the polygon of a body less the boxes of its hinges. Raises BadInput unless it is one piece."""
+def body_polygon(layout: Layout, index: int) -> Any:
+    """Return the polygon of a body less the boxes of its hinges. Raises BadInput for loops that meet."""
     body = layout.bodies[index]
     drawn = shapely.Polygon(polygon_points(body.outline, STEP), [polygon_points(hole, STEP) for hole in body.holes])
     if not shapely.is_valid(drawn):
         reason = shapely.is_valid_reason(drawn)
         raise BadInput(f"{_key(body)}: {reason}, expected an outline that does not meet itself, and holes inside it")
     boxes = [shapely.Polygon(polygon_points(cut)) for cut in cuts_of(layout, index)]
-    left = shapely.difference(drawn, shapely.union_all(boxes))
+    return shapely.difference(drawn, shapely.union_all(boxes))
+
+
+def _checked_polygon(layout: Layout, index: int) -> Any:
+    """Return the polygon of a body as `body_polygon`. Raises BadInput unless it is one piece."""
+    body, left = layout.bodies[index], body_polygon(layout, index)
     pieces = [piece for piece in shapely.get_parts(left) if piece.area > SLIVER]
     if len(pieces) != 1:
         what = f"in {len(pieces)} pieces" if pieces else "nothing"

@@ -104,11 +104,12 @@ def test_lever_and_its_finite_motion():
     C, F, step = linear.compliance, np.array([[2.0, 5.0, 40.0, 60.0]]), 1e-3 * np.eye(4)
     assert np.abs(C - C.T).max() < 1e-9 * np.abs(C).max()
     assert C[1, 3] / C[3, 3] == pytest.approx(4.5, rel=0.03)
-    small = displaced(lever(), 1e-7 * F)
-    assert small.motions[0] == pytest.approx(1e-7 * C @ F[0], rel=1e-3)
-    assert small.wrenches[0] == pytest.approx(1e-7 * linear.wrenches @ F[0], rel=1e-3, abs=1e-10)
-    tangent = displaced(lever(), F).compliance[0]
-    ahead, back = (displaced(lever(), np.concatenate([F, F + sign * step])).motions[1:] for sign in (1, -1))
+    for engaged, of in ((False, linear), (True, linear.engaged([3], np.array([1e4])))):
+        small = displaced(lever(), 1e-7 * F, engaged)
+        assert small.motions[0] == pytest.approx(1e-7 * of.compliance @ F[0], rel=1e-3)
+        assert small.wrenches[0] == pytest.approx(1e-7 * of.wrenches @ F[0], rel=1e-3, abs=1e-10)
+    tangent = displaced(lever(), F, True).compliance[0]
+    ahead, back = (displaced(lever(), np.concatenate([F, F + sign * step]), True).motions[1:] for sign in (1, -1))
     assert (ahead - back) / 2e-3 == pytest.approx(tangent, rel=1e-5, abs=1e-7 * np.abs(tangent).max())
 
 
