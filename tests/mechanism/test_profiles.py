@@ -126,7 +126,7 @@ def test_stress_by_hand():
 def test_stress_is_raised_at_necks_and_fillets():
     """Norton's fit of Peterson's chart in bending at D = 3 d, 0.9072 (r / d)^(-1/3); Neuber's notch."""
     for ratio in (4.0, 10.0, 18.0):
-        assert shoulder(ratio)[1] == pytest.approx(0.9072 * ratio ** (1 / 3), rel=0.03)
+        assert shoulder(ratio)[1] == pytest.approx(0.9072 * ratio ** (1 / 3), rel=0.025)
     found = Leaf(0.5, 12.0, 0.05).stress(np.array([0, 0, 1.0]), 2.0)
     assert found == pytest.approx(12 * 0.9072 * 10 ** (1 / 3), rel=0.02)
     assert shoulder(1e-3) == pytest.approx((1, 1), abs=2e-3)
