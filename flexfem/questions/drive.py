@@ -23,6 +23,7 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
+from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
     CRITERIA,
@@ -43,7 +44,7 @@ from flexfem.questions.driven import (
     stress_along,
     unit_commands,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, question
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
@@ -149,6 +150,7 @@ class DrivenElements(NamedTuple):
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
+@for_mechanisms(plates.drive)
 @question
 def drive(
     stage: Stage,

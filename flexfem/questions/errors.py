@@ -27,12 +27,12 @@ from flexfem.files.writing import check_folder, check_name, digest, digest_of_ar
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
-from flexfem.questions import bands, warnings
+from flexfem.questions import bands, plates, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
 from flexfem.questions.imposed import commanded_hinges, elements, imposed, imposed_bands
-from flexfem.questions.setup import ModelAnswer, of_mechanism, question, solved, stack_models
+from flexfem.questions.setup import ModelAnswer, question, solved, stack_models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
@@ -227,7 +227,7 @@ def verification(*cases: Path, output: Path | None = Path("reports"), progress: 
             check_name(folder / f"{path.stem}.npz")
     results = list[Result]()
     for path, case in zip(seen.values(), loaded, strict=True):
-        results.append(of_mechanism("verification", case) if isinstance(case, Mechanism) else run_case(case))
+        results.append(plates.verification(case) if isinstance(case, Mechanism) else run_case(case))
         if folder is not None:
             results[-1].write(folder / f"{path.stem}.json")
         if progress is not None:

@@ -25,7 +25,7 @@ from flexfem.mechanism.layout import ElasticBody
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import setup
 from flexfem.questions.bands import compliance_bands, corner_bands, error_bands, error_matrix, grid_convergence, levels
-from flexfem.questions.setup import ModelAnswer, Models, answer_for_mechanisms, mesh_of, on_meshes
+from flexfem.questions.setup import ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -197,7 +197,6 @@ class MechanismStiffness(Result):
                             largest=("hinge",))  # fmt: skip
 
 
-@answer_for_mechanisms
 def stiffness(
     mechanism: Mechanism,
     *,
@@ -271,7 +270,6 @@ class MechanismErrors(Result):
     lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
 
 
-@answer_for_mechanisms
 def verification(
     mechanism: Mechanism, *, resolution: int | None = None, progress: Progress | None = None
 ) -> MechanismErrors:
@@ -303,7 +301,6 @@ class MechanismBudget(Result):
     share = Quantity("share of the error", "percents", ("share", "direction"), POINTS)
 
 
-@answer_for_mechanisms
 def budget(
     mechanism: Mechanism, *, resolution: int | None = None, plane: bool = False, progress: Progress | None = None
 ) -> MechanismBudget:
@@ -338,7 +335,6 @@ class MechanismConvergence(Result):
     unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
 
 
-@answer_for_mechanisms
 def converge(
     mechanism: Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MechanismConvergence:
@@ -425,7 +421,6 @@ def transfer(mechanism: Mechanism, C: Array) -> Transfer:
     return Transfer(force, motion.reshape(-1, 3, len(drives)), C[np.ix_(drives, drives)] @ force, engaged)
 
 
-@answer_for_mechanisms
 def drive(
     mechanism: Mechanism,
     *,
@@ -490,7 +485,6 @@ class MechanismReach(Result):
     )  # fmt: skip
 
 
-@answer_for_mechanisms
 def reach(
     mechanism: Mechanism,
     *,

@@ -13,12 +13,12 @@ from flexfem.arrays import Array
 from flexfem.fem import ports as fem
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
-from flexfem.questions.gravity import GRAVITY
 from flexfem.questions.plates import ELASTIC, answer, bodies_of, model_of, stress_by
-from flexfem.questions.setup import Mesh, ModelAnswer, Models, answer_for_mechanisms, mesh_of, on_meshes
+from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 
+GRAVITY = 9806.65  # mm/s^2, standard gravity
 CASES = ("uniform", "gradient in x", "gradient in y")
 
 
@@ -65,7 +65,6 @@ class MechanismModes(Result):
     )
 
 
-@answer_for_mechanisms
 def modes(
     mechanism: Mechanism,
     *,
@@ -108,7 +107,6 @@ class MechanismGravity(Result):
     stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), STRESS, "all", largest=("hinge",))
 
 
-@answer_for_mechanisms
 def gravity(
     mechanism: Mechanism,
     *,
@@ -147,7 +145,6 @@ class MechanismDrift(Result):
     stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), STRESS, "all", largest=("hinge",))
 
 
-@answer_for_mechanisms
 def drift(
     mechanism: Mechanism,
     *,
@@ -193,7 +190,6 @@ class MechanismLarge(Result):
     stiffness = Quantity("tangent stiffness, other directions free", "stiffness", ("load", "direction"), SOLVED, "axis")
 
 
-@answer_for_mechanisms
 def large(
     mechanism: Mechanism,
     *,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
-from importlib import import_module
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType, NoneType
@@ -69,9 +68,8 @@ def question(function: Function) -> Function:
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
         hints, bound = hints_of(), signature.bind(*positional, **named).arguments
-        if isinstance(subject := next(iter(bound.values()), None), Mechanism):
-            given = {key: value for key, value in list(bound.items())[1:] if value != signature.parameters[key].default}
-            return of_mechanism(function.__name__, subject, **given)
+        if isinstance(subject := bound.get("stage"), Mechanism):
+            raise BadInput(f"{subject.origin}: {function.__name__} is for the nine-hinge stage, not for a mechanism")
         for name, value in bound.items():
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
@@ -85,26 +83,29 @@ def question(function: Function) -> Function:
     return cast(Function, checked)
 
 
-FOR_MECHANISMS: dict[str, Callable[..., Any]] = {}
+def for_mechanisms(answer: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Let a question about stages also take a mechanism, with an answer that has the same options or fewer.
 
+    The function raises BadInput for a mechanism with an option that the answer lacks.
+    """
 
-def answer_for_mechanisms(function: Function) -> Function:
-    """Register a function as the question of its name for any plate mechanism."""
-    FOR_MECHANISMS[function.__name__] = function
-    return function
+    def decorate(function: Function) -> Function:
+        signature, known = inspect.signature(function), inspect.signature(answer).parameters
 
+        @wraps(function)
+        def either(*positional: Any, **named: Any) -> Any:
+            bound = signature.bind(*positional, **named).arguments
+            if not isinstance(bound["stage"], Mechanism):
+                return function(*positional, **named)
+            given = {key: value for key, value in bound.items() if value != signature.parameters[key].default}
+            mechanism = given.pop("stage")
+            for key in given.keys() - known.keys():
+                raise BadInput(f"{key} {given[key]!r}: an option for the nine-hinge stage, not for a mechanism")
+            return answer(mechanism, **given)
 
-def of_mechanism(name: str, mechanism: Mechanism, **given: Any) -> Any:
-    """Return the result of a question for a mechanism; refuse a question or an option of the nine-hinge stage."""
-    import_module("flexfem.questions.plates")
-    import_module("flexfem.questions.plates_loaded")
-    function = FOR_MECHANISMS.get(name)
-    if function is None:
-        raise BadInput(f"{mechanism.origin}: {name} is for the nine-hinge stage of a stage file, not for a mechanism")
-    known = inspect.signature(function).parameters
-    for key in given.keys() - known.keys():
-        raise BadInput(f"{key} {given[key]!r}: an option of the nine-hinge stage, not of a mechanism")
-    return function(mechanism, **given)
+        return cast(Function, either)
+
+    return decorate
 
 
 class Analytic(NamedTuple):
