@@ -32,6 +32,7 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.mechanism.materials import Material as Material
     from flexfem.mechanism.materials import materials as materials
     from flexfem.mechanism.materials import register_material as register_material
+    from flexfem.mechanism.mechanism import Mechanism as Mechanism
     from flexfem.mechanism.stage import Stage as Stage
     from flexfem.mechanism.stage_file import Chain as Chain
     from flexfem.mechanism.stage_file import Hinge as Hinge

@@ -1,4 +1,4 @@
-"""Export of a stage for the workshop: .dxf and .svg drawings of lines and arcs in mm, and a .step solid."""
+"""Export of a plate for the workshop: .dxf and .svg drawings of lines and arcs in mm, and a .step solid."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ import io
 import math
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import ezdxf
 
 from flexfem import arguments
-from flexfem.fem.mesher import Extruded, run_mesher
+from flexfem.fem.mesher import Extruded, PlateSolid, run_mesher
+from flexfem.fem.plate_mesh import plate_contours, regions_of
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.bodies import necks
 from flexfem.mechanism.designs import CHAIN_TURN
-from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of
-from flexfem.mechanism.outlines import Segment
-from flexfem.mechanism.plate_file import of_stage
+from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of, text_height
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.outlines import Segment, area
+from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.mechanism.stage_file import assumptions_said
 from flexfem.refused import BadInput, ComputationFailed
@@ -31,13 +33,16 @@ SMALLEST = 0.01  # mm, of kerf and holes; a smaller value is a unit error: wires
 LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 LARGEST_HOLE = 1e3  # mm
 TOLERANCE = 1e-9  # relative, of the volume of a solid that is read back
+OF_CONTOURS = 1e-4  # relative, of the same to the area in contours, whose arcs stand for splines
 METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
+GROUND = "GROUND"  # fixed bodies and clamped edges of a mechanism
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
 COLOURS = {  # of each layer, dark on white
     METAL: "#1A1A1A",
     HUB: "#B00000",
     MOUNTING: "#B00000",
     PADS: "#0072B2",
+    GROUND: "#0072B2",
     MARKS: "#707070",
     SIZES: "#007A58",
     WIRE: "#CC3399",
@@ -45,6 +50,9 @@ COLOURS = {  # of each layer, dark on white
 LONGEST = 100  # characters of a name on a drawing
 LINE = 0.1  # mm, line width in an SVG
 HEAD = 3.0  # length over width of an arrow head
+
+
+Plate: TypeAlias = Stage | Mechanism
 
 
 class PartReport(NamedTuple):
@@ -72,8 +80,8 @@ class PartReport(NamedTuple):
     not_stated: list[str]
 
 
-def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: float | None = None) -> PartReport:
-    """Write a stage as a drawing or a solid for the workshop, in mm.
+def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: float | None = None) -> PartReport:
+    """Write a stage or a mechanism as a drawing or a solid for the workshop, in mm.
 
     Parameters
     ----------
@@ -82,12 +90,12 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
     kerf : float, optional
         Width of the wire's cut, mm; with it a drawing also has the centre line of the cut.
     holes : float, optional
-        Diameter of a mounting hole in every pad, mm; the models do not include these holes.
+        Diameter of a mounting hole in every pad of a stage, mm; the models do not include these holes.
 
     Raises
     ------
     BadInput
-        The stage cannot be made, kerf or holes do not fit it, or the file cannot be written.
+        The plate cannot be made, kerf or holes do not fit it, or the file cannot be written.
     ComputationFailed
         A written solid, read back, differs from the part; it is not kept.
     """
@@ -100,11 +108,8 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
     kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
     holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
     check_file(target, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
-    part = part_of(stage, holes)
+    part, warnings = _part_and_limits(stage, holes)
     wire = None if kerf is None else cut_path(part, kerf)
-    warnings = ["the models clamp only the back edges of the pads and fill the hub hole with a rigid disc"]
-    if holes is not None:
-        warnings.append("the models do not include the mounting holes, which make the pads softer")
     if kerf is not None:
         warnings.append(f"the wire cuts sharp inner corners with a radius of {kerf / 2:g} mm")
     layers = list[str]()
@@ -134,23 +139,51 @@ def export(stage: Stage, output: Path, *, kerf: float | None = None, holes: floa
     )
 
 
-def write_step(stage: Stage, part: Part, path: Path) -> None:
-    """Write the part, extruded from z = 0 to the thickness, as one solid, and read it back.
+def _part_and_limits(plate: Plate, holes: float | None) -> tuple[Part, list[str]]:
+    """Return the part and what the models do not include of it. Raises BadInput."""
+    if isinstance(plate, Stage):
+        limits = ["the models clamp only the back edges of the pads and fill the hub hole with a rigid disc"]
+        limits += ["the models do not include the mounting holes, which make the pads softer"] * (holes is not None)
+        return part_of(plate, holes), limits
+    if holes is not None:
+        raise BadInput(f"mounting holes of {holes:g} mm: for a stage file, a mechanism file has holes in its bodies")
+    with located(plate):
+        outer, *others = plate_contours(plate.layout)
+    ground = [[*body.outline] for body in plate.layout.bodies if body.fixed]
+    ground += [[body.outline[k]] for body in plate.layout.bodies if not body.fixed for k in body.clamped]
+    return Part(outer, None, [], ground, tuple(others)), []
 
-    Raises ComputationFailed when what is read is not one solid of the part's volume and height in mm, BadInput when the
+
+def write_step(plate: Plate, part: Part, path: Path) -> None:
+    """Write the part, extruded from z = 0 to the thickness, as one solid for each piece, and read it back.
+
+    Raises ComputationFailed when what is read does not have the part's volume and height in mm, BadInput when the
     file cannot be written.
     """
-    holes = [(hole.centre, hole.radius) for hole in part.holes]
+    pieces, holes = sum(area(loop) > 0 for loop in part.loops), [(hole.centre, hole.radius) for hole in part.holes]
     with replacing(path) as temporary:
-        read = run_mesher(Extruded(str(temporary), part.outer, holes, stage.thickness), TIME_LIMIT)
-        volume, height = part.area * stage.thickness, float(read["box"][1, 2] - read["box"][0, 2])
-        volumes = read["volumes"]
-        if len(volumes) != 1 or abs(volumes[0] / volume - 1) > TOLERANCE or abs(height - stage.thickness) > 1e-6:
+        to, thickness = str(temporary), plate.thickness
+        if isinstance(plate, Stage):
+            read = run_mesher(Extruded(to, part.outer, holes, thickness), TIME_LIMIT)
+        else:
+            read = run_mesher(PlateSolid(to, regions_of(plate.layout), thickness), TIME_LIMIT)
+        volume = float(read.get("area", part.area)) * thickness
+        found, height, off = (
+            read["volumes"],
+            float(read["box"][1, 2] - read["box"][0, 2]),
+            abs(part.area * thickness / volume - 1),
+        )
+        if (
+            len(found) != pieces
+            or abs(found.sum() / volume - 1) > TOLERANCE
+            or off > OF_CONTOURS
+            or abs(height - thickness) > 1e-6
+        ):
             raise ComputationFailed(
-                f"{path}: read back as {len(volumes)} solids of {volumes.sum():.12g} mm^3, {height:.6g} mm high, "
-                f"expected one of {volume:.12g} mm^3, {stage.thickness:g} mm high; nothing is written"
+                f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, "
+                f"expected {pieces} of {part.area * thickness:.12g} mm^3, {thickness:g} mm high; nothing is written"
             )
-        name = stage.name.replace("\\", "\\\\").replace("'", "''")  # encoded by ISO 10303-21
+        name = plate.name.replace("\\", "\\\\").replace("'", "''")  # encoded by ISO 10303-21
         name = re.sub("[\u0080-\uffff]", lambda match: f"\\X2\\{ord(match[0]):04X}\\X0\\", name)
         name = re.sub("[\U00010000-\U0010ffff]", lambda match: f"\\X4\\{ord(match[0]):08X}\\X0\\", name)
         product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # shown by CAD programs; OpenCASCADE writes its own
@@ -177,24 +210,26 @@ class Sheet(NamedTuple):
         return [name for name in COLOURS if name in self.paths or name in self.holes]
 
 
-def sheet_of(stage: Stage, part: Part, wire: Part | None, notes: list[str]) -> Sheet:
+def sheet_of(plate: Plate, part: Part, wire: Part | None, notes: list[str]) -> Sheet:
     """Return the drawing of a part, with the path of a `wire` if there is one, and notes below."""
-    sizes = dimensions_of(stage, part)
-    centres = [
-        pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS for pose in necks(stage, chain)
-    ]
+    if isinstance(plate, Stage):
+        sizes = dimensions_of(plate, part)
+        turns = (cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS)
+        centres = [pose.point * turn for chain, turn in zip(CHAINS, turns, strict=True) for pose in necks(plate, chain)]
+    else:
+        sizes, centres = Dimensions([], [], text_height(part)), [joint.place for joint in plate.layout.joints]
     centres += [hole.centre for hole in part.holes]
     marks = [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)]
     paths = {
-        METAL: [part.outer],
-        PADS: part.pads,
+        METAL: part.loops,
+        PADS if isinstance(plate, Stage) else GROUND: part.pads,
         MARKS: marks,
         SIZES: [[Segment(*label.line)] for label in sizes.labels],
     }
-    holes = {HUB: [part.hub]} | ({MOUNTING: part.mounting} if part.mounting else {})
+    holes = {name: found for name, found in ((HUB, part.holes[:1]), (MOUNTING, part.mounting)) if found}
     if wire is not None:
-        paths[WIRE], holes[WIRE] = [wire.outer], wire.holes
-    corners = [segment.start for segment in part.outer]
+        paths[WIRE], holes[WIRE] = wire.loops, wire.holes
+    corners = [segment.start for loop in part.loops for segment in loop]
     lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])
     foot = complex(min(z.real for z in corners), lowest - 5 * sizes.height)
     texts = [(label.text, label.place, True) for label in sizes.labels]
@@ -202,11 +237,11 @@ def sheet_of(stage: Stage, part: Part, wire: Part | None, notes: list[str]) -> S
     return Sheet(paths, holes, sizes, texts)
 
 
-def _notes(stage: Stage) -> list[str]:
-    """Notes on the stage for the reader of a drawing, one per line; the first is its name."""
+def _notes(stage: Plate) -> list[str]:
+    """Notes on the plate for the reader of a drawing, one per line; the first is its name."""
     notes = [one_line(stage.name, LONGEST)]
     notes.append(f"mm; thickness {stage.thickness:.6g}; {one_line(stage.material.name, LONGEST)}")
-    if stage.chains_alike:
+    if isinstance(stage, Stage) and stage.chains_alike:
         notes.append("chains 2 and 3 as chain 1, turned by 120 and 240 degrees")
     return notes + assumptions_said(stage.assumed, stage.not_stated)
 

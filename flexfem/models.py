@@ -20,7 +20,8 @@ from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
 from flexfem.files.toml import PathLike
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.mechanism import Mechanism, load_plate
+from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, error_bands, levels
 from flexfem.questions.setup import solved
@@ -149,8 +150,10 @@ class Errors(NamedTuple):
     band: Array
 
 
-def load(path: PathLike) -> Stage:
-    """Read and check a stage file. Raises BadInput, one line with file, line, key and expected value.
+def load(path: PathLike) -> Stage | Mechanism:
+    """Read and check a stage file or a mechanism file; returns a `Stage` or a `Mechanism`.
+
+    Raises BadInput, one line with file, line, key and expected value.
 
     Examples
     --------
@@ -158,7 +161,7 @@ def load(path: PathLike) -> Stage:
     >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
     (30.0, 32.0, 24.0)
     """
-    return load_feasible(path)
+    return load_plate(path)
 
 
 def analyse(

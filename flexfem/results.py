@@ -543,7 +543,7 @@ def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable
     units = [unit_of(name).label(plain) for name in records[0]._fields]
     names = [without_unit(name).replace("_", " ") for name in records[0]._fields]
     head = [f"{name} ({unit})" if unit else name for name, unit in zip(names, units, strict=True)]
-    rows = [[_text(part) for part in one] for one in records]
+    rows = [["" if part is None else _text(part) for part in one] for one in records]
     if len(head) > MOST_COLUMNS:
         head, *rows = map(list, zip(head, *rows, strict=True))
         return TextTable(head, rows, len(head), title)

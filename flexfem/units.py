@@ -62,6 +62,7 @@ UNITS = {  # by the suffix of file keys and study columns
     "v": Unit(1.0, "V"),
     "s": Unit(1.0, "s"),
     "hz": Unit(1 / (2 * math.pi), "Hz"),  # from rad/s
+    "g": Unit(1e6, "g"),
     "kg": Unit(1e3, "kg"),  # from tonne, the mass unit consistent with N, mm and s
     "kg_mm2": Unit(1e3, "kg mm²"),
     "um_per_m_k": Unit(1e6, "µm/(m K)"),

@@ -1,21 +1,43 @@
-"""Template files, drawings and meshes of a stage, and the list of hinge formulas."""
+"""Template files, drawings and meshes of stages and mechanisms, and the list of hinge formulas."""
 
 from __future__ import annotations
 
 import json
 import shlex
+from collections.abc import Callable
+from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
-from flexfem.files.refusals import checked_path, place_of
-from flexfem.files.toml import require_plain_stem
+from flexfem.files.provenance import Assumptions
+from flexfem.files.refusals import checked_path, place_of, shown, suggestion
+from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_partly
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+MECHANISMS = (
+    "parallelogram",
+    "double-parallelogram",
+    "pivot",
+    "lever-amplifier",
+    "bridge-amplifier",
+    "rhombic-amplifier",
+    "xy-stage",
+    "four-chains",
+)
 
 
 class NewFiles(NamedTuple):
@@ -27,7 +49,7 @@ class NewFiles(NamedTuple):
 
 
 class View(NamedTuple):
-    """Drawing of a stage file: keys that it does not give, files written, and whether a window was opened."""
+    """Drawing of a stage or mechanism file: missing keys, files written, and whether a window was opened."""
 
     file: str
     name: str
@@ -39,13 +61,16 @@ class View(NamedTuple):
     not_stated: list[str]
 
 
-def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFiles:
-    """Write a commented template of a stage file.
+def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study: bool = False) -> NewFiles:
+    """Write a commented template of a stage file, or of a mechanism of another kind.
 
     Parameters
     ----------
     file : path
-        Stage file to write, .toml; must not exist yet.
+        File to write, .toml; must not exist yet.
+    kind : str, optional
+        Kind of mechanism: parallelogram, double-parallelogram, pivot, lever-amplifier, bridge-amplifier,
+        rhombic-amplifier, xy-stage or four-chains. By default the stage with three chains and nine hinges.
     case : bool
         Also write a case of this stage, FILE-case.toml, for verify.
     study : bool
@@ -60,30 +85,51 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     if path.suffix != ".toml":
         raise BadInput(f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml")
     require_plain_stem(path)
+    if kind is not None and kind not in MECHANISMS:
+        near = suggestion(kind, MECHANISMS) or f", one of {', '.join(MECHANISMS)}"
+        raise BadInput(f"--kind = {shown(kind)}, expected a kind of mechanism{near}")
+    if kind is not None and (case or study):
+        raise BadInput(
+            "--kind: cases and studies are those of the stage with nine hinges, expected no --case or --study"
+        )
+    template = "new-stage.toml" if kind is None else f"mechanism-{kind}.toml"
     kinds = ["stage", *["case"] * case, *["study"] * study]
     paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds}
     for new in paths.values():
         check_file(new)
         if new.exists() or new.is_symlink():
             raise BadInput(f"{place_of(new)}: exists, expected the name of a new file; nothing is written")
-    for kind, new in paths.items():
-        text = read_data(f"new-{kind}.toml").replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
+    for each, new in paths.items():
+        name = template if each == "stage" else f"new-{each}.toml"
+        text = read_data(name).replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
         write_atomically(new, methodcaller("write", text.encode()))
+    whose = "flexfem's reference stage" if kind is None else "an example"
     next_commands = {"stage": ["check", "summary", "stiffness"], "case": ["verify"], "study": ["study run"]}
     return NewFiles(
         [str(new) for new in paths.values()],
-        [f"flexfem {name} {shlex.quote(str(new))}" for kind, new in paths.items() for name in next_commands[kind]],
-        ["all numbers are those of flexfem's reference stage: they are assumed, replace them with your own"],
+        [f"flexfem {name} {shlex.quote(str(new))}" for each, new in paths.items() for name in next_commands[each]],
+        [f"all numbers are those of {whose}: they are assumed, replace them with your own"],
     )
 
 
+class Drawing(NamedTuple):
+    """A drawing of a file: the name of its subject, missing keys, warnings, assumptions, and functions that draw it."""
+
+    name: str
+    missing: list[str]
+    warnings: list[str]
+    assumptions: Assumptions
+    plot: Callable[[Axes], object]
+    page: Callable[[], Figure]
+
+
 def view(file: Path, *, output: Path | None = None) -> View:
-    """Draw a stage with its dimensions, in a window if there is a display; an incomplete stage as far as possible.
+    """Draw a mechanism, or a stage with its dimensions, an incomplete one as far as possible; in a window if possible.
 
     Parameters
     ----------
     file : path
-        Stage file.
+        Stage or mechanism file.
     output : path, optional
         Folder of the picture; default: a window if there is a display, otherwise the current folder.
 
@@ -92,22 +138,45 @@ def view(file: Path, *, output: Path | None = None) -> View:
     BadInput
         The file is invalid or has nothing to draw, or the folder is not writable.
     """
-    from flexfem.plot import stage as drawing
+    from flexfem.plot.stage import show_window
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    stage, missing = partial = load_partly(source)
-    skeleton = partial.states("chain.link_lengths_mm", "chain.joint_angles_deg")
-    if not (partial.whole or skeleton or partial.states("platform.radius_mm")):
-        raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg first")
-    window, written = target is None and drawing.show_window(stage, missing), list[Path]()
+    is_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
+    drawing = _of_mechanism(load_mechanism(source)) if is_mechanism else _of_stage(source)
+    title = f"{source}: missing {', '.join(drawing.missing)}" if drawing.missing else drawing.name
+    window, written = target is None and show_window(drawing.plot, title), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
-        written = write_beside(place, drawing.drawing_figure(stage, missing))
+        written = write_beside(place, drawing.page())
+    files = list(map(str, written))
+    return View(str(source), drawing.name, drawing.missing, files, window, drawing.warnings, *drawing.assumptions)
+
+
+def _of_stage(source: Path) -> Drawing:
+    from flexfem.plot.stage import drawing_figure, plot_dimensions
+
+    stage, missing = incomplete = load_partly(source)
+    skeleton = incomplete.states("chain.link_lengths_mm", "chain.joint_angles_deg")
+    if not (incomplete.whole or skeleton or incomplete.states("platform.radius_mm")):
+        raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg first")
     warnings = [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
-    return View(str(source), stage.name, missing, list(map(str, written)), window, warnings, *partial.assumptions)
+    page, plot = partial(drawing_figure, stage, missing), partial(plot_dimensions, stage=stage, missing=missing)
+    return Drawing(stage.name, missing, warnings, incomplete.assumptions, plot, page)
+
+
+def _of_mechanism(mechanism: Mechanism) -> Drawing:
+    from flexfem.plot.plate import mechanism_figure, plot_mechanism
+
+    warnings, doubts = list[str](), Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
+    try:
+        check_layout(mechanism.layout)
+    except BadInput as refusal:
+        warnings.append(f"the mechanism cannot be made: {refusal}")
+    page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
+    return Drawing(mechanism.name, [], warnings, doubts, plot, page)
 
 
 class MeshReport(NamedTuple):
@@ -124,8 +193,8 @@ class MeshReport(NamedTuple):
     not_stated: list[str]
 
 
-def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshReport:
-    """Mesh a stage and write it with the groups stage, ground and hub.
+def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = None) -> MeshReport:
+    """Mesh a stage or a mechanism and write it with groups: stage, ground and hub, or bodies, hinges and clamped edges.
 
     Parameters
     ----------
@@ -137,35 +206,43 @@ def mesh(stage: Stage, output: Path, *, resolution: int | None = None) -> MeshRe
     Raises
     ------
     BadInput
-        The stage cannot be made or is not plane, or the file cannot be written.
+        The stage or mechanism cannot be made or is not plane, or the file cannot be written.
     """
-    from flexfem.fem.export import check_format, write_mesh
+    from flexfem.fem.export import check_format, write_mesh, write_plate_mesh
     from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.plate_mesh import mesh_layout
     from flexfem.fem.structure import plate_of
-    from flexfem.mechanism.plate_file import of_stage
     from flexfem.questions import warnings as warning
 
     target = checked_path(output)
     finest = arguments.resolution(RESOLUTION if resolution is None else resolution)
-    check_feasible(stage)
     check_format(target)
     check_file(target)
-    plate, made = plate_of(stage), build_mesh(stage, finest)
-    write_mesh(made, plate, target)
+    warnings = list[str]()
+    if isinstance(stage, Mechanism):
+        with located(stage):
+            made = mesh_layout(stage.layout, finest)
+        write_plate_mesh(made, stage.layout, target)
+    else:
+        check_feasible(stage)
+        plate, made = plate_of(stage), build_mesh(stage, finest)
+        write_mesh(made, plate, target)
+        warnings += warning.of_numbers(stage)
     return MeshReport(
         **of_stage(stage),
         written=str(target),
         resolution=finest,
         nodes=len(made.nodes),
         triangles=len(made.triangles),
-        warnings=list(warning.of_numbers(stage)),
+        warnings=warnings,
     )
 
 
 class HingeFormulas(NamedTuple):
-    """Sources, freedoms and ranges of all formulas by name, and the figures written."""
+    """Sources, freedoms and ranges of all formulas by name, of closed forms by hinge shape, and the figures written."""
 
     formulas: dict[str, Any]
+    shapes: dict[str, Any]
     written: list[str]
 
 
@@ -177,7 +254,7 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
     output : path, optional
         Folder of the figures.
     """
-    from flexfem.questions.check import hinge_review, known_formulas, thickness_review
+    from flexfem.questions.check import hinge_review, known_formulas, known_shapes, thickness_review
 
     written = list[Path]()
     if output is not None:
@@ -190,4 +267,4 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
             output / "hinge-thickness.json": lambda: thickness_figure(thickness_review()),
         }
         written = write_each(figures)
-    return HingeFormulas(known_formulas(), [str(path) for path in written])
+    return HingeFormulas(known_formulas(), known_shapes(), [str(path) for path in written])

@@ -24,6 +24,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
+from flexfem.mechanism.plate import cuts_of
 from flexfem.mechanism.profiles import Profile
 from flexfem.refused import ComputationFailed
 
@@ -183,22 +184,32 @@ def warmed(
         z = np.array([point, point**2 / 2, -1j * point**2 / 2])
         return np.stack([z.real, z.imag, (point * turned).imag])
 
+    def back(point: complex) -> Array:
+        """Twist at the origin that moves a point back to where it is on the ground."""
+        return np.asarray((ground - expansion) * np.linalg.solve(to_axes(point, 0.0), free(point)))
+
+    clamps = {
+        number: back(complex(np.mean([body.outline[edge].at(0.5) for edge in body.clamped])))
+        for number, body in enumerate(layout.bodies)
+        if body.clamped
+    }
     openings = np.zeros((len(layout.joints), 3, 3))
     for opening, joint in zip(openings, layout.joints, strict=True):
         for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
             if body not in net.moving:
-                edges = [layout.bodies[body].outline[edge] for edge in layout.bodies[body].clamped]
                 end = joint.place + sign * joint.profile.length / 2 * cmath.exp(1j * joint.heading)
-                held = complex(np.mean([edge.at(0.5) for edge in edges])) if edges else end
-                at_origin = np.linalg.solve(to_axes(held, 0.0), free(held))
-                opening += sign * (expansion - ground) * to_axes(joint.place, joint.heading) @ at_origin
+                at_origin = clamps[body] if body in clamps else back(end)
+                opening -= sign * to_axes(joint.place, joint.heading) @ at_origin
     U, w = net.solve(np.zeros((net.P.shape[0], 3)), openings.reshape(-1, 3))
     motions = net.P.T @ U + net.B.T @ w
     for j, port in enumerate(ports):
         for patch, wrench in port.parts:
-            strain = ground if layout.bodies[patch.body].fixed else expansion
-            mean = free(patch.point) if patch.radius is not None else _mean_expansion(layout, patch)
-            motions[j] += strain * np.array(wrench) @ mean
+            outside = patch.body < 0
+            mean = free(patch.point) if outside or patch.radius is not None else _mean_expansion(layout, patch)
+            mean = mean * (ground if outside or layout.bodies[patch.body].fixed else expansion)
+            if patch.body in clamps:
+                mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
+            motions[j] += np.array(wrench) @ mean
     wrenches = w.reshape(-1, 3, 3)
     if engaged and layout.actuators:
         response = respond(layout, bodies)
@@ -229,15 +240,17 @@ def body_moments(layout: Layout, body: int, hinges: bool = True) -> AnyArray:
     """
     outline, holes = layout.bodies[body].outline, layout.bodies[body].holes
     total = np.sum([_loop_moments(loop) for loop in (outline, *holes)], axis=0)
-    joints = [joint for joint in layout.joints if body in joint.bodies]
     whole = shapely.Polygon(polygon_points(outline), [polygon_points(hole) for hole in holes])
-    cut = shapely.intersection(whole, shapely.union_all([_box(joint) for joint in joints]))
+    cut = shapely.intersection(
+        whole, shapely.union_all([shapely.Polygon(polygon_points(box)) for box in cuts_of(layout, body)])
+    )
     for part in shapely.get_parts(cut):
         if isinstance(part, shapely.Polygon):
             part = shapely.orient_polygons(part)
             total -= sum(_loop_moments(_ring(ring.coords)) for ring in (part.exterior, *part.interiors))
-    for joint in joints if hinges else ():
-        total += _half_moments(joint, joint.bodies.index(body))
+    for joint in layout.joints if hinges else ():
+        if body in joint.bodies:
+            total += _half_moments(joint, joint.bodies.index(body))
     return np.asarray(total)
 
 
@@ -260,13 +273,6 @@ def _loop_moments(loop: Iterable[Segment]) -> AnyArray:
 
 def _ring(points: Iterable[tuple[float, ...]]) -> list[Segment]:
     return polyline(*(complex(x, y) for x, y in points))
-
-
-def _box(joint: Joint) -> shapely.Polygon:
-    """Return the box in which the hinge replaces the material of its bodies."""
-    half, side, turn = joint.profile.length / 2, 0.5j * joint.cut, cmath.exp(1j * joint.heading)
-    corners = np.array([half + side, -half + side, -half - side, half - side]) * turn + joint.place
-    return shapely.Polygon(np.column_stack([corners.real, corners.imag]))
 
 
 def _half_moments(joint: Joint, end: int) -> AnyArray:

@@ -56,7 +56,7 @@ MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in gr
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
 PYTHON_ONLY = ("progress", "law")  # parameters without an option
 TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
-STAGE = {"stage": "Stage file, see flexfem schema stage."}
+STAGE = {"stage": "Stage or mechanism file, see flexfem schema stage."}
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer bundles click, or uses the installed one
 CLOSED_PIPE = 141  # 128 + SIGPIPE, the exit code of a program that does not handle that signal
 ABOUT = "Verification and design of planar flexure-hinge stages."
@@ -208,13 +208,13 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
     """Call a function with the options of its command; return its result and the stem of its files."""
-    from flexfem.mechanism.stage import load_feasible
+    from flexfem.mechanism.mechanism import load_plate
 
     hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
     for parameter in inspect.signature(function).parameters.values():
         hint = hints[parameter.name]
         if parameter.name == "stage":
-            arguments["stage"], stem = load_feasible(given["stage"]), f"{given['stage'].stem}-{name}"
+            arguments["stage"], stem = load_plate(given["stage"]), f"{given['stage'].stem}-{name}"
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
         elif parameter.kind is parameter.VAR_POSITIONAL:

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate
 from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.ports import forces_on_ports, held_nodes, plate_of_layout
 from flexfem.files.writing import replacing, write_atomically
+from flexfem.mechanism.layout import Layout
 from flexfem.refused import BadInput
 
 PER_LINE = 8  # members of a set; CalculiX reads at most 16 entries per line
+GROUPS = ("ground", "hub", "clamped")
 FORMATS = (".msh", ".vtu", ".inp")
 
 
@@ -36,27 +39,56 @@ def write_deck(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
 def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
     centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
-    ground, hub = nodes_on(mesh, "ground"), nodes_on(mesh, "hub")
-    yield from ("*HEADING", "flexure-hinge stage by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
+    sets = {"ground": nodes_on(mesh, "ground"), "hub": nodes_on(mesh, "hub")}
+    ties = list[str]()
+    for node, (x, y) in zip((sets["hub"] + 1).tolist(), mesh.nodes[sets["hub"]], strict=True):
+        ties += ["*EQUATION", "3", f"{node}, 1, 1, {centre}, 1, -1, {rotation}, 1, {_field(y)}"]
+        ties += ["*EQUATION", "3", f"{node}, 2, 1, {centre}, 2, -1, {rotation}, 1, {_field(-x)}"]
+    pose = ["*NODE, NSET=platform", f"{centre}, 0, 0, 0", f"{rotation}, 0, 0, 0"]
+    loads = (
+        [f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}", f"{rotation}, 1, {_field(moment)}"]
+        for fx, fy, moment in np.eye(3)
+    )
+    return _lines(mesh, plate, "stage", sets, loads, pose, ties)
+
+
+def _plate_deck(mesh: StageMesh, layout: Layout) -> Iterator[str]:
+    """Yield the deck of a mechanism: a step for each unit load on its ports, as nodal forces."""
+    loads = (
+        [f"{node + 1}, {axis + 1}, {_field(force[node, axis])}" for node, axis in np.argwhere(force)]
+        for force in forces_on_ports(layout, mesh)
+    )
+    yield from (f"** step {k}: unit load on {port.label}" for k, port in enumerate(layout.ports, start=1))
+    yield from _lines(mesh, plate_of_layout(layout), "plate", {"ground": held_nodes(layout, mesh)}, loads)
+
+
+def _lines(
+    mesh: StageMesh,
+    plate: Plate,
+    name: str,
+    sets: Mapping[str, Index],
+    loads: Iterable[Sequence[str]],
+    pose: Sequence[str] = (),
+    ties: Sequence[str] = (),
+) -> Iterator[str]:
+    """Yield the lines of a deck; `pose` defines the nodes `platform`, which `ties` connect to the mesh."""
+    yield from ("*HEADING", f"flexure-hinge {name} by flexfem; N, mm, MPa, rad", "*NODE, NSET=all")
     yield from (f"{k}, {_field(x)}, {_field(y)}, 0" for k, (x, y) in enumerate(mesh.nodes, start=1))
-    yield from ("*NODE, NSET=platform", f"{centre}, 0, 0, 0", f"{rotation}, 0, 0, 0")
-    yield "*ELEMENT, TYPE=CPS6, ELSET=stage"  # corners, then middles of the sides 12, 23, 31, as in the mesh
+    yield from pose
+    yield f"*ELEMENT, TYPE=CPS6, ELSET={name}"  # corners, then middles of the sides 12, 23, 31, as in the mesh
     yield from (", ".join(map(str, (k, *row))) for k, row in enumerate((mesh.triangles + 1).tolist(), start=1))
-    for name, nodes in (("ground", ground), ("hub", hub)):
-        yield f"*NSET, NSET={name}"
+    for group, nodes in sets.items():
+        yield f"*NSET, NSET={group}"
         numbers = (nodes + 1).tolist()
         for start in range(0, len(numbers), PER_LINE):
             yield ", ".join(map(str, numbers[start : start + PER_LINE])) + ","
     yield from ("*MATERIAL, NAME=sheet", "*ELASTIC", f"{_field(plate.youngs_modulus)}, {_field(plate.poissons_ratio)}")
-    yield from ("*SOLID SECTION, ELSET=stage, MATERIAL=sheet", _field(plate.thickness))
-    for node, (x, y) in zip((hub + 1).tolist(), mesh.nodes[hub], strict=True):
-        yield from ("*EQUATION", "3", f"{node}, 1, 1, {centre}, 1, -1, {rotation}, 1, {_field(y)}")
-        yield from ("*EQUATION", "3", f"{node}, 2, 1, {centre}, 2, -1, {rotation}, 1, {_field(-x)}")
+    yield from (f"*SOLID SECTION, ELSET={name}, MATERIAL=sheet", _field(plate.thickness))
+    yield from ties
     yield from ("*BOUNDARY", "ground, 1, 2")
-    for fx, fy, moment in np.eye(3):
-        yield from ("*STEP", "*STATIC", "*CLOAD, OP=NEW")
-        yield from (f"{centre}, 1, {_field(fx)}", f"{centre}, 2, {_field(fy)}", f"{rotation}, 1, {_field(moment)}")
-        yield from ("*NODE PRINT, NSET=all", "U", "*NODE PRINT, NSET=platform", "U")
+    for load in loads:
+        yield from ("*STEP", "*STATIC", "*CLOAD, OP=NEW", *load, "*NODE PRINT, NSET=all", "U")
+        yield from ("*NODE PRINT, NSET=platform", "U") if pose else ()
         yield from ("*NODE PRINT, NSET=ground, TOTALS=YES", "RF", "*EL FILE", "S", "*END STEP")
 
 
@@ -72,8 +104,6 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
 
     Raises BadInput for an extension that is not in `FORMATS`.
     """
-    import meshio
-
     check_format(path)
     if path.suffix == ".vtu":
         write_vtu(mesh, path, {})
@@ -81,11 +111,37 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
     if path.suffix == ".inp":
         write_deck(mesh, plate, path)
         return
-    cells = [("triangle6", mesh.triangles), ("line3", mesh.edges["ground"]), ("line3", mesh.edges["hub"])]
-    tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells, start=1)]
-    groups = {"stage": np.array([1, 2]), "ground": np.array([2, 1]), "hub": np.array([3, 1])}  # tag and dimension
+    cells = {"stage": ("triangle6", mesh.triangles)}
+    _write_msh(mesh, cells | {name: ("line3", mesh.edges[name]) for name in ("ground", "hub")}, path)
+
+
+def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
+    """Write the mesh of a mechanism in the format of the file's extension, with its bodies, hinges and clamped edges.
+
+    An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each unit load on a port.
+    """
+    if path.suffix == ".inp":
+        text = "\n".join(_plate_deck(mesh, layout))
+        write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
+        return
+    if path.suffix == ".vtu":
+        write_vtu(mesh, path, {})
+        return
+    names = [*(f"body {body.name}" for body in layout.bodies), *(f"hinge {joint.name}" for joint in layout.joints)]
+    cells = {name: ("triangle6", mesh.triangles[mesh.bodies == k]) for k, name in enumerate(names)}
+    _write_msh(mesh, cells | {name: ("line3", mesh.edges[name]) for name in mesh.edges if name == "clamped"}, path)
+
+
+def _write_msh(mesh: StageMesh, cells: Mapping[str, tuple[str, Index]], path: Path) -> None:
+    import meshio
+
+    tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells.values(), start=1)]
+    groups = {
+        name: np.array([tag, 1 if kind == "line3" else 2]) for tag, (name, (kind, _)) in enumerate(cells.items(), 1)
+    }
     physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    grid = meshio.Mesh(np.pad(mesh.nodes, [(0, 0), (0, 1)]), cells, cell_data=physical, field_data=groups)
+    points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
+    grid = meshio.Mesh(points, list(cells.values()), cell_data=physical, field_data=groups)
     with replacing(path) as temporary:
         meshio.write(temporary, grid, file_format="gmsh22")
 
@@ -98,7 +154,7 @@ def check_format(path: Path) -> None:
 
 
 def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Array | None = None) -> None:
-    """Write the mesh with nodal fields (n, ...) as a VTK unstructured grid; 1 marks the nodes of `ground` and `hub`.
+    """Write the mesh with nodal fields (n, ...) as a VTK unstructured grid; 1 marks the nodes of `GROUPS`.
 
     heights : (m,), mm, node heights of layers of 18-node wedges, ends and middles; fields are then (n, m, ...).
     """
@@ -115,7 +171,7 @@ def write_vtu(mesh: StageMesh, path: Path, fields: dict[str, Array], heights: Ar
     for name, field in fields.items():
         values = field.reshape(len(mesh.nodes) * m, *field.shape[1 if heights is None else 2 :])
         data[name] = np.pad(values, [(0, 0), (0, 1)]) if values.shape[1:] == (2,) else values
-    for group in ("ground", "hub"):
+    for group in (name for name in GROUPS if name in mesh.edges):
         data[group] = np.repeat(np.isin(np.arange(len(mesh.nodes)), mesh.edges[group]).astype(float), m)
     points = np.column_stack([np.repeat(mesh.nodes, m, axis=0), np.tile(z, len(mesh.nodes))])
     grid = meshio.Mesh(points, [(kind, cells)], data, {"body": [bodies]})

@@ -167,16 +167,16 @@ def drawn_area(stage: Stage) -> float:
     return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
 
 
-def check_triangles(mesh: StageMesh, drawn: float) -> None:
-    """Raise ComputationFailed unless the mesh is one piece of the drawn area, mm^2, with well-shaped triangles."""
+def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
+    """Raise ComputationFailed unless the mesh has the drawn area, mm^2, the expected pieces, and good triangles."""
     n = len(mesh.nodes)
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
     corners = mesh.triangles[:, [0, 1, 2, 0]]
     links = sp.coo_array((np.ones(3 * len(corners)), (corners[:, :3].ravel(), corners[:, 1:].ravel())), shape=(n, n))
     pieces = len(np.unique(connected_components(links, directed=False)[1][corners]))
-    if pieces != 1:
-        raise ComputationFailed(f"mesh is in {pieces} pieces, expected 1: a neck is severed")
+    if pieces != expected:
+        raise ComputationFailed(f"mesh is in {pieces} pieces, expected {expected}: a neck is severed")
     determinants = jacobians(mesh)
     meshed = float(np.sum(determinants[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:

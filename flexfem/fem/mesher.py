@@ -1,7 +1,7 @@
 """gmsh in separate processes, which can hang or crash without affecting flexfem; the only module that imports it.
 
-A process serves one list of requests (`Job`, `Extruded`) after the other, since starting it takes longer than most
-meshes: `main` reads pickled requests from standard input and writes pickled results to standard output.
+A process serves one list of requests, such as `Job`, after the other, since starting it takes longer than most meshes:
+`main` reads pickled requests from standard input and writes pickled results to standard output.
 """
 
 from __future__ import annotations
@@ -23,11 +23,16 @@ import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.mechanism.outlines import Face, Segment
+from flexfem.mechanism.profiles import Curve, Spline
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
 TRIANGLE, EDGE = 2, 1  # gmsh element types, linear
+QUADRATIC_TRIANGLE, QUADRATIC_EDGE = 9, 8
+REVERSED = [0, 2, 1, 5, 4, 3]  # nodes of a quadratic triangle in the opposite direction
+CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
+LONGEST_TURN = 2.5  # rad, of an arc of a contour
 STRAIGHT = complex(np.nan)  # centre of a straight edge
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
@@ -94,7 +99,63 @@ class Extruded(NamedTuple):
     thickness: float
 
 
-Request: TypeAlias = Job | Extruded
+class Region(NamedTuple):
+    """A face of a plate: closed loops, the outer one first, less the closed loops `cuts`."""
+
+    loops: list[list[Curve]]
+    cuts: list[list[Segment]]
+
+
+class Line(NamedTuple):
+    """A line or arc to be followed by triangle edges, inside or on the boundary of the union of regions.
+
+    region : index of the region at it: of both sides, or of the side that no line before belongs to.
+    """
+
+    label: str
+    curve: Segment
+    region: int
+
+
+class Grading(NamedTuple):
+    """Triangle size, mm, within `radius` of points; outside it grows with the distance."""
+
+    points: list[complex]
+    size: float
+    radius: float
+
+
+class PlateMesh(NamedTuple):
+    """Regions, the lines that separate them, and the triangle sizes of their mesh.
+
+    divisions : number of equal edges along the line with a label.
+    largest : triangle size, mm, in each region, far from the points of `gradings`.   growth : of the triangle size with
+        the distance from these points.
+    """
+
+    regions: list[Region]
+    lines: list[Line]
+    divisions: dict[str, int]
+    gradings: list[Grading]
+    largest: list[float]
+    growth: float
+
+
+class PlateContours(NamedTuple):
+    """A request for the boundary of the union of regions."""
+
+    regions: list[Region]
+
+
+class PlateSolid(NamedTuple):
+    """The union of regions to write as .step, extruded from z = 0 to the thickness, mm."""
+
+    path: str
+    regions: list[Region]
+    thickness: float
+
+
+Request: TypeAlias = Job | Extruded | PlateMesh | PlateContours | PlateSolid
 NamedArrays: TypeAlias = dict[str, AnyArray]
 
 
@@ -229,26 +290,246 @@ def write_extruded(solid: Extruded) -> NamedArrays:
         _, loops = _draw_loops(kernel, [Face(solid.outer, ["free"] * len(solid.outer))])
         for centre, radius in solid.holes:
             loops.append(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, radius)]))
-        kernel.extrude([(2, kernel.addPlaneSurface(loops))], 0.0, 0.0, solid.thickness)
+        return _extrude(gmsh, [(2, kernel.addPlaneSurface(loops))], solid.thickness, solid.path)
+
+
+def write_plate(solid: PlateSolid) -> NamedArrays:
+    """Write a plate as `write_extruded`, with its drawn area (), mm^2, as well."""
+    with gmsh_session() as gmsh:
+        union = _union(gmsh.model.occ, solid.regions)
+        area = sum(gmsh.model.occ.getMass(*face) for face in union)
+        return {"area": np.array(area), **_extrude(gmsh, union, solid.thickness, solid.path)}
+
+
+def _extrude(gmsh: Any, faces: list[tuple[int, int]], thickness: float, path: str) -> NamedArrays:
+    kernel = gmsh.model.occ
+    kernel.extrude(faces, 0.0, 0.0, thickness)
+    kernel.synchronize()
+    corners = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
+    kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners])  # centres of the arcs
+    kernel.synchronize()
+    gmsh.write(path)
+    gmsh.clear()
+    solids = [tag for dim, tag in kernel.importShapes(path) if dim == 3]
+    kernel.synchronize()
+    types = [gmsh.model.getType(*face) for face in gmsh.model.getEntities(2)]
+    return {
+        "volumes": np.array([kernel.getMass(3, tag) for tag in solids]),
+        "box": np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)),
+        "cylinders": np.array(types.count("Cylinder")),
+    }
+
+
+def _draw_region(kernel: Any, region: Region) -> list[tuple[int, int]]:
+    """Draw a region and return its faces: a cut can divide it."""
+    face = (2, kernel.addPlaneSurface([_draw_loop(kernel, loop) for loop in region.loops]))
+    boxes = [(2, kernel.addPlaneSurface([_draw_loop(kernel, cut)])) for cut in region.cuts]
+    return list(kernel.cut([face], boxes)[0]) if boxes else [face]
+
+
+def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
+    """Draw a closed loop of curves, each of which begins where the one before it ends."""
+    ends = [(curve.points[0], curve.points[-1]) if isinstance(curve, Spline) else curve[:2] for curve in loop]
+    long = [abs(end - start) > SAME_POINT for start, end in ends]
+    corners = [_point(kernel, start) for (start, _), keep in zip(ends, long, strict=True) if keep]
+    curves = [curve for curve, keep in zip(loop, long, strict=True) if keep]
+    following = [*corners[1:], corners[0]]
+    tags = [_draw_curve(kernel, *each) for each in zip(curves, corners, following, strict=True)]
+    return int(kernel.addCurveLoop(tags))
+
+
+def _draw_curve(kernel: Any, curve: Curve, start: int, end: int) -> int:
+    if isinstance(curve, Spline):
+        return int(kernel.addSpline([start, *(_point(kernel, z) for z in curve.points[1:-1]), end]))
+    if curve.centre is None:
+        return int(kernel.addLine(start, end))
+    centre = _point(kernel, curve.centre)
+    if isinstance(curve, Segment):
+        return int(kernel.addCircleArc(start, centre, end))
+    return int(kernel.addEllipseArc(start, centre, _point(kernel, curve.centre + curve.major), end))
+
+
+def _point(kernel: Any, z: complex) -> int:
+    return int(kernel.addPoint(z.real, z.imag, 0.0))
+
+
+def _union(kernel: Any, regions: list[Region]) -> list[tuple[int, int]]:
+    """Draw the union of regions and return its faces, one for each connected part."""
+    first, *others = (face for region in regions for face in _draw_region(kernel, region))
+    return list(kernel.fuse([first], others)[0]) if others else [first]
+
+
+def mesh_plate(job: PlateMesh) -> NamedArrays:
+    """Mesh regions with quadratic triangles, conforming along the curves they share.
+
+    Returns
+    -------
+    nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each triangle's region; areas
+    (regions,), mm^2, exact; edges (k, 3) of the labelled lines, edge_labels (k,) text.
+    """
+    with gmsh_session() as gmsh:
+        kernel, mesh = gmsh.model.occ, gmsh.model.mesh
+        curves, faces = _divide(gmsh.model, job)
+        points = [[_point(kernel, z) for z in grading.points] for grading in job.gradings]
         kernel.synchronize()
-        corners = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
-        kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners])  # centres of the arcs
+        for label, tag in curves:
+            if label in job.divisions:
+                mesh.setTransfiniteCurve(tag, job.divisions[label] + 1)
+        _set_gradings(mesh.field, job, points, faces)
+        mesh.generate(2)
+        mesh.setOrder(2)
+        tags, xyz, _ = mesh.getNodes()
+        index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
+        index[tags] = np.arange(len(tags))
+        meshed = [
+            np.concatenate([index[mesh.getElementsByType(QUADRATIC_TRIANGLE, tag)[1].reshape(-1, 6)] for tag in part])
+            for part in faces
+        ]
+        edges = [index[mesh.getElementsByType(QUADRATIC_EDGE, tag)[1].reshape(-1, 3)] for _, tag in curves]
+        areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
+    nodes, triangles = xyz.reshape(-1, 3)[:, :2], np.concatenate(meshed)
+    a, b, c = nodes[triangles[:, :3]].transpose(1, 0, 2)
+    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    triangles[clockwise] = triangles[clockwise][:, REVERSED]
+    used, renumbered = np.unique(triangles, return_inverse=True)  # without the points that set sizes
+    new = np.full(len(tags), -1)
+    new[used] = np.arange(len(used))
+    return {
+        "nodes": nodes[used],
+        "triangles": renumbered.reshape(-1, 6),
+        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in meshed]),
+        "areas": areas,
+        "edges": new[np.concatenate(edges)] if edges else np.empty((0, 3), dtype=np.int64),
+        "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in edges]),
+    }
+
+
+def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[list[int]]]:
+    """Divide the union of the regions along the lines; return labelled curves and the faces of each region.
+
+    Regions are united first, since a hinge may be tangent to the side at which it meets a body: no triangle edge
+    follows this side.
+    """
+    kernel, lined = model.occ, {line.region for line in job.lines}
+    united = _union(kernel, [region for index, region in enumerate(job.regions) if index in lined]) if lined else []
+    alone = {index: _draw_region(kernel, each) for index, each in enumerate(job.regions) if index not in lined}
+    drawn = [*united, *(face for each in alone.values() for face in each)]
+    tools = [(1, _draw_curve(kernel, c, _point(kernel, c.start), _point(kernel, c.end))) for _, c, _ in job.lines]
+    pieces = kernel.fragment(drawn, tools)[1]
+    kernel.synchronize()
+    owner = dict[int, int]()
+    for index, found in zip((i for i, each in alone.items() for _ in each), pieces[len(united) :], strict=False):
+        owner.update((tag, index) for _, tag in found)
+    curves = list[tuple[str, int]]()
+    for line, found in zip(job.lines, pieces[len(drawn) :], strict=True):
+        for _, tag in found:
+            beside = model.getAdjacencies(1, tag)[0].tolist()
+            owner.update((face, line.region) for face in beside if face not in owner)
+            if line.region not in map(owner.get, beside):
+                if not beside:
+                    continue  # beyond an edge
+                raise ValueError("two parts of the plate are joined without a hinge")
+            curves.append((line.label, tag))
+    if len(owner) != len(model.getEntities(2)):
+        raise ValueError("a part of the plate is connected to nothing")
+    return curves, [[tag for tag, region in owner.items() if region == index] for index in range(len(job.regions))]
+
+
+def _set_gradings(field: Any, job: PlateMesh, points: list[list[int]], faces: list[list[int]]) -> None:
+    """Set the triangle size to the minimum over the gradings and the largest sizes of the regions."""
+    largest, tags = max(job.largest), []
+
+    def add(kind: str, **values: float) -> int:
+        tags.append(field.add(kind))
+        for name, value in values.items():
+            field.setNumber(tags[-1], name, value)
+        return int(tags[-1])
+
+    for grading, near in zip(job.gradings, points, strict=True):
+        if grading.size < largest:
+            field.setNumbers(add("Distance"), "PointsList", near)
+            reach = grading.radius + (largest - grading.size) / job.growth
+            sizes = {"SizeMin": grading.size, "SizeMax": largest, "DistMin": grading.radius, "DistMax": reach}
+            add("Threshold", InField=tags.pop(), **sizes)
+    for size, part in zip(job.largest, faces, strict=True):
+        field.setNumbers(add("Constant", VIn=size, VOut=largest), "SurfacesList", part)
+    smallest = field.add("Min")
+    field.setNumbers(smallest, "FieldsList", tags)
+    field.setAsBackgroundMesh(smallest)
+
+
+def contours_of(job: PlateContours) -> NamedArrays:
+    """Return the boundary of the union of regions as lines and arcs in the order of each loop.
+
+    Returns
+    -------
+    starts, centres (n,) complex, mm, a centre nan for a line; loops, parts (n,) indices of closed loop and of part.
+    """
+    starts, centres, numbers = list[complex](), list[complex](), list[tuple[int, int]]()
+    with gmsh_session() as gmsh:
+        kernel = gmsh.model.occ
+        union = _union(kernel, job.regions)
         kernel.synchronize()
-        gmsh.write(solid.path)
-        gmsh.clear()
-        solids = [tag for dim, tag in kernel.importShapes(solid.path) if dim == 3]
-        kernel.synchronize()
-        faces = [gmsh.model.getType(*face) for face in gmsh.model.getEntities(2)]
-        return {
-            "volumes": np.array([kernel.getMass(3, tag) for tag in solids]),
-            "box": np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)),
-            "cylinders": np.array(faces.count("Cylinder")),
-        }
+        outlines = [(part, tags) for part, (_, face) in enumerate(union) for tags in kernel.getCurveLoops(face)[1]]
+        for loop, (part, tags) in enumerate(outlines):
+            ends = {int(t): gmsh.model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
+            at = ends[int(tags[0])][0]
+            while ends:
+                tag = next(t for t, pair in ends.items() if at in pair)
+                first, *last = ends.pop(tag)
+                places, about = _arcs(gmsh.model, tag)
+                if at != first:
+                    places, about = places[::-1], about[::-1]
+                at = last[0] if at == first and last else first
+                starts += places[:-1]
+                centres += about
+                numbers += [(loop, part)] * len(about)
+    loops, parts = np.transpose(numbers)
+    return {"starts": np.array(starts), "centres": np.array(centres), "loops": loops, "parts": parts}
+
+
+def _arcs(model: Any, tag: int) -> tuple[list[complex], list[complex]]:
+    """Return points (n + 1) on a curve from its start to its end, and centres (n) of the arcs between them."""
+    (low,), (high,) = model.getParametrizationBounds(1, tag)
+
+    def at(shares: AnyArray, value: Any = model.getValue) -> AnyArray:
+        x, y, _ = np.reshape(value(1, tag, low + (high - low) * shares), (-1, 3)).T
+        return np.asarray(x + 1j * y)
+
+    shares = np.linspace(0, 1, 9)
+    points, slopes = at(shares), at(shares, model.getDerivative)
+    if np.ptp(slopes.real) + np.ptp(slopes.imag) < SAME_POINT:
+        return points[[0, -1]].tolist(), [STRAIGHT]
+    for spokes in (1j * slopes, -1j * slopes):  # of a circle, whose parameter is the angle
+        centre = np.mean(points + spokes)
+        if np.max(np.abs(points + spokes - centre)) < SAME_POINT:
+            n = int(np.ceil((high - low) / LONGEST_TURN))
+            return at(np.arange(n + 1) / n).tolist(), [complex(centre)] * n
+    n, error = 4, np.inf
+    while error > CURVE_ERROR and n < 1000:
+        points = at(np.arange(4 * n + 1) / (4 * n))
+        a, u, v = points[:-1:4], points[2::4] - points[:-1:4], points[4::4] - points[:-1:4]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turn = (np.conj(u) * v).imag
+            centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
+        straight = np.abs(turn) < 1e-9 * np.abs(v) ** 2
+        centres = np.where(straight, STRAIGHT, centres)
+        off = np.stack([points[1::4], points[3::4]])
+        round_ = np.abs(np.abs(off - centres) - np.abs(a - centres))
+        error = float(np.max(np.where(straight, np.abs(((off - a) / v).imag * np.abs(v)), round_)))
+        n *= 2
+    return points[::4].tolist(), centres.tolist()
 
 
 def main() -> None:
     """Serve lists of requests until standard input ends or a request fails."""
-    serve: dict[type, Any] = {Job: mesh_faces, Extruded: write_extruded}
+    serve: dict[type, Any] = {
+        Job: mesh_faces,
+        Extruded: write_extruded,
+        PlateMesh: mesh_plate,
+        PlateContours: contours_of,
+        PlateSolid: write_plate,
+    }
     output = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # keeps the output of libraries out of the results
     with suppress(EOFError):

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, nodal_stress, von_mises
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import free_displacement, refined_solution
@@ -48,7 +48,7 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
 def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
-    They are zero for a patch on the ground outside the plate. A radius less than half a triangle is increased to that.
+    They are zero for a patch on the ground outside the plate. Radii below a fifth of a triangle are increased.
     Raises ComputationFailed when no part of the body is within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
@@ -60,7 +60,7 @@ def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
         at = mesh.nodes[triangles] - point
         middle = at.mean(axis=1)
         size, away = np.max(np.hypot(*(at - middle[:, None]).T), axis=0), np.hypot(*middle.T)
-        radius = max(patch.radius, float(size[np.argmin(away)]))
+        radius = max(patch.radius, float(size[np.argmin(away)]) / 3)
         inside = np.max(np.hypot(*at.T), axis=0) <= radius
         parts = [(triangles[inside], whole), (triangles[~inside & (away < radius + size)], _subdivided())]
     for chosen, (points, weights) in parts:
@@ -75,6 +75,17 @@ def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
     if not resultants[0, 0] > 0:
         raise ComputationFailed(f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm")
     return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
+
+
+def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
+    """Nodal forces (k, n, 2), N, of unit loads on the ports, those on held nodes included."""
+    contacts = {patch: contact_forces(mesh, patch) for port in layout.ports for patch, _ in port.parts}
+    return np.array(
+        [
+            np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
+            for port in layout.ports
+        ]
+    )
 
 
 def _subdivided() -> tuple[Array, Array]:
@@ -107,13 +118,7 @@ class PlateModel:
     @cached_property
     def port_forces(self) -> Array:
         """Nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included."""
-        ports = self.layout.ports
-        contacts = {patch: contact_forces(self.mesh, patch) for port in ports for patch, _ in port.parts}
-        plane = [
-            np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
-            for port in ports
-        ]
-        return self._through(np.array(plane))
+        return self._through(forces_on_ports(self.layout, self.mesh))
 
     @cached_property
     def attached(self) -> tuple[Array, Array]:
@@ -135,6 +140,12 @@ class PlateModel:
             return plane
         share = line.values @ line.weights / line.weights.sum()
         return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (0, 1)])
+
+    def solve_twice(self, loads: Array) -> Array:
+        """Unknowns (size, k) under loads (size, k), less the round-off of one solve."""
+        motion = self.space.solve(loads)
+        forces = self.structure.forces(self.structure.fields(motion))
+        return motion + self.space.solve(loads - self.structure.loads(forces))
 
     def response(self, forces: Array, prescribed: Array | None = None, free: Array | None = None) -> PlateResponse:
         """Solve for forces (c, n, ...), and displacements of held nodes with a free expansion, (c, n, ...)."""
@@ -201,6 +212,18 @@ def hinge_stress(response: PlateResponse, loads: Array) -> Array:
         for start in range(0, len(flat), size)
     ]
     return np.concatenate([np.zeros((0, len(starts))), *parts]).reshape(*np.shape(loads)[:-1], len(starts))
+
+
+def together(*responses: PlateResponse) -> PlateResponse:
+    """Return the response of one model to the cases of several, so that loads and stresses can combine them."""
+    parts = zip(*((each.motions.T, each.fields, each.elastic, each.reactions) for each in responses), strict=True)
+    motions, fields, elastic, reactions = (np.concatenate(part) for part in parts)
+    return PlateResponse(responses[0].model, motions.T, fields, elastic, reactions)
+
+
+def plate_layers(layout: Layout, number: int) -> Layers:
+    """Return `number` layers in half the thickness, graded for the narrowest neck."""
+    return mirrored(layout.thickness, number, min(joint.profile.neck for joint in layout.joints))
 
 
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
@@ -274,8 +297,15 @@ def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Vibrati
     loads, springs = model.structure.loads(model.port_forces), model.layout.stiffness_of_actuators * engaged
     stacks = loads[:, loads.shape[1] - len(springs) :]
     at = (inertia[inertia > 0], model.structure.loads(attached[inertia > 0])) if len(inertia) else None
-    vibrating = vibrating_structure(
-        model.structure, model.layout.density, None, stacks, springs, space=model.space, attached=at
-    )
-    found = modes(vibrating, count)
-    return VibratingPlate(found, found.shapes[0].T @ loads)
+
+    def found(space: Space) -> Modes:
+        density = model.layout.density
+        return modes(
+            vibrating_structure(model.structure, density, None, stacks, springs, MASS_QUADRATURE, space, at), count
+        )
+
+    try:
+        lowest = found(model.space)
+    except ComputationFailed:  # round-off of necks of some hundredths of a millimetre
+        lowest = found(model.space._replace(solve=model.solve_twice))
+    return VibratingPlate(lowest, lowest.shapes[0].T @ loads)

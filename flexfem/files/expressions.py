@@ -1,4 +1,4 @@
-"""Arithmetic expressions of names: their names, and their values."""
+"""Arithmetic expressions of names: their names, and their values; angles in degrees, as in files."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from functools import lru_cache, reduce
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
 
@@ -19,6 +20,10 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "log": np.log,
     "log10": np.log10,
+    "sin": lambda angle: np.sin(np.deg2rad(angle)),
+    "cos": lambda angle: np.cos(np.deg2rad(angle)),
+    "tan": lambda angle: np.tan(np.deg2rad(angle)),
+    "atan": lambda ratio: np.rad2deg(np.arctan(ratio)),
     "min": lambda *values: reduce(np.minimum, values),
     "max": lambda *values: reduce(np.maximum, values),
 }
@@ -38,12 +43,28 @@ _WORD = re.compile(
 _ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(_FUNCTIONS)}"
 
 
+class Evaluated(float):
+    """The value of an expression, with its text."""
+
+    text: str
+
+    def __new__(cls, value: float, text: str) -> Evaluated:
+        """Return a number with a text."""
+        found = super().__new__(cls, value)
+        found.text = text
+        return found
+
+    def __getnewargs__(self) -> tuple[float, str]:  # type: ignore[override]
+        """Return the arguments of a copy."""
+        return float(self), self.text
+
+
 def names_in(text: str) -> tuple[str, ...]:
     """Return the names in an expression, each once. Raises ValueError, which says what was expected, for other text."""
     return _parsed(text)[1]
 
 
-def value_of(text: str, values: Mapping[str, Array]) -> Array:
+def value_of(text: str, values: Mapping[str, ArrayLike]) -> Array:
     """Return the value of an expression, in the shape of the named values; not finite where it is not defined."""
     tree, names = _parsed(text)
     with np.errstate(all="ignore"):

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
+from flexfem.files.expressions import Evaluated
 from flexfem.files.refusals import KeyPath, key_path, path_of, refusal, suggestion
 from flexfem.files.toml import Label, Table
 
@@ -112,6 +113,8 @@ def _members(table: BaseModel, above: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
             yield path, value
             if isinstance(value, BaseModel):
                 yield from _members(value, path)
+            for key in value if isinstance(value, Mapping) else ():
+                yield (*path, key), value[key]
             for index, item in enumerate(value if _is_table(value) and isinstance(value, tuple) else ()):
                 yield (*path, index), item
                 yield from _members(item, (*path, index))
@@ -122,4 +125,7 @@ def _is_table(value: Any) -> bool:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, float) or (isinstance(value, tuple) and any(isinstance(v, float) for v in value))
+    """Return whether a value is or contains a number that is not computed from others."""
+    if isinstance(value, tuple):
+        return any(map(_is_number, value))
+    return isinstance(value, float) and not isinstance(value, Evaluated)

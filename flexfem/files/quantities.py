@@ -56,6 +56,7 @@ AMPLITUDE = Ends(1e-6, 1e5)  # um, mrad, of a life
 READING = Ends(1e-9, 1e3)  # um, N: far below any sensor
 TOLERANCE = Ends(1e-6, 1000)  # um
 MASS, INERTIA = Ends(1e-12, 1e4), Ends(1e-12, 1e10)  # kg, kg mm^2: no stage of necks carries a hundredth of it
+GRAMS = Ends(1e-9, 1e7)
 PER_CENT = Ends(1e-6, 100)
 TIME = Ends(1e-3, 86_400)  # s
 OF_ANY_KEY = Ends(1e-12, 1e12)  # in the unit of the key; contains the ranges of all keys

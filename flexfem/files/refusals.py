@@ -29,6 +29,7 @@ ABOUT = {  # by array: the keys that identify a member
     "override": ("chain", "hinge"),
     "actuator": ("name",),
     "neck": ("chain", "hinge"),
+    **dict.fromkeys(("body", "hinge", "point"), ("name",)),  # of mechanisms
 }
 SHOWN = 60  # characters of a value or key in a message
 COMPARED = 32  # unknown keys, at most, that are compared with missing ones

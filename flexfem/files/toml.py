@@ -141,6 +141,7 @@ Label: TypeAlias = Annotated[
 
 KINDS = {  # by the keys that only files of that kind have
     "stage file": ("material", "chain", "hinges", "platform", "thickness_mm"),
+    "mechanism file": ("material", "thickness_mm", "body", "hinge", "parameters", "output", "payload", "copy"),
     "case file": ("direction", "curve", "points"),
     "study file": ("sampling", "factor", "figure", "model"),
     "requirements file": ("free", "require", "objective"),

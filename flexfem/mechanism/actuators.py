@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
@@ -24,7 +24,17 @@ STEEL = (206e3, 0.3)  # bearing steel, E in MPa and Poisson's ratio: assumed for
 Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STROKE), *in_unit("um")]
 Rate: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STACK_STIFFNESS), *in_unit("n_per_um")]
 Force: TypeAlias = Annotated[float, *quantities.above_zero(quantities.FORCE)]
-StackName: TypeAlias = Annotated[Label, Keywords(lambda: {"enum": list(catalogue())})]
+
+
+def _of_catalogue(name: str) -> str:
+    if name not in catalogue():
+        raise refusal(
+            f"a stack of the catalogue{suggestion(name, catalogue()) or ', one of ' + ', '.join(catalogue())}"
+        )
+    return name
+
+
+StackName: TypeAlias = Annotated[Label, AfterValidator(_of_catalogue), Keywords(lambda: {"enum": list(catalogue())})]
 
 
 class StackRating(NamedTuple):
@@ -33,6 +43,28 @@ class StackRating(NamedTuple):
     stroke: float
     stiffness: float
     blocking_force: float
+
+
+def rating_of(
+    name: str | None, stroke: float | None, stiffness: float | None, blocking_force: float | None
+) -> StackRating:
+    """Return the rating of a stack of the catalogue, or of stated numbers as `check_rating` accepts."""
+    if name is not None:
+        stack = catalogue()[name]
+        return StackRating(stack.stroke, stack.blocking_force / stack.stroke, stack.blocking_force)
+    length, force = stroke or np.nan, blocking_force or np.nan
+    if stiffness is not None:
+        return StackRating(length, stiffness, length * stiffness)
+    return StackRating(length, force / length, force)
+
+
+def check_rating(stated: list[str]) -> None:
+    """Refuse stated keys of an actuator that are neither a stack alone, nor a stroke with one other number."""
+    rating = [key for key in RATING_KEYS if key in stated]
+    if "stack" in stated and rating:
+        raise refusal(f"the numbers of the catalogue alone: leave out {rating[0]} or stack", rating[0])
+    if "stack" not in stated and ("stroke_um" not in stated or len(rating) != 2):
+        raise refusal("a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *rating[:1])
 
 
 class ActuatorNumbers(NamedTuple):
@@ -166,14 +198,6 @@ class Actuator(Dimensioned):
     """Coefficient of Coulomb friction at the contact, for which `flexfem drive` reports the uncertainty of the pose; by
     default none is reported"""
 
-    @field_validator("stack")
-    @classmethod
-    def _stack_is_known(cls, name: str | None) -> str | None:
-        if name is not None and name not in catalogue():
-            near = suggestion(name, catalogue())
-            raise refusal(f"a stack of the catalogue{near or ', one of ' + ', '.join(catalogue())}")
-        return name
-
     @field_validator("between")
     @classmethod
     def _two_bodies(cls, between: tuple[Body, Body]) -> tuple[Body, Body]:
@@ -188,7 +212,6 @@ class Actuator(Dimensioned):
         keys = {field.alias or name: getattr(self, name) for name, field in Actuator.model_fields.items()}
         stated = [key for key, value in keys.items() if value is not None]
         place, others = (BY_POINT, (*BY_ARM, "tilt_deg")) if self.point is not None else (BY_ARM, BY_POINT)
-        rating = [key for key in RATING_KEYS if key in stated]
         for key in others:
             if key in stated:
                 raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
@@ -198,12 +221,7 @@ class Actuator(Dimensioned):
         if self.hinge is not None and self.hinge not in ends:
             where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
             raise refusal(where, "hinge")
-        if self.stack is not None and rating:
-            raise refusal(f"the numbers of the catalogue alone: leave out {rating[0]} or stack", rating[0])
-        if self.stack is None and (self.stroke is None or len(rating) != 2):
-            raise refusal(
-                "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *rating[:1]
-            )
+        check_rating(stated)
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
         for key in BALL_KEYS:
@@ -228,11 +246,7 @@ class Actuator(Dimensioned):
     @property
     def rating(self) -> StackRating:
         """Stroke, stiffness and blocking force of each stack of the actuator."""
-        stack = self if self.stack is None else catalogue()[self.stack]
-        stroke, force = stack.stroke or np.nan, stack.blocking_force or np.nan
-        if self.stiffness is not None:
-            return StackRating(stroke, self.stiffness, stroke * self.stiffness)
-        return StackRating(stroke, force / stroke, force)
+        return rating_of(self.stack, self.stroke, self.stiffness, self.blocking_force)
 
     @property
     def assumed_of_ball(self) -> list[str]:

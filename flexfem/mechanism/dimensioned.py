@@ -23,6 +23,7 @@ from pydantic import (
 )
 
 from flexfem.files import quantities
+from flexfem.files.expressions import Evaluated
 from flexfem.files.quantities import COUNT, keywords
 from flexfem.files.refusals import merged, one_line, problem_of, sentence
 from flexfem.files.toml import Table
@@ -47,9 +48,13 @@ def in_unit(name: str) -> tuple[Any, ...]:
         return min(near, key=lambda number: (abs(to_inside(number) - value), len(repr(number))))
 
     def from_python(value: Any, info: ValidationInfo) -> Any:
-        """Convert a number given in Python to the unit of the file, in which the limits are stated."""
+        """Convert a number given in Python to the unit of the file, in which limits and expressions are."""
         is_number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e300
-        return to_file(float(value)) if info.context == INSIDE and is_number else value
+        return (
+            to_file(float(value))
+            if info.context == INSIDE and is_number and not isinstance(value, Evaluated)
+            else value
+        )
 
     def dumped(value: float | None, info: SerializationInfo) -> float | None:
         return to_file(value) if info.by_alias and value is not None else value

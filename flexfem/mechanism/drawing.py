@@ -1,9 +1,11 @@
-"""The stage as a single part: contours with mounting holes, the path of the cutting wire, and drawing dimensions."""
+"""A plate as a single part: contours, mounting holes of a stage, the wire's path, and the dimensions of a stage."""
 
 from __future__ import annotations
 
 import cmath
+import math
 from collections.abc import Iterator
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +21,7 @@ from flexfem.mechanism.stage_file import CHAINS
 from flexfem.refused import BadInput
 
 TANGENT = 1e-6  # rad; bend below which two segments join smoothly
+BLUNT = 1e-2  # rad; bend up to which segments that approximate a curve may be joined between their ends
 FINE = np.pi / 512  # rad of arc per vertex of the polygon that is checked for self-intersection
 
 
@@ -30,32 +33,39 @@ class Hole(NamedTuple):
 
 
 class Part(NamedTuple):
-    """Contours of a stage, mm.
+    """Contours of a plate, mm.
 
-    outer : closed counter-clockwise loop; at every neck an arc ends and the next begins.
-    hub : the hole in the platform.   mounting : one hole in every pad, or none.
-    pads : rectangles, closed counter-clockwise loops; the first line of each is the clamped edge.
+    outer : closed counter-clockwise loop; at every neck of a stage an arc ends and the next begins.
+    hub : the hole in the platform of a stage.   mounting : one hole in every pad of a stage, or none.
+    pads : clamped regions, closed loops; of a stage rectangles, whose first line is the clamped edge.
+    others : further closed loops, clockwise around holes and counter-clockwise around separate pieces.
     """
 
     outer: list[Segment]
-    hub: Hole
+    hub: Hole | None
     mounting: list[Hole]
     pads: list[list[Segment]]
+    others: tuple[list[Segment], ...] = ()
+
+    @property
+    def loops(self) -> list[list[Segment]]:
+        """All closed loops, the outer one first."""
+        return [self.outer, *self.others]
 
     @property
     def holes(self) -> list[Hole]:
-        """All holes, the hub first."""
-        return [self.hub, *self.mounting]
+        """All round holes, the hub first."""
+        return [*([self.hub] if self.hub else []), *self.mounting]
 
     @property
     def area(self) -> float:
         """Exact area of the part, mm^2."""
-        return float(area(self.outer) - sum(np.pi * hole.radius**2 for hole in self.holes))
+        return float(sum(map(area, self.loops)) - sum(np.pi * hole.radius**2 for hole in self.holes))
 
     @property
     def length(self) -> float:
         """Length of all contours, mm."""
-        return float(sum(s.length for s in self.outer) + sum(2 * np.pi * hole.radius for hole in self.holes))
+        return float(sum(s.length for loop in self.loops for s in loop) + sum(2 * np.pi * h.radius for h in self.holes))
 
 
 def part_of(stage: Stage, mounting: float | None = None) -> Part:
@@ -93,36 +103,69 @@ def cut_path(part: Part, kerf: float) -> Part:
     Raises BadInput for a kerf that is too wide for a hole, an inner radius or a gap of the part.
     """
     half = kerf / 2
-    concave = [abs(s.start - s.centre) for s in part.outer if s.centre is not None and s.turn < 0]
-    narrowest = 2 * min(*concave, *(hole.radius for hole in part.holes))
+    concave = [abs(s.start - s.centre) for loop in part.loops for s in loop if s.centre is not None and s.turn < 0]
+    narrowest = 2 * min([*concave, *(hole.radius for hole in part.holes)], default=np.inf)
     if not kerf < narrowest:
         raise BadInput(f"kerf of {kerf:g} mm, expected less than the narrowest notch, fillet or hole, {narrowest:g} mm")
-    outer = _offset_outwards(part.outer, half)
-    validity = shapely.is_valid_reason(shapely.Polygon(polygon_points(outer, FINE)))
-    if validity != "Valid Geometry":
-        x, y = map(float, validity.partition("[")[2].rstrip("]").split())
-        raise BadInput(
-            f"kerf of {kerf:g} mm, expected less than every gap of the part: the wire would cut the part at {x:.1f}, "
-            f"{y:.1f}"
-        )
-    hub, *mounting = (hole._replace(radius=hole.radius - half) for hole in part.holes)
-    return part._replace(outer=outer, hub=hub, mounting=mounting)
+    outer, *others = (_offset_outwards(loop, half) for loop in part.loops)
+    drawn = [shapely.Polygon(polygon_points(loop, FINE)) for loop in (outer, *others)]
+    for validity in map(shapely.is_valid_reason, drawn):
+        if validity != "Valid Geometry":
+            raise _too_wide(kerf, *map(float, validity.partition("[")[2].rstrip("]").split()))
+    for one, other in combinations([polygon.exterior for polygon in drawn], 2):
+        if not (shared := shapely.intersection(one, other)).is_empty:
+            raise _too_wide(kerf, *shapely.get_coordinates(shared)[0].tolist())
+    hub, *mounting = (hole._replace(radius=hole.radius - half) for hole in part.holes) if part.holes else (None,)
+    return part._replace(outer=outer, others=tuple(others), hub=hub, mounting=mounting)
+
+
+def _too_wide(kerf: float, x: float, y: float) -> BadInput:
+    gaps = f"expected less than every gap of the part: the wire would cut the part at {x:.1f}, {y:.1f}"
+    return BadInput(f"kerf of {kerf:g} mm, {gaps}")
 
 
 def _offset_outwards(loop: list[Segment], distance: float) -> list[Segment]:
-    """Offset a closed counter-clockwise loop outwards, with rounded convex and trimmed concave corners."""
-    moved, corners = offset(loop, -distance), dict[int, Segment]()
+    """Offset a closed loop to its right, out of the part, with rounded convex and trimmed concave corners.
+
+    Raises BadInput where nothing is left of a segment.
+    """
+    before = offset(loop, -distance)
+    moved, corners = list(before), dict[int, Segment]()
     for k, segment in enumerate(loop):
         following = (k + 1) % len(loop)
-        incoming, outgoing = complex(segment.tangent(1.0)), complex(loop[following].tangent(0.0))
-        bend = float(np.angle(outgoing / incoming))
+        bend = float(np.angle(complex(loop[following].tangent(0.0)) / complex(segment.tangent(1.0))))
         if bend > TANGENT:
             corners[k] = Segment(moved[k].end, moved[following].start, segment.end)
         elif bend < -TANGENT:
-            cut = distance * np.tan(-bend / 2)  # off both segments: concave corners occur between lines only
-            moved[k] = moved[k]._replace(end=moved[k].end - cut * incoming)
-            moved[following] = moved[following]._replace(start=moved[following].start + cut * outgoing)
+            middle = (moved[k].end + moved[following].start) / 2
+            at = _crossing(moved[k], moved[following], middle)
+            if at is None and bend < -BLUNT:
+                raise _too_wide(2 * distance, segment.end.real, segment.end.imag)
+            at = middle if at is None else at
+            moved[k], moved[following] = moved[k]._replace(end=at), moved[following]._replace(start=at)
+    for old, new in zip(before, moved, strict=True):
+        if new.turn * old.turn < 0 or ((new.end - new.start) * (old.end - old.start).conjugate()).real <= 0:
+            raise _too_wide(2 * distance, old.start.real, old.start.imag)
     return [piece for k, segment in enumerate(moved) for piece in (segment, corners.get(k)) if piece is not None]
+
+
+def _crossing(a: Segment, b: Segment, near: complex) -> complex | None:
+    """Intersection nearest to a point of two lines or circles on which segments lie; None without one."""
+    a, b = (b, a) if a.centre is None else (a, b)
+    if a.centre is None:
+        u, v = a.end - a.start, b.end - b.start
+        return a.start + u * ((b.start - a.start).conjugate() * v).imag / (u.conjugate() * v).imag
+    radius, at, along = abs(a.start - a.centre), b.start, complex(b.tangent(0.0))
+    if b.centre is not None:  # both circles meet the line through their common points
+        apart = b.centre - a.centre
+        at = a.centre + apart * (radius**2 - abs(b.start - b.centre) ** 2 + abs(apart) ** 2) / (2 * abs(apart) ** 2)
+        along = 1j * apart / abs(apart)
+    foot = at + along * ((a.centre - at) * along.conjugate()).real
+    half_squared = radius**2 - abs(foot - a.centre) ** 2
+    if half_squared < 0:
+        return None
+    half = along * math.sqrt(half_squared)
+    return min(foot + half, foot - half, key=lambda z: abs(z - near))
 
 
 LETTER = 0.6  # approximate width of a letter relative to the height of the text
@@ -175,14 +218,17 @@ class Dimensions(NamedTuple):
     height: float
 
 
+def text_height(part: Part) -> float:
+    """Height of the texts on a drawing of a part, mm."""
+    return TEXT * float(np.max(np.ptp(np.concatenate([polygon_points(loop) for loop in part.loops]), axis=0)))
+
+
 def dimensions_of(stage: Stage, part: Part) -> Dimensions:
     """Return the dimensions of a stage, placed clear of each other and of the part where there is room.
 
     Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
     """
-    body = shapely.Polygon(polygon_points(part.outer))
-    west, south, east, north = body.bounds
-    height = TEXT * max(east - west, north - south)
+    body, height = shapely.Polygon(polygon_points(part.outer)), text_height(part)
     poses, width = necks(stage, 1), stage.chain.link_width
     ends = [pose.point for pose in poses] + [0j]
     spans = list[Span]()
@@ -212,6 +258,7 @@ def _annotations(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
     rims = [complex(segment.at(0.5)) for segment in part.outer if segment.centre == 0]
     rim = max(rims, key=lambda point: abs(point - necks(stage, 1)[2].point))
     yield f"platform R {stage.platform.radius:.6g}", rim
+    assert part.hub is not None
     yield f"hub R {part.hub.radius:.6g}", part.hub.radius * rim / abs(rim)
     for hole in part.mounting[:1]:
         yield f"3 holes R {hole.radius:.6g}", hole.centre

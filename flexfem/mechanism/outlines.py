@@ -109,6 +109,96 @@ def polyline(*points: complex) -> list[Segment]:
     return [Segment(a, b) for a, b in pairwise(points) if abs(b - a) > SHORTEST]
 
 
+class Outline(NamedTuple):
+    """A closed counter-clockwise loop, and the index of the segment on each edge of the polygon, None without one."""
+
+    loop: list[Segment]
+    edges: list[int | None]
+
+
+def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
+    """Polygon with fillets of `radii`, mm, 0 for none; the corners may go round in either sense.
+
+    Raises ValueError with the index of a corner and the expectation that it misses.
+    """
+    n = len(corners)
+    if sum((a.conjugate() * b).imag for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)) < 0:
+        try:
+            loop, edges = rounded(corners[::-1], radii[::-1])
+        except ValueError as error:
+            raise ValueError(n - 1 - error.args[0], error.args[1]) from None
+        return Outline(loop, [edges[(n - 2 - k) % n] for k in range(n)])
+    sides = [corners[(k + 1) % n] - corners[k] for k in range(n)]
+    for k, side in enumerate(sides):
+        if abs(side) <= SHORTEST:
+            raise ValueError(k, "a corner apart from the next")
+    turns = [cmath.phase(sides[k] / sides[k - 1]) for k in range(n)]
+    for k, turn in enumerate(turns):
+        if abs(turn) > np.pi - 1e-6:
+            raise ValueError(k, "a corner at which the outline does not turn back")
+    tangents = [radius * math.tan(abs(turn) / 2) for radius, turn in zip(radii, turns, strict=True)]
+    for k, side in enumerate(sides):
+        ends = (k, (k + 1) % n)
+        if sum(tangents[end] for end in ends) > abs(side) + SHORTEST:
+            worst, other = sorted(ends, key=lambda end: -tangents[end])
+            most = max(abs(side) - tangents[other], 0.0) * radii[worst] / tangents[worst]
+            raise ValueError(worst, f"a fillet of at most {most:.4g} mm, beside that of the next corner")
+    ahead = [side / abs(side) for side in sides]
+    starts = [corner + tangent * a for corner, tangent, a in zip(corners, tangents, ahead, strict=True)]
+    loop, edges = list[Segment](), list[int | None]()
+    for k in range(n):
+        end = (k + 1) % n
+        stop = corners[end] - tangents[end] * ahead[k]
+        edges.append(len(loop) if abs(stop - starts[k]) > SHORTEST else None)
+        loop += polyline(starts[k], stop)
+        if tangents[end] > SHORTEST:
+            centre = stop + 1j * ahead[k] * math.copysign(radii[end], turns[end])
+            loop.append(Segment(stop if edges[-1] is not None else starts[k], starts[end], centre))
+    return Outline(loop, edges)
+
+
+def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outline:
+    """Bar of a width, mm, along a path with `radii` of its centreline at the bends; its two edges are start and end.
+
+    Raises ValueError with the index of a bend and the expectation that it misses.
+    """
+    n, half = len(bends), width / 2
+    sides = [b - a for a, b in pairwise(bends)]
+    for k, side in enumerate(sides):
+        if abs(side) <= SHORTEST:
+            raise ValueError(k, "a point apart from the next")
+    ahead = [side / abs(side) for side in sides]
+    right, left = list[complex](), list[complex]()
+    of_right, of_left = list[float](), list[float]()
+    for k, (point, radius) in enumerate(zip(bends, radii, strict=True)):
+        before, after = ahead[max(k - 1, 0)], ahead[min(k, n - 2)]
+        turn = cmath.phase(after / before)
+        if abs(turn) > TIGHTEST_TURN:
+            raise ValueError(k, "a bend of at most 170 degrees")
+        aside = 1j * half * (before + after) / (1 + math.cos(turn))
+        right.append(point - aside)
+        left.append(point + aside)
+        inside, outside = max(radius - half, 0.0), radius + half if radius and abs(turn) > 1e-9 else 0.0
+        of_right.append(outside if turn > 0 else inside)
+        of_left.append(inside if turn > 0 else outside)
+    for k, direction in enumerate(ahead):
+        for flank in (right, left):
+            if ((flank[k + 1] - flank[k]) / direction).real <= SHORTEST:
+                raise ValueError(k, "a longer way to the next bend, or a smaller width")
+    try:
+        loop, edges = rounded(right + left[::-1], of_right + of_left[::-1])
+    except ValueError as error:
+        k = error.args[0]
+        raise ValueError(k if k < n else 2 * n - 1 - k, "a smaller radius, which fits between its neighbours") from None
+    return Outline(loop, [edges[2 * n - 1], edges[n - 1]])
+
+
+def disc(centre: complex, radius: float) -> Outline:
+    """Disc of four arcs."""
+    rim = [centre + radius * 1j**k for k in range(5)]
+    return Outline([Segment(a, b, centre) for a, b in pairwise(rim)], [])
+
+
 def area(loop: Sequence[Segment]) -> float:
     """Area enclosed by a closed counter-clockwise loop, mm^2: the polygon of the ends, and the circular segments."""
     polygon = sum((segment.start.conjugate() * segment.end).imag for segment in loop)

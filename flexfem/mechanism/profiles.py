@@ -27,6 +27,7 @@ GENTLE = 0.8  # slope of the height below which it, not the growth of triangles,
 STUBBY = 0.5  # root radius per neck below which the radius sets the triangle size at the root
 ARC = 2.0  # triangle size on a fillet, per radius and resolution: 25 per full turn at resolution 8
 MOST_DISCS = 32  # of one size in a row along half a profile
+CORNER_POWER = 0.4555  # of the distance in the stress at a right-angled inner corner, negative
 SPLINE_POINTS = 33  # of half an edge that is no arc
 SLIGHTEST = 1e-6  # neck over root radius below which there is no stress concentration
 FILE_KEYS = {"span": "length", "root": "root_radius"}  # dimensions whose key in a file differs from their name
@@ -108,32 +109,18 @@ def concentration(ratio: Array) -> Concentration:
     return Concentration(bending, tension, shear)
 
 
-SHOULDER = {  # C_1 to C_4 by 1, sqrt(h/r), h/r: h/r below and above 2
-    "tension": (
-        ((1.007, 1.000, -0.031), (-0.114, -0.585, 0.314), (0.241, -0.992, -0.271), (-0.134, 0.577, -0.012)),
-        ((1.042, 0.982, -0.036), (-0.074, -0.156, -0.010), (-3.418, 1.220, -0.005), (3.450, -2.046, 0.051)),
-    ),
-    "bending": (
-        ((1.007, 1.000, -0.031), (-0.270, -2.404, 0.749), (0.677, 1.133, -0.904), (-0.414, 0.271, 0.186)),
-        ((1.042, 0.982, -0.036), (-3.599, 1.619, -0.431), (6.084, -5.607, 1.158), (-2.527, 3.006, -0.691)),
-    ),
-}
-
-
 def shoulder(ratio: float) -> tuple[float, float]:
-    """Return the stress concentration in tension and bending of a shoulder fillet, of neck / fillet radius = `ratio`.
+    """Return the stress concentration in tension and bending at the root of a leaf, of neck / fillet radius = `ratio`.
 
-    `K = C_1 + C_2 (2h/D) + C_3 (2h/D)^2 + C_4 (2h/D)^3` of W. C. Young, R. G. Budynas, Roark's Formulas for Stress and
-    Strain, table 17.1 (after R. E. Peterson), at D = 3 necks: bodies are wider, but K hardly grows from there. It holds
-    for ratios of 0.1 to 20. Smaller fillets follow the power 0.4555 of a right-angled corner (M. L. Williams, 1952),
-    and larger ones tend to 1 linearly as deep notches do.
+    Our own fit of plane-stress finite elements of leaves between bodies at least 5 times as high as their ends, within
+    1.7 % in tension and 0.9 % in bending for ratios of 0.1 to 100. Small fillets follow the power of a right-angled
+    corner (M. L. Williams, J. Appl. Mech. 19, 526, 1952), large ones deep notches. Peterson's charts of stepped bars
+    (R. L. Norton's fit at D = 3 d) differ by 2 % in bending; in tension they are up to 12 % higher.
     """
-    inside = min(max(ratio, 0.1), 20.0)
-    terms = np.array([1.0, math.sqrt(inside), inside])
-    depth = (2 / 3) ** np.arange(4)
-    tension, bending = (float(depth @ np.array(fit[int(inside > 2)]) @ terms) for fit in SHOULDER.values())
-    slight, growth = min(ratio / 0.1, 1.0), max(ratio / 20.0, 1.0) ** 0.4555
-    return (1 + (tension - 1) * slight) * growth, (1 + (bending - 1) * slight) * growth
+    tension, bending = (
+        (1 + factor * ratio**power) ** (CORNER_POWER / power) for factor, power in ((0.8446, 1.1349), (0.3352, 0.9479))
+    )
+    return tension, bending
 
 
 @dataclass(frozen=True)
@@ -558,7 +545,7 @@ SHAPES: dict[str, type[Profile]] = {
 }
 
 
-def dimensions_of(shape: str) -> dict[str, bool]:
+def keys_of(shape: str) -> dict[str, bool]:
     """Return the keys of the dimensions of a shape, and whether each is required. Raises BadDimension."""
     if shape not in SHAPES:
         raise BadDimension("shape", f"one of {', '.join(SHAPES)}")
@@ -568,11 +555,11 @@ def dimensions_of(shape: str) -> dict[str, bool]:
 def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
     """Return the profile of a shape with dimensions by key, mm and rad. Raises BadDimension, with the key.
 
-    The keys are those of `dimensions_of`: circular (radius, neck); elliptical and parabolic (length, depth, neck);
+    The keys are those of `keys_of`: circular (radius, neck); elliptical and parabolic (length, depth, neck);
     filleted and leaf (length, neck, fillet = 0); v (angle, root_radius, depth, neck); profile (table, rows of position
     and height).
     """
-    known = dimensions_of(shape)
+    known = keys_of(shape)
     for key in dimensions.keys() - known.keys():
         raise BadDimension(key, f"no such dimension of shape {shape!r}, which has {', '.join(known)}")
     for key, is_required in known.items():

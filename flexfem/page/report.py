@@ -37,7 +37,7 @@ from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
 from flexfem.questions.budget import budget
-from flexfem.questions.check import StageReport, check
+from flexfem.questions.check import StageReport, check_stage
 from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
@@ -279,7 +279,7 @@ def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subje
             required_law(stage.material)
         if "drift" in sections:
             require_expansion(stage)
-    checked = check(stage)
+    checked = check_stage(stage)
     assumed, not_stated = _assumptions([checked, *([checked.drive] if checked.drive else [])])
     parts: list[Part] = [("stage", partial(_drawing_section, stage, checked))]
     for name in (name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -113,12 +113,12 @@ def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> No
     draw_boundary(axes, nodes, boundary_of(triangles), INK, max(0.8, 2 * width))
 
 
-def frame_cross(axes: Axes, length: float) -> None:
-    """Draw the X and Y axes of the platform at the origin."""
+def frame_cross(axes: Axes, length: float, at: complex = 0j) -> None:
+    """Draw the X and Y axes of the platform or output at a point."""
     look: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "va": "center", "color": NOTE_COLOUR}
-    for tip, offset, name in (((length, 0.0), (0.0, -9.0), "X"), ((0.0, length), (-9.0, 0.0), "Y")):
-        arrow(axes, (0.0, 0.0), tip, colour=NOTE_COLOUR, width=1.2)
-        axes.annotate(name, tip, offset, size=9.0, zorder=8, **look)
+    for tip, offset, name in ((at + length, (0.0, -9.0), "X"), (at + 1j * length, (-9.0, 0.0), "Y")):
+        arrow(axes, xy(at), xy(tip), colour=NOTE_COLOUR, width=1.2)
+        axes.annotate(name, xy(tip), offset, size=9.0, zorder=8, **look)
 
 
 def fit(axes: Axes, nodes: Array, room: float = 0.1) -> float:
@@ -149,10 +149,10 @@ def draw_outline(axes: Axes, stage: Stage) -> Array:
     """
     part = part_of(stage)
     rim = polygon_points(part.outer, STEP)
-    clamped = [[_xy(pad[0].start), _xy(pad[0].end)] for pad in part.pads]
+    clamped = [[xy(pad[0].start), xy(pad[0].end)] for pad in part.pads]
     axes.add_patch(Polygon(list(rim), facecolor=PALE, edgecolor=INK, linewidth=0.7, zorder=1))
     axes.add_collection(LineCollection(clamped, colors=INK, linewidths=2.4, zorder=3), autolim=False)
-    axes.add_patch(Circle((0, 0), part.hub.radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
+    axes.add_patch(Circle((0, 0), stage.platform.hub_radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
     return rim
 
 
@@ -162,9 +162,20 @@ def draw_to_one_scale(axes: Sequence[Axes], stages: Sequence[Stage]) -> None:
     low, high, room = points.min(axis=0), points.max(axis=0), 0.02 * np.ptp(points)
     for ax in axes:
         ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - 5 * room, high[1] + room), aspect="equal")
-    length, at = round_factor(0.4 * float(high[0] - low[0])), low[1] - 3 * room
-    axes[0].plot([low[0], low[0] + length], [at, at], color=INK, linewidth=2.5, solid_capstyle="butt")
-    axes[0].text(low[0] + length + room, at, f"{length:g}{SPACE}{LENGTH}, all drawings", size=7.5, va="center")
+    _draw_bar(axes[0], low - [0.0, 3 * room], 0.4 * float(high[0] - low[0]), ", all drawings")
+
+
+def scale_bar(ax: Axes) -> None:
+    """Draw a scale bar of a round length below a drawing, whose limits are lowered for it."""
+    (low, high), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    ax.set_ylim(bottom - 0.03 * (top - bottom), top)
+    _draw_bar(ax, np.array([low + 0.02 * (high - low), bottom]), 0.25 * (high - low))
+
+
+def _draw_bar(ax: Axes, at: Array, longest: float, note: str = "") -> None:
+    length = round_factor(longest)
+    ax.plot([at[0], at[0] + length], [at[1], at[1]], color=INK, linewidth=2.5, solid_capstyle="butt")
+    ax.text(at[0] + length + 0.05 * longest, at[1], f"{length:g}{SPACE}{LENGTH}{note}", size=7.5, va="center")
 
 
 def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
@@ -174,15 +185,17 @@ def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
     """
     ax = ax or new_axes()
     fit(ax, draw_outline(ax, stage))
-    _label_axes(ax)
+    label_axes(ax)
     return ax
 
 
-def _label_axes(ax: Axes) -> None:
+def label_axes(ax: Axes) -> None:
+    """Label both axes."""
     ax.set(xlabel=f"x ({LENGTH})", ylabel=f"y ({LENGTH})")
 
 
-def _xy(z: complex) -> tuple[float, float]:
+def xy(z: complex) -> tuple[float, float]:
+    """Return the coordinates of a point."""
     return float(z.real), float(z.imag)
 
 
@@ -213,7 +226,7 @@ def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
     for chain, colour in zip(CHAINS, CHAIN_COLOURS, strict=True):
         middle = np.mean([hinge.centre for hinge in model.hinges[3 * chain - 2 : 3 * chain]], axis=0)
         place_label(ax, middle, f"chain {chain}", obstacles, 0.09 * size, colour=colour, size=10, weight="bold")
-    _label_axes(ax)
+    label_axes(ax)
     return ax
 
 
@@ -383,7 +396,7 @@ def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) 
     """
     partial, ax = PartialStage(stage, list(missing)), ax or new_axes()
     fit(ax, _draw_whole(ax, stage) if partial.whole else _draw_partial(ax, partial), 0.03)
-    _label_axes(ax)
+    label_axes(ax)
     return ax
 
 
@@ -395,19 +408,19 @@ def _draw_whole(ax: Axes, stage: Stage) -> Array:
     for span in sizes.spans:
         start, end = span.line
         lines += [(span.start, start), (span.end, end)]
-        arrow(ax, _xy(start), _xy(end), "<|-|>", DIMENSION, 0.8)
+        arrow(ax, xy(start), xy(end), "<|-|>", DIMENSION, 0.8)
         short = abs(end - start) < 2 * NARROW * sizes.height * len(span.text)  # then the text is beside the line
         aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * sizes.height * 1.5 if short else 0j
         rotation = float(np.rad2deg(np.angle(end - start)))
-        write(ax, _xy((start + end) / 2 + aside), span.text, rotation=rotation, **DIMENSION_TEXT)
+        write(ax, xy((start + end) / 2 + aside), span.text, rotation=rotation, **DIMENSION_TEXT)
         visible += [start + 2 * aside, end + 2 * aside]
     for label in sizes.labels:
         lines.append(tuple(label.line))
-        write(ax, _xy(label.place), label.text, **DIMENSION_TEXT)
+        write(ax, xy(label.place), label.text, **DIMENSION_TEXT)
         visible += [label.place - label.half, label.place + label.half]
     for line in lines:
-        ax.plot(*np.transpose([_xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
-    return np.concatenate([rim, [_xy(z) for z in visible]])
+        ax.plot(*np.transpose([xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
+    return np.concatenate([rim, [xy(z) for z in visible]])
 
 
 def _draw_partial(ax: Axes, partial: PartialStage) -> Array:
@@ -417,7 +430,7 @@ def _draw_partial(ax: Axes, partial: PartialStage) -> Array:
         if partial.states(f"platform.{key}_mm"):
             radius = getattr(stage.platform, key)
             ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
-            write(ax, _xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **DIMENSION_TEXT)
+            write(ax, xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **DIMENSION_TEXT)
             visible.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
     if not partial.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
         return np.concatenate(visible)
@@ -457,8 +470,8 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
     return figure
 
 
-def show_window(stage: Stage, missing: Sequence[str] = ()) -> bool:
-    """Show the drawing in a window and wait until it is closed; return False where no window can be opened."""
+def show_window(draw: Callable[[Axes], object], title: str) -> bool:
+    """Show a drawing in a window and wait until it is closed; return False where no window can be opened."""
     from matplotlib import pyplot
 
     try:
@@ -467,8 +480,8 @@ def show_window(stage: Stage, missing: Sequence[str] = ()) -> bool:
         return False
     interactive = figure.canvas.required_interactive_framework is not None
     if interactive:
-        plot_dimensions(ax, stage, missing)
-        ax.set_title(f"{stage.origin}: missing {', '.join(missing)}" if missing else stage.name, wrap=True)
+        draw(ax)
+        ax.set_title(title, wrap=True)
         pyplot.show()
     pyplot.close(figure)
     return interactive

@@ -1,24 +1,31 @@
-"""Reports without a solution: the content of a stage file, and a comparison of hinge formulas and charts."""
+"""Reports without a solution: the content of a stage or mechanism file, and a comparison of hinge formulas."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from typing import Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from flexfem import arguments
 from flexfem.arrays import Array
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
+from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.plate_file import of_stage
+from flexfem.mechanism.layout import Joint
+from flexfem.mechanism.mechanism import GROUND, Mechanism
+from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
+from flexfem.mechanism.plate_file import located, of_stage
+from flexfem.mechanism.profiles import FILE_KEYS, SHAPES
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat
 from flexfem.questions import warnings as warning
-from flexfem.units import RATE
+from flexfem.units import LENGTH, RATE
 
 POINTS = 121  # of a curve
 HIGHEST = 1e6  # largest H/h accepted; the chart has no limit
@@ -82,22 +89,89 @@ class StageReport(NamedTuple):
     drive: DriveReport | None = None
 
 
-def check(stage: Stage) -> StageReport:
-    """Validate a stage file; show hinges, drive, mobility and the sources of the numbers.
+class PlacedBody(NamedTuple):
+    """A body of a mechanism without the boxes cut for its hinges; `held`: fixed, or its clamped edges."""
+
+    body: str
+    held: str
+    mass_g: float
+    holes: int
+
+
+class PlacedProfile(NamedTuple):
+    """A hinge of a mechanism; `other` dimensions than length and neck as a text."""
+
+    hinge: str
+    between: str
+    shape: str
+    length_mm: float
+    neck_mm: float
+    other: str
+    centre_mm: tuple[float, float]
+    direction_deg: float
+
+
+class PlacedPoint(NamedTuple):
+    """A point of a mechanism; `contact_mm`: radius of the area around it, None for the whole body."""
+
+    point: str
+    body: str
+    at_mm: tuple[float, float]
+    contact_mm: float | None
+
+
+class LinearDrive(NamedTuple):
+    """An actuator of a mechanism and its two contacts."""
+
+    actuator: str
+    between: str
+    from_mm: tuple[float, float]
+    to_mm: tuple[float, float]
+    stroke_um: float
+    stiffness_n_per_um: float
+    blocking_force_n: float
+    mass_g: float
+
+
+class MechanismReport(NamedTuple):
+    """A valid mechanism with all parameters and copies resolved, as far as it can be checked without a mesh.
+
+    dimensions : thickness, material, payload and values of parameters.   size : in x and y.   mass : of the plate.
+    """
+
+    file: str
+    name: str
+    model: Plane
+    hash: str
+    dimensions: dict[str, Any]
+    size_mm: tuple[float, float]
+    mass_g: float
+    bodies: list[PlacedBody]
+    hinges: list[PlacedProfile]
+    points: list[PlacedPoint]
+    actuators: list[LinearDrive]
+    provenance: dict[str, str]
+    warnings: list[str]
+    assumed: list[str]
+    not_stated: list[str]
+
+
+def check(stage: Stage | Mechanism) -> StageReport | MechanismReport:
+    """Validate a stage or mechanism file; show its parts, drive and the sources of the numbers.
 
     Parameters
     ----------
-    stage : Stage
-        The stage.
+    stage : Stage or Mechanism
+        The stage or mechanism.
 
     Returns
     -------
-    StageReport
+    StageReport or MechanismReport
 
     Raises
     ------
     BadInput
-        The stage cannot be made.
+        The stage or mechanism cannot be made.
 
     Examples
     --------
@@ -106,6 +180,78 @@ def check(stage: Stage) -> StageReport:
     >>> found.mobility, found.chains_alike, found.hinges[0].radius_mm, len(found.assumed)
     (6, True, 4.0, 17)
     """
+    return check_mechanism(stage) if isinstance(stage, Mechanism) else check_stage(stage)
+
+
+def check_mechanism(mechanism: Mechanism) -> MechanismReport:
+    """Return the report on a mechanism. Raises BadInput for parts that overlap, touch or are held by nothing."""
+    layout, material = mechanism.layout, mechanism.material
+    with located(mechanism):
+        check_layout(layout)
+    plate = [*(body_polygon(layout, k) for k in range(len(layout.bodies))), *map(joint_polygon, layout.joints)]
+    extent = np.ptp(np.reshape(shapely.total_bounds(plate), (2, 2)), axis=0)
+    names = [*(body.name for body in layout.bodies), GROUND]  # body -1 is the ground outside
+    masses = [_rounded(1e6 * layout.density * layout.thickness * area) for area in shapely.area(plate)]
+    stated = {
+        "thickness_mm": layout.thickness,
+        "material": material.model_dump(mode="json", by_alias=True, exclude={"expansion"}, exclude_none=True),
+        "parameters": {key: float(value) for key, value in mechanism.parameters.items()},
+        "payload": [{"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia} for load in layout.payloads],
+    }
+    return MechanismReport(
+        **of_stage(mechanism),
+        model=mechanism.model,
+        hash=mechanism.hash,
+        dimensions={key: value for key, value in stated.items() if value},
+        size_mm=(_rounded(extent[0]), _rounded(extent[1])),
+        mass_g=sum(masses),
+        bodies=[
+            PlacedBody(
+                body.name,
+                "fixed" if body.fixed else f"clamped at {len(body.clamped)}" if body.clamped else "",
+                mass,
+                len(body.holes),
+            )
+            for body, mass in zip(layout.bodies, masses, strict=False)
+        ],
+        hinges=[_profile(joint, names) for joint in layout.joints],
+        points=[PlacedPoint(name, names[at.body], _place(at.point), at.radius) for name, at in layout.points],
+        actuators=[
+            LinearDrive(
+                each.name,
+                " - ".join(names[contact.body] for contact in each.contacts),
+                _place(each.contacts[0].point),
+                _place(each.contacts[1].point),
+                _rounded(1e3 * each.stroke),
+                _rounded(RATE.factor * each.stiffness),
+                each.blocking_force,
+                _rounded(1e6 * each.mass),
+            )
+            for each in layout.actuators
+        ],
+        provenance={key: text for key, text in mechanism.sources.items() if text},
+        warnings=warning.of_plate(material, float(np.max(extent)), "mechanism"),
+    )
+
+
+def _profile(joint: Joint, names: list[str]) -> PlacedProfile:
+    profile = joint.profile
+    shape = next(name for name in reversed(SHAPES) if isinstance(profile, SHAPES[name]))
+    own = {each.name: getattr(profile, each.name) for each in fields(profile) if each.name not in ("neck", "span")}
+    texts = {key: f"{value:.6g} {LENGTH}" for key, value in own.items() if isinstance(value, float)}
+    texts |= {"angle": f"{np.rad2deg(own['angle']):.6g} deg"} if "angle" in own else {}
+    others = [f"{FILE_KEYS.get(key, key).replace('_', ' ')} {text}" for key, text in texts.items()]
+    between, direction = " - ".join(names[body] for body in joint.bodies), np.rad2deg(joint.heading) % 360.0
+    size = (_rounded(profile.length), _rounded(profile.neck), ", ".join(others))
+    return PlacedProfile(joint.name, between, shape, *size, _place(joint.place), _rounded(direction))
+
+
+def _place(z: complex) -> tuple[float, float]:
+    return _rounded(z.real), _rounded(z.imag)
+
+
+def check_stage(stage: Stage) -> StageReport:
+    """Return the report on a stage. Raises BadInput for a stage that cannot be made."""
     check_feasible(stage)
     others = {"name", "model", "hinges", "override", "actuator", "provenance", "frame"}  # reported elsewhere
     left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
@@ -177,6 +323,18 @@ class KnownFormula(NamedTuple):
     status: str
 
 
+class KnownShape(NamedTuple):
+    """Published closed form of a hinge shape; r in `t_over_r` is the notch depth, fillet radius or, of a leaf, length.
+
+    The models integrate the profile of any shape numerically and use no closed form.
+    """
+
+    freedoms: tuple[str, ...]
+    t_over_r: tuple[float, float]
+    source: str
+    status: str
+
+
 class FormulaCurve(NamedTuple):
     """Ratios (n,) of the compliances of a formula, valid for t/R in `valid`, to finite elements; None if not stated."""
 
@@ -215,6 +373,11 @@ class ThicknessReview(NamedTuple):
 def known_formulas() -> dict[str, KnownFormula]:
     """Return freedoms, range of t/R and source of every hinge formula by name, including the user's own."""
     return {name: KnownFormula(f.freedoms, f.valid, f.source, f.status) for name, f in FORMULAS.items()}
+
+
+def known_shapes() -> dict[str, KnownShape]:
+    """Return freedoms, range and source of the closed form of every hinge shape that has one, by shape."""
+    return {shape: KnownShape(f.freedoms, f.valid, f.source, f.status) for shape, f in SHAPE_FORMULAS.items()}
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from flexfem.arrays import Array
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.materials import Material
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
@@ -149,8 +152,19 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
 
 def of_numbers(stage: Stage) -> Warnings:
     """Warn of numbers of a stage file that are possible, but probably in another unit."""
-    material, chain, across = stage.material, stage.chain, float(envelope(lower(stage))[0])
-    strain, angle = material.yield_strength / material.youngs_modulus, max(map(abs, chain.joint_angles))
+    chain, across = stage.chain, float(envelope(lower(stage))[0])
+    plausible = {
+        f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} {LENGTH}": (
+            chain.link_width <= SLENDER * stage.thickness
+        ),
+        "chain.joint_angles_deg are all within two pi": max(map(abs, chain.joint_angles)) > np.deg2rad(2 * np.pi),
+    }
+    return [*of_plate(stage.material, across, "stage"), *_of_units(plausible)]
+
+
+def of_plate(material: Material, across: float, plate: str) -> Warnings:
+    """Warn of numbers of a material, or of a size of a plate, mm, that are possible, but probably in another unit."""
+    strain = material.yield_strength / material.youngs_modulus
     plausible = {
         f"material.yield_strength_mpa = {material.yield_strength:g} is {strain:.2g} of Young's modulus": (
             YIELD_STRAIN[0] <= strain <= YIELD_STRAIN[1]
@@ -158,12 +172,12 @@ def of_numbers(stage: Stage) -> Warnings:
         f"material.density_kg_m3 = {material.density:g} is not that of a solid": (
             DENSITIES[0] <= material.density <= DENSITIES[1]
         ),
-        f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} {LENGTH}": (
-            chain.link_width <= SLENDER * stage.thickness
-        ),
-        f"the stage is {across:.3g} {LENGTH} across": ACROSS[0] <= across <= ACROSS[1],
-        "chain.joint_angles_deg are all within two pi": angle > np.deg2rad(2 * np.pi),
+        f"the {plate} is {across:.3g} {LENGTH} across": ACROSS[0] <= across <= ACROSS[1],
     }
+    return _of_units(plausible)
+
+
+def _of_units(plausible: Mapping[str, bool]) -> Warnings:
     return [f"{text}: is the unit right?" for text, is_plausible in plausible.items() if not is_plausible]
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexfem.analytic.finite import displaced
 from flexfem.analytic.plates import body_moments, modes, respond, warmed, weighed
-from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.layout import Body, ElasticBody, End, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.outlines import polyline
 from flexfem.mechanism.profiles import Circular, Leaf
 from flexfem.refused import ComputationFailed
@@ -71,7 +72,10 @@ def test_parallelogram_and_its_frequency():
     engaged = respond(driven).engaged([3], np.array([3.0]))
     assert engaged.compliance[0, 0] == pytest.approx(1 / (K + 3), rel=1e-9)
     assert engaged.wrenches[:, 1, 0] == pytest.approx([-K / (K + 3) / 2] * 2, rel=1e-9)
-    assert weighed(driven, [(9810.0, 0.0)])[0][0, 0] == pytest.approx(9810 * mass / K, rel=1e-9)
+    weight = weighed(driven, [(9810.0, 0.0)])[0][:, 0]
+    assert weight[0] == pytest.approx(9810 * mass / K, rel=1e-9)
+    above = RHO * B * (50 * 12 * 26 + 2 * SPAN * T / 2 * 10) + 5e-5 * 26  # the output
+    assert weight[2] == pytest.approx(-9810 * above / found[2, 2], rel=1e-9)
 
 
 def test_cross_spring_pivot():
@@ -85,7 +89,7 @@ def test_cross_spring_pivot():
     assert found[2, 2] == pytest.approx(8 * (1 - 3 * a + 3 * a * a) * EI / SPAN, rel=1e-3)
 
 
-def test_lever_and_its_link():
+def lever():
     """A drive at 10 mm turns a lever; a link takes the motion at 45 mm to a stage on a parallelogram."""
     notch = Circular(0.3, 2.0)
     bodies = [box("ground", -30 - 40j, 90 - 20j, fixed=True), box("lever", -5 - 3j, 50 + 3j),
@@ -94,9 +98,58 @@ def test_lever_and_its_link():
               Joint("tip", (3, 2), 45 + 38j, -np.pi / 2, notch, 10),
               *(Joint(f"leaf {y}", (3, 0), 90 + y * 1j, 0.0, Leaf(0.3, 40.0), 1.0) for y in (42, 50))]  # fmt: skip
     drive = LinearActuator("drive", (Patch(0, 10 - 20j), Patch(1, 10 - 3j)), 1j, 1e4, 0.01, 100.0)
-    C = respond(layout(bodies, hinges, (("output", Patch(3, 45 + 46j)),), actuators=(drive,))).compliance
+    return layout(bodies, hinges, (("output", Patch(3, 45 + 46j)),), actuators=(drive,))
+
+
+def test_lever_and_its_finite_motion():
+    """The ratio of arms, less by axial compliance; finite motion begins as the linear one and has its tangent."""
+    linear = respond(lever())
+    C, F, step = linear.compliance, np.array([[2.0, 5.0, 40.0, 60.0]]), 1e-3 * np.eye(4)
     assert np.abs(C - C.T).max() < 1e-9 * np.abs(C).max()
-    assert C[1, 3] / C[3, 3] == pytest.approx(4.5, rel=0.03)  # less by axial compliance
+    assert C[1, 3] / C[3, 3] == pytest.approx(4.5, rel=0.03)
+    for engaged, of in ((False, linear), (True, linear.engaged([3], np.array([1e4])))):
+        small = displaced(lever(), 1e-7 * F, engaged)
+        assert small.motions[0] == pytest.approx(1e-7 * of.compliance @ F[0], rel=1e-3)
+        assert small.wrenches[0] == pytest.approx(1e-7 * of.wrenches @ F[0], rel=1e-3, abs=1e-10)
+    tangent = displaced(lever(), F, True).compliance[0]
+    ahead, back = (displaced(lever(), np.concatenate([F, F + sign * step]), True).motions[1:] for sign in (1, -1))
+    assert (ahead - back) / 2e-3 == pytest.approx(tangent, rel=1e-5, abs=1e-7 * np.abs(tangent).max())
+
+
+def test_elastica():
+    """Bisshopp and Drucker 1945: the end of a cantilever under P L^2 / (E I) = 1, 2, 5, 10; a moment makes an arc."""
+    bodies = [box("wall", -9 - 9j, 0j, fixed=True), box("tip", 100 + 0j, 109 + 9j)]
+    thin = layout(bodies, [Joint("leaf", (0, 1), 50, 0.0, Leaf(0.1, 100.0), 1.0)], (("end", Patch(1, 100 + 0j)),))
+    moment = E * B * 0.1**3 / 12 / 100
+    found = displaced(thin, np.outer([1, 2, 5, 10], [0, moment / 100, 0]))
+    assert found.motions[:, 1] == pytest.approx([30.172, 49.346, 71.379, 81.061], abs=4e-3)
+    assert found.motions[:, 0] == pytest.approx([-5.643, -16.064, -38.763, -55.500], abs=4e-3)
+    assert found.stable.all()
+    arc = displaced(thin, np.array([[0, 0, np.pi * moment]])).motions[0]
+    assert arc == pytest.approx([-100, 200 / np.pi, np.pi], rel=1e-4)
+
+
+def test_parallelogram_moves_on_a_curve_and_stiffens():
+    """The beam constraint model (Awtar, Slocum, Sevincer 2007): -0.6 u^2 / L, and 24 + 1.2 p for a pull p E I / L^2."""
+    found = displaced(parallelogram(), np.array([[9.0, 0, 0], [0, 2 * EI / SPAN**2, 0], [0, -2 * EI / SPAN**2, 0]]))
+    assert found.motions[0, 0] == pytest.approx(9.0 / (24 * EI / SPAN**3), rel=0.01)
+    assert found.motions[0, 1] == pytest.approx(-0.6 * found.motions[0, 0] ** 2 / SPAN, rel=5e-3)
+    pulled = 1 / found.compliance[1:, 0, 0] / (EI / SPAN**3)
+    assert pulled == pytest.approx([26.4, 21.6], rel=0.01)
+
+
+def test_an_elastic_bar_continues_the_leaf():
+    """A bar of the same section, elastic relative to the mean motion of its two ends: one longer cantilever."""
+    bodies = [box("wall", -9 - 9j, 0j, fixed=True), box("bar", SPAN - 0.4j, SPAN + 25 + 0.4j)]
+    tip, slope, whole = Patch(1, SPAN + 25 + 0j, 1.0), 25**2 / (2 * EI), np.zeros((6, 6))
+    C = np.array([[25 / EA, 0, 0], [0, 25**3 / (3 * EI) + SHEAR * 25 / SPAN, slope], [0, slope, 25 / EI]])
+    to_origin = np.array([[1, 0, 0], [0, 1, -SPAN - 25], [0, 0, 1]])
+    whole[3:, 3:] = to_origin @ C @ to_origin.T
+    balanced = np.eye(6) - np.kron(np.ones((2, 2)), np.eye(3)) / 2
+    bar = layout(bodies, [Joint("leaf", (0, 1), SPAN / 2, 0.0, LEAF, T)], (("tip", tip),))
+    found = respond(bar, [ElasticBody(1, (End(0, True), tip), balanced.T @ whole @ balanced)]).compliance
+    assert found[1, 1] == pytest.approx(65**3 / (3 * EI) + SHEAR * 65 / SPAN, rel=1e-12)
+    assert found[0, 0] == pytest.approx(65 / EA, rel=1e-12)
 
 
 def test_a_beam_between_walls_expands():
@@ -113,7 +166,8 @@ def test_a_beam_between_walls_expands():
     motions, wrenches = warmed(strip, 23e-6, 23e-6)  # free: a bar bows by alpha y x^2 / 2 by 1 K / mm along y
     assert wrenches == pytest.approx(0.0, abs=1e-9)
     mean = 23e-6 / 2 * (10**2 / 12 - 40**2 / 12 - 10**2), -23e-6 * 10  # over the stage, and rotation
-    assert motions[:3, 2] == pytest.approx([0, mean[0] + 2 * mean[1], mean[1]], rel=1e-9, abs=1e-12)
+    spot = 0, -23e-6 / 2 * 20**2, -23e-6 * 20
+    assert motions[:, 2] == pytest.approx([0, mean[0] + 2 * mean[1], mean[1], *spot], rel=1e-9, abs=1e-12)
 
 
 def test_area_of_a_cut_body():

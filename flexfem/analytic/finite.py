@@ -1,0 +1,218 @@
+"""Finite displacements of a plate mechanism: rigid bodies and hinges as geometrically exact chains of beams.
+
+Every hinge is divided into co-rotational beams with equal shares of its rotational compliance. A beam is elastic
+relative to its chord: with its elongation v, the rotations a and c of its ends from the chord, and its length l, the
+tension follows from the elongation of the bent axis, `v + l (2 a^2 - a c + 2 c^2) / 30` (a cubic curve), and the end
+moments from the integrals of the local height. M. A. Crisfield, Non-linear Finite Element Analysis 1, 1991, chapter 7.
+Loads are dead: forces keep their direction, and act at points that move with the bodies.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from flexfem.analytic.plates import moving_bodies
+from flexfem.arrays import Array
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.profiles import SHEAR_CORRECTION, Profile
+from flexfem.refused import ComputationFailed
+
+BEAMS = 8  # of a hinge
+FINE = 512  # intervals between breaks of a profile, to divide it
+GAUSS = np.polynomial.legendre.leggauss(16)
+LARGEST = 0.2  # rad; rotation in one iteration
+CLOSE = 1e-10  # rad, and relative to the size of the mechanism; last step of Newton's method
+ITERATIONS = 40
+SMALLEST = 2.0**-12  # of a load step
+BOW = np.array([[4.0, -1.0], [-1.0, 4.0]]) / 30  # second derivative of the shortening per length
+
+
+class FiniteResponse(NamedTuple):
+    """Equilibria under s loads.
+
+    motions : (s, k), displacements and rotations of the ports, mm and rad; of an actuator along its line at rest.
+    compliance : (s, k, k), tangent compliance between the ports, with the springs if they are engaged.
+    wrenches : (s, h, 3), tension N of the middle, and V and M so that `M - x V` is the moment at both ends, N and N mm.
+    stable : (s,), whether the equilibrium is stable under dead loads.
+    """
+
+    motions: Array
+    compliance: Array
+    wrenches: Array
+    stable: Array
+
+
+def beam_stiffness(profile: Profile, marks: Array, E: float, nu: float, thickness: float) -> Array:
+    """Return the stiffness (n, 3, 3) of the parts of a profile between `marks` (n + 1,) on its axis, mm.
+
+    Of elongation and of the rotations of the ends from the chord.
+    """
+    flexibility = np.zeros((len(marks) - 1, 3, 3))
+    for part, (start, end) in zip(flexibility, pairwise(marks), strict=True):
+        inside = [mark for mark in profile.breaks if start < mark < end]
+        for low, high in pairwise([start, *inside, end]):
+            x, w = low + (high - low) * (GAUSS[0] + 1) / 2, GAUSS[1] * (high - low) / 2
+            height, share = profile.height(x), (x - start) / (end - start)
+            bending, axial = 12 * w / height**3, float(np.sum(w / height))
+            shear = SHEAR_CORRECTION * 2 * (1 + nu) * axial / (end - start) ** 2
+            moment = np.stack([share - 1, share])  # by unit moments at the two ends
+            part[0, 0] += axial
+            part[1:, 1:] += (moment * bending) @ moment.T + shear
+    return np.asarray(np.linalg.inv(flexibility / (E * thickness)))
+
+
+def divided_profile(profile: Profile, count: int) -> Array:
+    """Return the ends (count + 1,) of parts of a profile with equal shares of its rotational compliance, mm."""
+    x = np.unique(np.concatenate([np.linspace(a, b, FINE + 1) for a, b in pairwise(profile.breaks)]))
+    density = profile.height(x) ** -3
+    turned = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) * np.diff(x))])
+    return np.asarray(np.interp(np.linspace(0.0, turned[-1], count + 1), turned, x))
+
+
+class _State(NamedTuple):
+    """Beam forces (e, 3), gradient (size,) and Hessian (size, size) of the elastic energy in the unknowns."""
+
+    forces: Array
+    gradient: Array
+    hessian: Array
+
+
+class _Plate:
+    """A mechanism in its unknowns: displacement and rotation, 3 each, of bodies, then of nodes between beams.
+
+    The nodes at the ends of a hinge move with its bodies; those at the ground have the three numbers after the last.
+    """
+
+    def __init__(self, layout: Layout, beams: int, engaged: bool) -> None:
+        moving, count = moving_bodies(layout), len(layout.joints)
+        material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
+        marks = {profile: divided_profile(profile, beams) for profile in {joint.profile for joint in layout.joints}}
+        stiff = {profile: beam_stiffness(profile, at, *material) for profile, at in marks.items()}
+        self.beams, self.lengths = beams, np.array([joint.profile.length for joint in layout.joints])
+        self.size = 3 * len(moving) + 3 * count * (beams - 1)
+        place = np.array([joint.place + np.exp(1j * joint.heading) * marks[joint.profile] for joint in layout.joints])
+        column, bodies = np.full((count, beams + 1), self.size), {body: 3 * i for i, body in enumerate(moving)}
+        column[:, 1:-1] = 3 * len(moving) + 3 * np.arange(count * (beams - 1)).reshape(count, -1)
+        column[:, [0, -1]] = [[bodies.get(body, self.size) for body in joint.bodies] for joint in layout.joints]
+        self.column, self.arm = column, np.zeros_like(place)  # of the nodes, from the reference points of their bodies
+        centre = np.zeros(self.size // 3 + 1, dtype=complex)
+        for at in bodies.values():
+            centre[at // 3] = place[column == at].mean()
+            self.arm[column == at] = place[column == at] - centre[at // 3]
+        self.chord, self.stiffness = np.diff(place).ravel(), np.concatenate([stiff[j.profile] for j in layout.joints])
+        self.extent = float(np.ptp(place.real) + np.ptp(place.imag))
+        parts = [(j, bodies[at.body], at.point - centre[bodies[at.body] // 3], *wrench)
+                 for j, port in enumerate(layout.ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip
+        columns = [np.array(values) for values in zip(*parts, strict=True)]
+        self.port, self.loaded, self.load_arm, self.load = *columns[:3], np.array(columns[3:])
+        self.ports, self.rates = len(layout.ports), np.zeros(len(layout.ports))
+        self.rates[layout.drive_ports] = layout.stiffness_of_actuators if engaged else 0.0
+
+    def state(self, q: Array) -> _State:
+        """Beam forces and derivatives of the energy; a node at z of a body moves to the body's pose and turned z."""
+        full, chord = np.append(q, np.zeros(3)), self.chord
+        x, y, turn = full[self.column], full[self.column + 1], full[self.column + 2]
+        arm = self.arm * np.exp(1j * turn)
+        stretched = np.diff(x + 1j * y + arm - self.arm).ravel()
+        length, rest = np.abs(chord + stretched), np.abs(chord)
+        unit = (chord + stretched) / length
+        from_chord = np.exp(1j * np.stack([turn[:, :-1].ravel(), turn[:, 1:].ravel()], axis=1))
+        ends = np.angle(from_chord * (unit.conj() * chord / rest)[:, None])
+        v = (2 * (chord.conj() * stretched).real + np.abs(stretched) ** 2) / (length + rest)
+        bent = rest[:, None] * ends @ BOW
+        strain = np.column_stack([v + np.sum(bent * ends, axis=1) / 2, ends])
+        S = np.tile(np.eye(3), (len(length), 1, 1))
+        S[:, 0, 1:] = bent
+        stress = np.einsum("eij,ej->ei", self.stiffness, strain)
+        forces = np.einsum("eij,ei->ej", S, stress)
+        local = S.transpose(0, 2, 1) @ self.stiffness @ S
+        local[:, 1:, 1:] += (stress[:, 0] * rest)[:, None, None] * BOW
+        c, s, zero, one = unit.real, unit.imag, np.zeros_like(length), np.ones_like(length)
+        r = np.stack([-c, -s, zero, c, s, zero], axis=1)
+        z = np.stack([s, -c, zero, -s, c, zero], axis=1)
+        D = np.stack([r, -z / length[:, None], -z / length[:, None]], axis=1)
+        D[:, 1, 2] = D[:, 2, 5] = one
+        zz, rz = z[:, :, None] * z[:, None], r[:, :, None] * z[:, None]
+        moment = (forces[:, 1] + forces[:, 2]) / length**2
+        K = D.transpose(0, 2, 1) @ local @ D + (forces[:, 0] / length)[:, None, None] * zz
+        K += moment[:, None, None] * (rz + rz.transpose(0, 2, 1))
+        g = np.einsum("eij,ei->ej", D, forces)
+        J, pairs = np.zeros((len(length), 6, 6)), np.stack([arm[:, :-1].ravel(), arm[:, 1:].ravel()], axis=1)
+        J[:, range(6), range(6)] = 1.0
+        for node in range(2):
+            at, (ax, ay) = 3 * node, (pairs[:, node].real, pairs[:, node].imag)
+            J[:, at, at + 2], J[:, at + 1, at + 2] = -ay, ax
+            K[:, at + 2, at + 2] -= g[:, at] * ax + g[:, at + 1] * ay  # second order of the turned arm
+        where = np.stack([self.column[:, :-1].ravel(), self.column[:, 1:].ravel()], axis=1)
+        where = (where[:, :, None] + np.arange(3)).reshape(-1, 6)
+        gradient, hessian = np.zeros(self.size + 3), np.zeros((self.size + 3, self.size + 3))
+        np.add.at(gradient, where, np.einsum("eij,ei->ej", J, g))
+        np.add.at(hessian, (where[:, :, None], where[:, None]), J.transpose(0, 2, 1) @ K @ J)
+        return _State(forces, gradient[: self.size], hessian[: self.size, : self.size])
+
+    def loads(self, q: Array) -> tuple[Array, Array, Array]:
+        """Motions (k,) of the ports, their derivatives (size, k), and second ones (parts,) in rotations `turning`."""
+        fx, fy, m = self.load
+        arm = self.load_arm * np.exp(1j * q[self.loaded + 2])
+        swung, P, motions = arm - self.load_arm, np.zeros((self.size, self.ports)), np.zeros(self.ports)
+        for row, values in enumerate((fx, fy, m + arm.real * fy - arm.imag * fx)):
+            np.add.at(P, (self.loaded + row, self.port), values)
+        parts = fx * (q[self.loaded] + swung.real) + fy * (q[self.loaded + 1] + swung.imag) + m * q[self.loaded + 2]
+        np.add.at(motions, self.port, parts)
+        return motions, P, -(arm.real * fx + arm.imag * fy)
+
+    def tangent(self, q: Array, f: Array) -> tuple[_State, Array, Array, Array]:
+        """State, derivatives (size, k) of the ports, loads (k,) less the forces of springs, and tangent stiffness."""
+        state, (motions, P, second) = self.state(q), self.loads(q)
+        left = f - self.rates * motions
+        K = state.hessian + (P * self.rates) @ P.T
+        np.add.at(K, (self.loaded + 2, self.loaded + 2), -left[self.port] * second)
+        return state, P, left, K
+
+    def equilibrium(self, q: Array, f: Array) -> Array | None:
+        """Unknowns (size,) under dead loads (k,), from a start; None if Newton's method does not converge."""
+        for _ in range(ITERATIONS):
+            state, P, left, K = self.tangent(q, f)
+            step = np.linalg.solve(K, P @ left - state.gradient)
+            if not np.isfinite(step).all():
+                return None
+            angle, shift = np.abs(step[2::3]).max(), np.max(np.abs(step.reshape(-1, 3)[:, :2])) / self.extent
+            q = q + step * min(1.0, LARGEST / max(angle, shift, CLOSE))
+            if max(angle, shift) < CLOSE:
+                return q
+        return None
+
+
+def displaced(layout: Layout, loads: Array, engaged: bool = False, beams: int = BEAMS) -> FiniteResponse:
+    """Return the equilibria under dead loads (s, k) on the ports, N and N mm, followed one from the other.
+
+    engaged : actuators act as springs, too: the load of one with a free stroke is its stiffness times the stroke.
+    beams : number for every hinge.
+
+    Raises
+    ------
+    ComputationFailed: a body can move without load, or there is no equilibrium near the one before: the mechanism
+        buckles, or a load is far too large.
+    """
+    plate, found = _Plate(layout, beams, engaged), list[tuple[Array, Array, Array, bool]]()
+    q, f = np.zeros(plate.size), np.zeros(plate.ports)
+    for number, target in enumerate(np.asarray(loads, dtype=float)):
+        done, share = 0.0, 1.0
+        while done < 1.0:
+            reached = plate.equilibrium(q, f + min(1.0, done + share) * (target - f))
+            if reached is not None:
+                q, done, share = reached, done + share, 2 * share
+            elif (share := share / 4) < SMALLEST:
+                raise ComputationFailed(f"no equilibrium beyond {done:.3g} of load {number + 1}: it is too large")
+        f = target
+        state, P, _, K = plate.tangent(q, f)
+        ends = state.forces.reshape(-1, beams, 3)
+        near, far = -ends[:, 0, 1], ends[:, -1, 2]
+        tension = ends[:, (beams - 1) // 2 : beams // 2 + 1, 0].mean(axis=1)
+        wrenches = np.stack([tension, (near - far) / plate.lengths, (near + far) / 2], axis=1)
+        stable = bool(np.linalg.eigvalsh(K)[0] > 0)
+        found.append((plate.loads(q)[0], P.T @ np.linalg.solve(K, P), wrenches, stable))
+    return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))

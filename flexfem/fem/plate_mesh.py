@@ -1,0 +1,185 @@
+"""Mesh, contours and solid of any plate mechanism, by OpenCASCADE in the process of `mesher`.
+
+Triangles are as small as `Profile.sizes` asks in a hinge and grow from there at the rate of `mesh` up to a size that
+follows the width of each body.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from flexfem.fem.mesh import (
+    COARSEST,
+    GROWTH,
+    MOST_TRIANGLES,
+    PER_TURN,
+    RESOLUTION,
+    TIME_LIMIT,
+    StageMesh,
+    check_triangles,
+    jacobians,
+    ordered,
+)
+from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, PlateSolid, Region, run_mesher
+from flexfem.mechanism.layout import Body, Layout
+from flexfem.mechanism.outlines import Segment, area, reverse
+from flexfem.mechanism.plate import check_layout, components, cuts_of, end_corners, end_lines, joint_loop, neck_line
+from flexfem.mechanism.profiles import Curve
+from flexfem.refused import ComputationFailed
+
+PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
+CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an elastic body
+SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
+AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
+OF_GROUND = 4.0  # times larger are the triangles of a rigid body
+VOLUME_ERROR = 1e-9  # relative, of a solid that is read back
+
+
+def regions_of(layout: Layout) -> list[Region]:
+    """Return the faces of the plate, bodies then hinges."""
+    bodies = [
+        Region([list[Curve](loop) for loop in (body.outline, *map(reverse, body.holes))], cuts_of(layout, index))
+        for index, body in enumerate(layout.bodies)
+    ]
+    return bodies + [Region([joint_loop(joint)], []) for joint in layout.joints]
+
+
+def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float = TIME_LIMIT) -> StageMesh:
+    """Mesh a plate mechanism.
+
+    Parameters
+    ----------
+    resolution : number of triangles across a neck, see `Profile.sizes`.
+    time_limit : s, for gmsh.
+
+    Returns
+    -------
+    Mesh whose `bodies` are indices of bodies of the layout, and of its hinges plus the number of bodies. Its edges are
+    labelled `neck 0` at the centre of a hinge, `end 0 near` and `end 0 far` where it meets its first and second body,
+    and `clamped` on the clamped edges of elastic bodies.
+
+    Raises BadInput for a layout that cannot be made, ComputationFailed when the mesh fails its checks, MeshTimeout when
+    it takes too long.
+    """
+    check_layout(layout)
+    fine = max(resolution, 2)  # a single triangle across an arc would degenerate
+    necks, lines, divisions = list[Line](), list[Line](), dict[str, int]()
+    gradings: dict[tuple[float, float], list[complex]] = {}
+    for index, joint in enumerate(layout.joints):
+        necks.append(Line(f"neck {index}", neck_line(joint), len(layout.bodies) + index))
+        for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
+            ends = end_lines(joint, side)
+            lines += [Line(f"end {index} {name}", line, which) for line in ends]
+            for point in (ends[0].start, ends[-1].end) if len(ends) > 1 else ():  # at the needles of `end_lines`
+                length = min(abs(corner - point) for corner in end_corners(joint, side))
+                gradings.setdefault((length / 2, length), []).append(point)
+        sizes = joint.profile.sizes(fine)
+        at_neck = [size for points, size, radius in sizes if min(map(abs, points)) <= radius]
+        if at_neck:
+            divisions[f"neck {index}"] = math.ceil(float(joint.profile.height(np.array(0.0))) / min(at_neck) - 1e-6)
+        for points, size, radius in sizes:
+            at = (complex(joint.place + z * cmath.exp(1j * joint.heading)) for z in points)
+            gradings.setdefault((size, radius), []).extend(at)
+    largest = [COARSEST * _width(body) / fine * (OF_GROUND if body.fixed else 1.0) for body in layout.bodies]
+    for number, (body, coarse) in enumerate(zip(layout.bodies, largest, strict=True)):
+        for point, size, radius in _refinements(body, coarse):
+            gradings.setdefault((size, radius), []).append(point)
+        lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
+    for patch in dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts):
+        if patch.radius is not None and patch.body >= 0 and not layout.bodies[patch.body].fixed:
+            gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).append(patch.point)
+    largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
+    cones = [Grading(points, *key) for key, points in gradings.items()]
+    job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)
+    return _checked(layout, run_mesher(job, time_limit), divisions)
+
+
+def _width(body: Body) -> float:
+    """Width of a bar, or the mean width of another body, mm."""
+    loops = (body.outline, *body.holes)
+    perimeter = sum(segment.length for loop in loops for segment in loop)
+    return body.width or 2 * sum(area(loop) for loop in loops) / perimeter
+
+
+def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, float]]:
+    """Yield points, the triangle sizes at them and radii, mm: of arcs, and of sharp inner corners of elastic bodies."""
+    for loop in (body.outline, *body.holes):
+        for before, after in zip((loop[-1], *loop[:-1]), loop, strict=True):
+            if after.centre is not None:
+                radius = abs(after.start - after.centre)
+                yield after.centre, radius * 2 * math.pi / PER_TURN, radius
+            turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
+            if turn < -SHARP and not body.fixed:
+                yield after.start, coarse / CORNER, 0.0
+
+
+def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:
+    """Return the mesh. Raises ComputationFailed unless it is the drawn plate, with all hinges and clamped edges."""
+    labels = arrays["edge_labels"]
+    groups = {str(label): arrays["edges"][labels == label] for label in np.unique(labels)}
+    mesh = StageMesh(arrays["nodes"], arrays["triangles"], arrays["regions"], groups)
+    if len(mesh.triangles) > MOST_TRIANGLES:
+        raise ComputationFailed(f"mesh of {len(mesh.triangles)} triangles, expected at most {MOST_TRIANGLES:.2g}")
+    check_triangles(mesh, float(arrays["areas"].sum()), len([*components(layout)]))
+    meshed = np.bincount(mesh.bodies, jacobians(mesh)[:, -1] / 2, minlength=len(arrays["areas"]))
+    count, names = len(layout.bodies), [part[0] for part in (*layout.bodies, *layout.joints)]
+    worst = int(np.argmax(np.abs(meshed / arrays["areas"] - 1)))
+    if abs(meshed[worst] / arrays["areas"][worst] - 1) > PART_AREA:
+        raise ComputationFailed(
+            f"mesh of {names[worst]} covers {meshed[worst]:.6g} mm^2, expected {arrays['areas'][worst]:.6g}"
+        )
+    if any(body.clamped and not body.fixed for body in layout.bodies) and "clamped" not in groups:
+        raise ComputationFailed("mesh has no clamped edges")
+    nodes_of = [np.unique(mesh.triangles[mesh.bodies == part]) for part in range(len(names))]
+    for index, joint in enumerate(layout.joints):
+        across, expected = len(groups.get(f"neck {index}", ())), divisions.get(f"neck {index}", 1)
+        if across < expected:
+            raise ComputationFailed(f"mesh has {across} triangles across {joint.name}, expected {expected}")
+        for name, body in zip(("near", "far"), joint.bodies, strict=True):
+            end = groups.get(f"end {index} {name}")
+            if end is None or not all(np.isin(end, nodes_of[part]).all() for part in (body, count + index)):
+                raise ComputationFailed(f"mesh does not connect {joint.name} to {layout.bodies[body].name}")
+    return ordered(mesh)[0]
+
+
+def plate_contours(layout: Layout, time_limit: float = TIME_LIMIT) -> list[list[Segment]]:
+    """Return the contours of the plate: closed loops of lines and arcs, counter-clockwise, around holes clockwise.
+
+    Lines and circular arcs are exact; arcs in place of other curves are within 1e-4 mm of them. The loops of one
+    connected part follow each other, the outer one first.
+    """
+    check_layout(layout)
+    found = run_mesher(PlateContours(regions_of(layout)), time_limit)
+    parts: dict[int, list[list[Segment]]] = {}
+    for number in np.unique(found["loops"]):
+        at = found["loops"] == number
+        starts, centres = found["starts"][at].tolist(), found["centres"][at].tolist()
+        ends, about = [*starts[1:], starts[0]], [None if cmath.isnan(centre) else centre for centre in centres]
+        loop = list(map(Segment, starts, ends, about))
+        parts.setdefault(int(found["parts"][at][0]), []).append(loop)
+    contours = list[list[Segment]]()
+    for loops in parts.values():
+        outer, *holes = sorted(loops, key=lambda loop: -abs(area(loop)))
+        contours.append(outer if area(outer) > 0 else reverse(outer))
+        contours += [hole if area(hole) < 0 else reverse(hole) for hole in holes]
+    return contours
+
+
+def write_plate_step(layout: Layout, path: Path, time_limit: float = TIME_LIMIT) -> None:
+    """Write the plate as a STEP file, extruded from z = 0 to its thickness, and read it back.
+
+    Raises ComputationFailed when what is read is not the plate's volume and height in mm.
+    """
+    check_layout(layout)
+    read = run_mesher(PlateSolid(str(path), regions_of(layout), layout.thickness), time_limit)
+    volume, height = float(read["area"]) * layout.thickness, float(read["box"][1, 2] - read["box"][0, 2])
+    if abs(read["volumes"].sum() / volume - 1) > VOLUME_ERROR or abs(height - layout.thickness) > 1e-6:
+        raise ComputationFailed(
+            f"{path}: read back as {read['volumes'].sum():.12g} mm^3, {height:.6g} mm high, "
+            f"expected {volume:.12g} mm^3, {layout.thickness:g} mm high"
+        )

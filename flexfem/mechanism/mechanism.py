@@ -1,0 +1,329 @@
+"""The mechanism: the content of a mechanism file, changed mechanisms, and the layout that both models read."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import shapely
+
+from flexfem.files.refusals import key_path, shown, suggestion
+from flexfem.files.toml import PathLike, kind_of, read_toml
+from flexfem.files.writing import canonical, digest
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.materials import with_material_of_file
+from flexfem.mechanism.mechanism_file import (
+    STATED,
+    BodyHole,
+    Copies,
+    MechanismContent,
+    PlateBody,
+    PlateHinge,
+)
+from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
+from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate_file import located, read_plate
+from flexfem.mechanism.profiles import BadDimension, profile_of
+from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.stage_file import merged_changes
+from flexfem.refused import BadInput
+from flexfem.units import DENSITY
+
+GROUND = "ground"  # carries actuators, also where no body has this name
+CUT = 1.02  # default height of a cut relative to the bodies or the profile
+CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
+PARTS = ("body", "hinge", "actuator", "point")
+Named = TypeVar("Named")
+
+
+class Mechanism(MechanismContent):
+    """A planar flexure mechanism that is cut from one plate; lengths in mm, `provenance` by key path of the file.
+
+    Parts are given as dicts by the keys of the file, without their units: `body=[{"name": "ground", "path": [(0, 0),
+    (9, 0)], "width": 5.0, "fixed": True}]`; numbers are in mm, N, rad and tonne, expressions in the unit of the file.
+    """
+
+    def replace(self, **changes: Any) -> Mechanism:
+        """Return a changed mechanism, validated; expressions are computed again from the parameters.
+
+        Parameters
+        ----------
+        **changes : by attribute name, in mm, N, MPa and rad: `thickness=12.0`, `material="ti-6al-4v"`,
+            `parameters={"length_mm": 60.0}` in the unit of the name, `hinge={"left": {"neck": 0.4}}` for named parts. A
+            sequence replaces all parts.
+
+        Raises
+        ------
+        BadInput
+            A name is not known, a value is not possible, or the mechanism cannot be made.
+        """
+        content = self._stated()
+        for array in {*PARTS} & {*changes}:
+            if isinstance(changes[array], Mapping):
+                changes[array] = _by_name(array, content.get(array, []), changes[array])
+        changed = self._replaced(merged_changes(content, changes), changes)
+        with located(changed):
+            check_layout(changed.layout)
+        return changed
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Mechanism:
+        """Return a validated copy with values replaced by name; it has no file."""
+        return self._with_content(self._stated() | dict(update or {}))
+
+    def _stated(self) -> dict[str, Any]:
+        """Return the stated content by attribute names, with the texts of expressions."""
+        return self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
+
+    @property
+    def hash(self) -> str:
+        """SHA-256 of the physical content, expressions evaluated; its name, parameters and provenance are excluded."""
+        content = self.model_dump(exclude={"name", "provenance", "parameters"}, exclude_none=True)
+        content["material"] = {k: value for k, value in content["material"].items() if k not in ("name", "expansion")}
+        return digest(canonical(content))
+
+    @property
+    def layout(self) -> Layout:
+        """The mechanism with parameters, copies and outlines resolved, as both models read it.
+
+        Raises BadInput, naming the key, for parts that do not fit together.
+        """
+        return layout_of(self)
+
+
+def load_mechanism(path: PathLike) -> Mechanism:
+    """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
+    mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
+    with located(mechanism):
+        check_layout(mechanism.layout)
+    return mechanism
+
+
+def load_plate(path: PathLike) -> Stage | Mechanism:
+    """Read a stage file or a mechanism file, whichever its keys show. Raises BadInput as the reader of its kind."""
+    return load_mechanism(path) if kind_of(read_toml(path).data) == Mechanism.kind else load_feasible(path)
+
+
+def _by_name(array: str, parts: Sequence[dict[str, Any]], changes: Mapping[str, Any]) -> list[dict[str, Any]]:
+    names = [part["name"] for part in parts]
+    for name, values in changes.items():
+        if name not in names:
+            raise BadInput(f"{array}: no {shown(name)}{suggestion(name, names) or ', expected one of ' + str(names)}")
+        if not isinstance(values, Mapping):
+            raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
+    return [{**part, **changes.get(part["name"], {})} for part in parts]
+
+
+class Move(NamedTuple):
+    """A rotation with a shift, `factor z + shift`, or with a mirror image, `factor conj(z) + shift`."""
+
+    factor: complex = 1.0
+    shift: complex = 0.0
+    mirrored: bool = False
+
+    def __call__(self, z: complex) -> complex:
+        return self.factor * (z.conjugate() if self.mirrored else z) + self.shift
+
+    def after(self, first: Move) -> Move:
+        """Return the move that is `first` and then this one."""
+        factor = first.factor.conjugate() if self.mirrored else first.factor
+        return Move(self.factor * factor, self(first.shift), self.mirrored != first.mirrored)
+
+    def heading(self, angle: float) -> float:
+        """Return the moved direction, rad."""
+        return cmath.phase(self.factor * cmath.exp(-1j * angle if self.mirrored else 1j * angle))
+
+
+class PlacedPart(NamedTuple):
+    """A part or a copy of one: its table, the names of its bodies, its place, and the name of the part it copies."""
+
+    name: str
+    kind: str
+    table: Any
+    bodies: tuple[str, ...]
+    key: str
+    original: str
+    move: Move = Move()
+
+
+@once
+def layout_of(mechanism: Mechanism) -> Layout:
+    """Return the layout of a mechanism. Raises BadInput with file and line."""
+    with located(mechanism):
+        return _layout(mechanism)
+
+
+def _layout(mechanism: Mechanism) -> Layout:
+    parts = _parts(mechanism)
+    index = {part.name: k for k, part in enumerate(part for part in parts if part.kind == "body")}
+    bodies = tuple(_body(part) for part in parts if part.kind == "body")
+
+    def body_of(name: str, key: str, ground: bool = False) -> int:
+        if name not in index and name == GROUND and ground:
+            return next((k for k, body in enumerate(bodies) if body.fixed), -1)
+        if name not in index:
+            near = suggestion(name, index) or f", one of {', '.join(index)}"
+            raise BadInput(f"{key} = {shown(name)}, expected the name of a body{near}")
+        return index[name]
+
+    def patch(name: str, place: complex, radius: float | None, key: str, ground: bool = False) -> Patch:
+        return Patch(body_of(name, key, ground), place, radius)
+
+    joints = list[Joint]()
+    for part in parts:
+        if part.kind == "hinge":
+            ends = tuple(body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
+            joints.append(_joint(part, (ends[0], ends[1]), bodies))
+    output = mechanism.output
+    points = [("output", patch(output.body, complex(*output.at), output.contact, "output.body"))]
+    if bodies[points[0][1].body].fixed:
+        raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
+    for part in parts:
+        if part.kind == "point":
+            place = part.move(complex(*part.table.at))
+            points.append((part.name, patch(part.bodies[0], place, part.table.contact, f"{part.key}.body")))
+    actuators = list[LinearActuator]()
+    for part in parts:
+        if part.kind == "actuator":
+            places = [part.move(complex(*point)) for point in part.table.at]
+            found = (
+                patch(name, place, part.table.contact, f"{part.key}.between[{side}]", ground=True)
+                for side, (name, place) in enumerate(zip(part.bodies, places, strict=True))
+            )
+            near, far = (_contact(each, bodies, part.key, side) for side, each in enumerate(found))
+            direction = (places[1] - places[0]) / abs(places[1] - places[0])
+            rating, mass = part.table.rating, part.table.mass
+            actuators.append(
+                LinearActuator(
+                    part.name, (near, far), direction, rating.stiffness, rating.stroke, rating.blocking_force, mass,
+                    part.key,
+                )
+            )  # fmt: skip
+    load, material = mechanism.payload, mechanism.material
+    E, nu = material.youngs_modulus, material.poissons_ratio
+    strain = mechanism.model == "plane_strain"
+    return Layout(
+        bodies=bodies,
+        joints=tuple(joints),
+        thickness=float(mechanism.thickness),
+        youngs_modulus=E / (1 - nu**2) if strain else E,
+        poissons_ratio=nu / (1 - nu) if strain else nu,
+        density=DENSITY * material.density,
+        yield_strength=material.yield_strength,
+        points=tuple(points),
+        actuators=tuple(actuators),
+        payloads=() if load is None else (PayloadMass(points[0][1], load.mass, load.inertia),),
+        out_of_plane=nu if strain else 0.0,
+    )
+
+
+def _parts(mechanism: Mechanism) -> list[PlacedPart]:
+    """Return all parts and their copies."""
+    found = list[PlacedPart]()
+    for kind in PARTS:
+        for index, table in enumerate(getattr(mechanism, kind)):
+            bodies = () if kind == "body" else (table.body,) if kind == "point" else table.between
+            found.append(PlacedPart(table.name, kind, table, bodies, key_path((kind, index), mechanism), table.name))
+    counts = Counter((part.kind, part.original) for part in found)
+    for index, copies in enumerate(mechanism.copies):
+        names = {part.name for part in found}
+        for place, name in enumerate(copies.parts):
+            if name not in names or name in copies.parts[:place]:
+                expected = f"the name of a part{suggestion(name, names)}" if name not in names else "each part once"
+                raise BadInput(f"copy[{index}].parts[{place}] = {shown(name)}, expected {expected}")
+        originals = [part for name in copies.parts for part in found if part.name == name]
+        for move in _moves(copies):
+            new = dict[tuple[str, str], str]()
+            for part in originals:
+                counts[part.kind, part.original] += 1
+                name = f"{part.original} {counts[part.kind, part.original]}"
+                if (part.kind, name) in {(each.kind, each.name) for each in found}:
+                    raise BadInput(f"copy[{index}].parts, expected no other {part.kind} {shown(name)}, a copy's name")
+                new[part.kind, part.name] = name
+            for part in originals:
+                bodies = tuple(new.get(("body", name), name) for name in part.bodies)
+                moved = part._replace(name=new[part.kind, part.name], bodies=bodies, move=move.after(part.move))
+                found.append(moved)
+    return found
+
+
+def _moves(copies: Copies) -> Iterator[Move]:
+    if copies.mirror is not None:
+        first, second = (complex(*point) for point in copies.mirror)
+        turn = (second - first) / (second - first).conjugate()
+        yield Move(turn, first - turn * first.conjugate(), mirrored=True)
+        return
+    count, about = int(copies.count or 1), complex(*(copies.about or (0.0, 0.0)))
+    for k in range(1, count):
+        turn = cmath.exp(1j * k * (2 * np.pi / count if copies.angle is None else copies.angle))
+        yield Move(turn, about - turn * about)
+
+
+def _body(part: PlacedPart) -> Body:
+    table: PlateBody = part.table
+    outline = _outline(table, part.move, part.key)
+    holes = [_outline(hole, part.move, f"{part.key}.holes[{k}]").loop for k, hole in enumerate(table.holes)]
+    clamped = list[int]()
+    for k, edge in enumerate(table.clamped_edges):
+        segment = outline.edges[edge - 1]
+        if segment is None:
+            raise BadInput(f"{part.key}.clamped_edges[{k}] = {edge}, expected an edge that its fillets leave straight")
+        clamped.append(segment)
+    loops = tuple(tuple(reverse(hole)) for hole in holes)
+    width = None if table.width is None else float(table.width)
+    return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
+
+
+def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
+    if table.centre is not None and table.radius is not None:
+        return disc(move(complex(*table.centre)), table.radius)
+    path = table.path if isinstance(table, PlateBody) else None
+    corners = path or table.outline or ()
+    points, radii = [move(complex(*corner[:2])) for corner in corners], [(*corner, 0.0)[2] for corner in corners]
+    try:
+        if isinstance(table, PlateBody) and table.width is not None:
+            return bar(points, radii, table.width)
+        return rounded(points, radii)
+    except ValueError as error:
+        k, expected = error.args
+        name = "outline_mm" if path is None else "path_mm"
+        raise BadInput(f"{key}.{name}[{k}] = {shown(list(corners[k]))}, expected {expected}") from None
+
+
+def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> Joint:
+    table: PlateHinge = part.table
+    if ends[0] == ends[1]:
+        raise BadInput(f"{part.key}.between = {shown(list(part.bodies))}, expected two bodies")
+    try:
+        profile = profile_of(table.shape, table.dimensions)
+    except BadDimension as error:
+        key = f"{part.key}.{PlateHinge.model_fields[error.key].alias or error.key}"
+        value = getattr(table, error.key)
+        raise BadInput(f"{key}{'' if value is None else f' = {shown(value)}'}, expected {error.expected}") from None
+    widest = max(profile.end_height, *(bodies[k].width or 0.0 for k in ends))
+    cut = CUT * widest if table.cut is None else float(table.cut)
+    if cut < profile.end_height:
+        least = f"{profile.end_height:g}, the height of the profile at its ends"
+        raise BadInput(f"{part.key}.cut_mm = {cut:g}, expected at least {least}")
+    place, heading = part.move(complex(*table.at)), part.move.heading(table.direction)
+    return Joint(part.name, ends, place, heading, profile, cut, part.key)
+
+
+def _contact(patch: Patch, bodies: Sequence[Body], key: str, side: int) -> Patch:
+    """Return a contact of an actuator with its radius. Refuses one that is not on its body, unless this is fixed."""
+    if patch.body < 0 or (bodies[patch.body].fixed and patch.radius is None):
+        return patch
+    face = shapely.Polygon(polygon_points(bodies[patch.body].outline))
+    left, low, right, high = face.bounds
+    radius = CONTACT * math.hypot(right - left, high - low) if patch.radius is None else float(patch.radius)
+    if face.distance(shapely.Point(patch.point.real, patch.point.imag)) >= radius:
+        if bodies[patch.body].fixed:
+            return patch._replace(body=-1, radius=radius)
+        at = f"[{patch.point.real:g}, {patch.point.imag:g}]"
+        raise BadInput(f"{key}.at_mm[{side}] = {at}, expected a point of {shown(bodies[patch.body].name)}")
+    return patch._replace(radius=radius)

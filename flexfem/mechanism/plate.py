@@ -1,0 +1,211 @@
+"""The drawn parts of a plate mechanism: hinges in place, the boxes cut for them, and checks before anything is meshed.
+
+Points are complex, mm.
+"""
+
+from __future__ import annotations
+
+import cmath
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import shapely
+
+from flexfem.arrays import Array
+from flexfem.mechanism.layout import Body, Joint, Layout
+from flexfem.mechanism.outlines import Segment, polygon_points, polyline
+from flexfem.mechanism.profiles import Curve, Ellipse, Spline
+from flexfem.refused import BadInput
+
+TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost
+REACHED = 1e-6  # mm, between the end of a hinge and its body
+STEP = np.pi / 512  # rad, of the polygons of parts: 0.5 um from an arc of 100 mm
+SLIVER = 1e-6  # mm^2; a smaller area is round-off
+ALONG = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 129)) / 2  # positions on the axis of a hinge, per length
+ENDING = np.sin(np.linspace(np.pi / 3, np.pi / 2, 400))  # the same towards its end, per half the length
+HEIGHTS = np.linspace(-1, 1, 9)  # across its end, per half the height
+STEEP = np.tan(np.deg2rad(60.0))
+OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
+INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
+
+
+def _mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
+    """Return a curve after a rigid motion or a reflection of its points."""
+    if isinstance(curve, Spline):
+        return Spline(tuple(map(move, curve.points)))
+    start, end = move(curve.start), move(curve.end)
+    if isinstance(curve, Ellipse):
+        centre = move(curve.centre)
+        return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
+    return Segment(start, end, None if curve.centre is None else move(curve.centre))
+
+
+def _backwards(curve: Curve) -> Curve:
+    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
+
+
+def _position(joint: Joint, z: complex) -> complex:
+    """Return the position of a point given in the frame of a hinge."""
+    return joint.place + z * cmath.exp(1j * joint.heading)
+
+
+def _corner(joint: Joint, side: int) -> complex:
+    """Return the upper corner of a profile at its near (-1) or far end (1), in the frame of the hinge."""
+    x = side * joint.profile.length / 2
+    return complex(x, float(joint.profile.height(np.array(x))) / 2)
+
+
+def joint_loop(joint: Joint) -> list[Curve]:
+    """Return the closed counter-clockwise loop of a hinge: lower edge, far end, upper edge, near end."""
+    upper, near, far = joint.profile.edge(), _corner(joint, -1), _corner(joint, 1)
+    loop = [_mapped(curve, lambda z: z.conjugate()) for curve in upper]
+    loop += [Segment(far.conjugate(), far), *map(_backwards, reversed(upper)), Segment(near, near.conjugate())]
+    return [_mapped(curve, partial(_position, joint)) for curve in loop]
+
+
+def neck_line(joint: Joint) -> Segment:
+    """Return the section at the centre of a hinge, a little longer than its neck."""
+    high = 0.5j * (1 + OVERSHOOT) * float(joint.profile.height(np.array(0.0)))
+    return Segment(_position(joint, -high), _position(joint, high))
+
+
+def end_corners(joint: Joint, side: int) -> tuple[complex, complex]:
+    """Return both corners of a hinge at its first (`side` = -1) or second (1) body."""
+    corner = _corner(joint, side)
+    return _position(joint, corner), _position(joint, corner.conjugate())
+
+
+def end_lines(joint: Joint, side: int) -> list[Segment]:
+    """Return the lines between a hinge and its first (`side` = -1) or second (1) body.
+
+    Where the edge of the profile is steep at its end, a triangle between them would be a needle: the lines then leave
+    the edge where it gets steeper than 60 degrees, and the corner beyond them belongs to the body.
+    """
+    profile, half = joint.profile, joint.profile.length / 2
+    x = half * ENDING
+    y = profile.height(side * x) / 2
+    gentle = np.flatnonzero(np.diff(y) <= STEEP * np.diff(x))
+    leave = gentle[-1] + 1 if len(gentle) else 0
+    if leave < len(x) - 1 and y[leave] > half - x[leave]:
+        start, corner = complex(x[leave], y[leave]), complex(half, y[leave] - (half - x[leave]))
+        upper = [start + OVERSHOOT * (start - corner), corner]
+    else:
+        upper = [complex(half, y[-1])]
+    return polyline(*(_position(joint, side * z) for z in (*upper, *(z.conjugate() for z in reversed(upper)))))
+
+
+def cut_box(joint: Joint) -> list[Segment]:
+    """Return the counter-clockwise loop of the box that a hinge cuts from its two bodies."""
+    half, high = joint.profile.length / 2, 0.5j * joint.cut
+    corners = (-half - high, half - high, half + high, -half + high, -half - high)
+    return polyline(*(_position(joint, z) for z in corners))
+
+
+def cuts_of(layout: Layout, body: int) -> list[list[Segment]]:
+    """Return the boxes that hinges cut from a body."""
+    return [cut_box(joint) for joint in layout.joints if body in joint.bodies]
+
+
+def check_layout(layout: Layout) -> None:
+    """Raise BadInput unless hinges alone connect the bodies, and connect each of them to ground."""
+    bodies = [_checked_polygon(layout, index) for index in range(len(layout.bodies))]
+    outlines = bodies + [joint_polygon(joint) for joint in layout.joints]
+    for joint in layout.joints:
+        _check_ends(layout, joint, bodies)
+    parts = [*layout.bodies, *layout.joints]
+    found = shapely.STRtree(outlines).query(np.array(outlines), predicate="dwithin", distance=TOUCHING)
+    for i, j in found.T[found[0] < found[1]].tolist():
+        one, other = parts[i], parts[j]
+        if isinstance(other, Joint) and i in other.bodies:
+            side = joint_polygon(other, ALONG[INSIDE])
+            if shapely.distance(bodies[i], side) > TOUCHING and _common(outlines[i], outlines[j]) < SLIVER:
+                continue
+            raise BadInput(f"{_key(other)}: touches {one.name} along its side, expected a higher cut")
+        shared = _common(outlines[i], outlines[j])
+        how = f"overlaps {other.name} by {shared:.3g} mm^2" if shared > SLIVER else f"touches {other.name}"
+        raise BadInput(f"{_key(one)}: {how}, expected parts that only hinges connect")
+    _check_grounded(layout)
+
+
+def _key(part: Body | Joint) -> str:
+    return part.key or part.name
+
+
+def _common(one: shapely.Geometry, other: shapely.Geometry) -> float:
+    return float(shapely.area(shapely.intersection(one, other)))
+
+
+def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
+    """Return the polygon of a hinge between positions on its axis, per length."""
+    x = shares * joint.profile.length
+    upper = x + 0.5j * joint.profile.height(x)
+    z = joint.place + np.concatenate([upper, np.conj(upper[::-1])]) * cmath.exp(1j * joint.heading)
+    return shapely.Polygon(np.column_stack([z.real, z.imag]))
+
+
+def body_polygon(layout: Layout, index: int) -> Any:
+    """Return the polygon of a body less the boxes of its hinges. Raises BadInput for loops that meet."""
+    body = layout.bodies[index]
+    drawn = shapely.Polygon(polygon_points(body.outline, STEP), [polygon_points(hole, STEP) for hole in body.holes])
+    if not shapely.is_valid(drawn):
+        reason = shapely.is_valid_reason(drawn)
+        raise BadInput(f"{_key(body)}: {reason}, expected an outline that does not meet itself, and holes inside it")
+    boxes = [shapely.Polygon(polygon_points(cut)) for cut in cuts_of(layout, index)]
+    return shapely.difference(drawn, shapely.union_all(boxes))
+
+
+def _checked_polygon(layout: Layout, index: int) -> Any:
+    """Return the polygon of a body as `body_polygon`. Raises BadInput unless it is one piece."""
+    body, left = layout.bodies[index], body_polygon(layout, index)
+    pieces = [piece for piece in shapely.get_parts(left) if piece.area > SLIVER]
+    if len(pieces) != 1:
+        what = f"in {len(pieces)} pieces" if pieces else "nothing"
+        raise BadInput(f"{_key(body)}: is {what} after the cuts for its hinges, expected one piece")
+    return pieces[0]
+
+
+def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
+    """Raise BadInput unless both ends of a hinge lie on its bodies, over their whole height."""
+
+    def away(side: int, body: int) -> Array:
+        corner = _corner(joint, side)
+        z = np.array([_position(joint, complex(corner.real, share * corner.imag)) for share in HEIGHTS])
+        return np.asarray(shapely.distance(bodies[body], shapely.points(z.real, z.imag)))
+
+    ends = list(zip((-1, 1), joint.bodies, strict=True))
+    if all(np.all(away(-side, body) < REACHED) for side, body in ends):
+        first, second = (layout.bodies[body].name for body in joint.bodies)
+        raise BadInput(f"{_key(joint)}: its axis points from {second} to {first}, expected the opposite direction")
+    for side, body in ends:
+        gaps, name = away(side, body), layout.bodies[body].name
+        if np.min(gaps) > REACHED:
+            raise BadInput(f"{_key(joint)}: ends {np.min(gaps):.3g} mm before {name}, expected to reach it")
+        if np.max(gaps) > REACHED:
+            high = 2 * _corner(joint, side).imag
+            raise BadInput(f"{_key(joint)}: is {high:.6g} mm high at {name}, expected no higher than this body there")
+
+
+def _check_grounded(layout: Layout) -> None:
+    """Raise BadInput unless hinges connect every body to one that is fixed or clamped."""
+    held = {index for index, body in enumerate(layout.bodies) if body.fixed or body.clamped}
+    if not held:
+        raise BadInput("no body is fixed, expected fixed = true or clamped_edges in a body")
+    for component in components(layout):
+        if not component & held:
+            body = layout.bodies[min(component)]
+            what = "no fixed or clamped body" if len(component) > 1 else "no other body"
+            raise BadInput(f"{_key(body)}: hinges connect it to {what}, expected a connection to ground")
+
+
+def components(layout: Layout) -> Iterator[set[int]]:
+    """Yield the sets of bodies that hinges connect."""
+    left = set(range(len(layout.bodies)))
+    while left:
+        found, ahead = set[int](), {min(left)}
+        while ahead:
+            found |= ahead
+            ahead = {body for joint in layout.joints if found & {*joint.bodies} for body in joint.bodies} - found
+        yield found
+        left -= found

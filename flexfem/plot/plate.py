@@ -1,0 +1,141 @@
+"""Drawings of a mechanism: its bodies, ground, hinges, points, actuators and payload, to scale."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, PathPatch, Wedge
+from matplotlib.path import Path
+
+from flexfem.arrays import Array
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
+from flexfem.plot.style import INK, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
+from flexfem.units import LENGTH
+
+GROUND, HINGE, DRIVE, MASS = "#C3C9D0", "#C25500", "#0072B2", "#007A58"
+HATCH = "#9AA2AB"
+MANY = 40  # labels above which they are small
+WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
+
+
+class Mark(NamedTuple):
+    """A label of a drawing: its text, the point (2,) that it belongs to, its colour, and the polygon of a body."""
+
+    text: str
+    at: Array
+    colour: str
+    body: Any = None
+
+
+def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
+    """Draw a mechanism to scale, in mm, with the names of its parts and a scale bar; return `ax`, or new axes.
+
+    Labels are placed for the size of `ax` at the time of the call.
+    """
+    ax, layout = ax or new_axes(), mechanism.layout
+    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    hinges = [joint_polygon(joint) for joint in layout.joints]
+    for body, polygon in zip(layout.bodies, bodies, strict=True):
+        _fill(ax, polygon, GROUND if body.fixed else PALE, "////" if body.fixed else "")
+        lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
+        ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
+    for polygon in hinges:
+        _fill(ax, polygon, HINGE)
+    plate = shapely.union_all([*bodies, *hinges], grid_size=1e-6)
+    ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
+    contacts = [contact for _, contact in layout.points] + [each for a in layout.actuators for each in a.contacts]
+    size = fit(ax, np.vstack([shapely.get_coordinates(plate), *(xy(contact.point) for contact in contacts)]), 0.07)
+    scale_bar(ax)
+    obstacles: list[Any] = [plate.boundary]
+    _draw_ports(ax, layout, size, obstacles)
+    marks = [*_marks(layout, bodies)]
+    obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
+    letters = 7.0 if len(marks) > MANY else 8.0
+    for mark in marks:
+        look: dict[str, Any] = {"style": "normal" if mark.body is None else "italic", "bbox": WHITE_BOX}
+        near = place_label(ax, mark.at, mark.text, obstacles, 0.035 * size, colour=mark.colour, size=letters, **look)
+        if mark.body is None or not shapely.contains_xy(mark.body, *near):
+            ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
+    label_axes(ax)
+    return ax
+
+
+def _marks(layout: Layout, bodies: list[Any]) -> Iterator[Mark]:
+    """Yield the labels, those with the least freedom of place first."""
+    for joint in layout.joints:
+        yield Mark(joint.name, np.array(xy(joint.place)), HINGE)
+    for actuator in layout.actuators:
+        near, far = (contact.point for contact in actuator.contacts)
+        yield Mark(actuator.name, np.array(xy((near + far) / 2)), DRIVE)
+    for name, contact in layout.points:
+        yield Mark(name, np.array(xy(contact.point)), NOTE_COLOUR)
+    for payload in layout.payloads:
+        yield Mark(f"payload {1e6 * payload.mass:.6g} g", np.array(xy(payload.contact.point)), MASS)
+    for body, polygon in zip(layout.bodies, bodies, strict=True):
+        yield Mark(body.name, shapely.get_coordinates(shapely.point_on_surface(polygon))[0], "#404040", polygon)
+
+
+def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> None:
+    """Draw hinge centres, points, actuators and payloads; append what labels must avoid."""
+    for joint in layout.joints:
+        ax.plot(*xy(joint.place), "o", color=HINGE, markersize=4, markerfacecolor="white", zorder=5)
+    for actuator in layout.actuators:
+        ends = [contact.point for contact in actuator.contacts]
+        half = max(abs(ends[1] - ends[0]), 0.03 * size) / 2 * actuator.direction
+        tips = [sum(ends) / 2 - half, sum(ends) / 2 + half]
+        arrow(ax, xy(tips[0]), xy(tips[1]), "<|-|>", DRIVE, 1.8)
+        for contact, tip in zip(actuator.contacts, tips, strict=True):
+            if contact.body < 0:  # on the ground outside the plate
+                wall = [xy(tip + side * 0.02j * size * actuator.direction) for side in (-1, 1)]
+                ax.plot(*np.transpose(wall), color=INK, linewidth=2.8, zorder=6)
+        obstacles.append(shapely.LineString([xy(tip) for tip in tips]))
+    for payload in layout.payloads:
+        at, radius = xy(payload.contact.point), 0.018 * size
+        ax.add_patch(Circle(at, radius, facecolor="white", edgecolor=MASS, linewidth=1.2, zorder=5))
+        for first in (0, 180):
+            ax.add_patch(Wedge(at, radius, first, first + 90, facecolor=MASS, zorder=5.1))
+    for _, contact in layout.points[1:]:
+        ax.plot(*xy(contact.point), "+", color=NOTE_COLOUR, markersize=9, markeredgewidth=1.5, zorder=6)
+    output = layout.points[0][1].point
+    frame_cross(ax, 0.07 * size, output)
+    obstacles.append(shapely.LineString([xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)]))
+
+
+def _fill(ax: Axes, polygon: Any, colour: str, hatch: str = "") -> None:
+    ax.add_patch(PathPatch(_path(polygon), facecolor=colour, edgecolor=HATCH, hatch=hatch, linewidth=0.0, zorder=1.5))
+
+
+def _path(shape: Any) -> Path:
+    """Path of one or several polygons with holes."""
+    rings = [ring for part in shapely.get_parts(shape) for ring in (part.exterior, *part.interiors)]
+    return Path.make_compound_path(*(Path(ring.coords, closed=True) for ring in rings))
+
+
+@in_house_style
+def mechanism_figure(mechanism: Mechanism) -> Figure:
+    """Draw a page with a mechanism, and in its header its data and the meaning of the marks."""
+    layout = mechanism.layout
+    marks = {
+        "hatched: fixed": any(body.fixed for body in layout.bodies),
+        "heavy lines: clamped": any(body.clamped for body in layout.bodies),
+        "orange: hinges": True,
+        "blue: actuators": bool(layout.actuators),
+    }
+    key = "; ".join(text for text, there in marks.items() if there)
+    lines = [f"thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}", f"{key}; X, Y: output."]
+    outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
+    wide, high = np.ptp(outlines, axis=0)
+    height = float(np.clip((WIDTH - 0.6) * (high + 0.14 * max(wide, high)) / (1.14 * max(wide, high)), LOWEST, HIGHEST))
+    figure, (ax,) = panels((WIDTH, height + 0.5), mechanism.name, lines, 1, assumptions=mechanism)
+    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
+    plot_mechanism(ax, mechanism)
+    return figure

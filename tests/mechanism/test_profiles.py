@@ -1,0 +1,169 @@
+"""Hinge profiles against closed forms: beam integrals, edges, surface stress, triangle sizes, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from flexfem.hinges.formulas import formula
+from flexfem.hinges.shapes import SHAPE_FORMULAS
+from flexfem.mechanism.profiles import (
+    SHAPES,
+    BadDimension,
+    Circular,
+    Ellipse,
+    Elliptical,
+    Leaf,
+    Parabolic,
+    Profile,
+    Segment,
+    Spline,
+    Tabulated,
+    Vee,
+    profile_of,
+    shoulder,
+)
+
+TAPER = ((2.0, 1.0), (6.0, 1.8), (12.0, 3.0))  # a straight edge: h = 2 + 0.2 x from the middle of the table
+EACH = (
+    Circular(0.4, 3.0),
+    Elliptical(0.3, 10.0, 2.0),
+    Elliptical(0.3, 4.0, 7.0),
+    Leaf(0.5, 12.0),
+    Leaf(0.5, 12.0, 0.8),
+    Parabolic(0.2, 6.0, 2.5),
+    Vee(0.6, np.deg2rad(70), 0.3, 2.0),
+    Tabulated(TAPER),
+)
+
+
+def test_leaf_by_hand():
+    C = Leaf(0.5, 20.0).compliance(2e5, 0.3, 10.0)
+    assert C[0, 0] == pytest.approx(20 / (2e5 * 10 * 0.5), rel=1e-12)
+    assert C[1, 1] == pytest.approx(20**3 / (2e5 * 10 * 0.125) + 1.2 * 20 / (2e5 / 2.6 * 10 * 0.5), rel=1e-12)
+    assert C[2, 2] == pytest.approx(12 * 20 / (2e5 * 10 * 0.125), rel=1e-12)
+
+
+@pytest.mark.parametrize("neck", [1e-3, 0.2, 2.0])
+def test_circle_is_that_of_the_hinge_formulas(neck: float):
+    exact = formula("paros-weisbord").compliance(1.0, neck, 7.0, 6e4, 0.33)
+    for profile in (Circular(neck, 1.0), Elliptical(neck, 2.0, 1.0)):
+        found = np.diag(profile.compliance(6e4, 0.33, 7.0))
+        assert found == pytest.approx([exact.axial, exact.shear, exact.rotation], rel=1e-9)
+
+
+@pytest.mark.parametrize("shape", SHAPE_FORMULAS)
+def test_closed_forms_of_other_shapes(shape: str):
+    """With nu = -1 nothing shears."""
+    known, size = SHAPE_FORMULAS[shape], 8.0 if shape == "leaf" else 1.5
+    for ratio in known.valid:
+        own = {"filleted": {"fillet": size}, "leaf": {}}.get(shape, {"depth": size})
+        profile = profile_of(shape, {"length": 8.0, "neck": ratio * size} | own)
+        axial, shear, rotation = np.diag(profile.compliance(3.0, -1.0, 2.0))
+        expected = {"rotation": rotation, "axial": axial, "shear": shear}
+        for freedom, function in known.functions.items():
+            assert function(profile) / 6 == pytest.approx(expected[freedom], rel=1e-9)
+
+
+def test_flanks_of_a_v():
+    """Straight flanks from a sharp root: int dx / h^3 = tan(angle / 2) (1 / t^2 - 1 / H^2) / 2 over both halves."""
+    C = Vee(0.6, np.deg2rad(70), 1e-6, 2.0).compliance(1.0, 0.3, 1.0)
+    assert C[2, 2] == pytest.approx(6 * np.tan(np.deg2rad(35)) * (1 / 0.36 - 1 / 4.6**2), rel=1e-5)
+
+
+def test_a_tapered_table_couples_force_and_moment():
+    C = Tabulated(TAPER).compliance(1.0, -1.0, 1.0)
+    zero, first = (1 - 1 / 9) / 0.4, 25 * (1 - 1 / 3) - 25 * (1 - 1 / 9)
+    assert C[2, 2] == pytest.approx(12 * zero, rel=1e-9)
+    assert C[1, 2] == C[2, 1] == pytest.approx(-12 * first, rel=1e-9)
+
+
+def test_a_table_is_smooth_and_monotone():
+    parabola = Parabolic(0.4, 6.0, 2.0)
+    table = Tabulated.of(parabola.height, 6.0)
+    assert table.compliance(1.0, 0.3, 1.0) == pytest.approx(parabola.compliance(1.0, 0.3, 1.0), rel=2e-3, abs=1e-9)
+    step = Tabulated(((0, 3), (1, 3), (1.1, 0.5), (4, 0.5), (5, 2)))
+    heights = step.height(np.linspace(-2.5, 2.5, 1001))
+    assert (step.neck, heights.min(), heights.max()) == pytest.approx((0.5, 0.5, 3), rel=1e-12)
+    assert step.height(np.array([-1.5, 1.0])) == pytest.approx([3.0, 0.5])
+
+
+@pytest.mark.parametrize("profile", EACH, ids=repr)
+def test_integrals_and_edges_follow_the_height(profile: Profile):
+    half = profile.length / 2
+    expected = sum(
+        quad(lambda x: float(profile.height(np.array(x))) ** -3, a, b, epsrel=1e-11)[0]
+        for a, b in zip(profile.breaks[:-1], profile.breaks[1:], strict=True)
+    )
+    assert profile.compliance(1.0, 0.3, 1.0)[2, 2] == pytest.approx(12 * expected, rel=1e-9)
+    ends, on = [], []
+    for curve in profile.edge():
+        inside = [curve.at(np.array([0.3, 0.7]))] if isinstance(curve, Segment) else []
+        if isinstance(curve, Ellipse):
+            a, b = profile.length / 2, profile.depth
+            assert (abs(curve.major), curve.centre) == pytest.approx((max(a, b), 1j * (0.15 + b)))
+        z = np.concatenate([curve.points if isinstance(curve, Spline) else curve[:2], *inside])
+        on, ends = [*on, *z], [*ends, z[0], curve.points[-1] if isinstance(curve, Spline) else curve.end]
+    assert np.imag(on) == pytest.approx(profile.height(np.real(on)) / 2, abs=1e-7)
+    assert (ends[0].real, ends[-1].real) == pytest.approx((-half, half)) and any(abs(z.real) < 1e-12 for z in ends)
+    assert ends[1:-1:2] == pytest.approx(ends[2::2], abs=1e-12)
+
+
+def test_stress_by_hand():
+    leaf, b = Leaf(0.5, 20.0), 10.0
+    assert leaf.stress(np.array([3.0, 0, 0]), b) == pytest.approx(3 / 5)
+    assert leaf.stress(np.array([[-3.0, 0, 7], [0, 2, 20]]), b) == pytest.approx([0.6 + 42 / 2.5, 6 * 40 / 2.5])
+    assert Leaf(0.5, 0.2).stress(np.array([3.0, 4, 0]), b) == pytest.approx(np.hypot(3, 1.5 * 3**0.5 * 4) / 5)
+    load = np.array([0, 1.0, 5.0])  # the moment vanishes at the far end
+    assert Tabulated(TAPER).stress(load, 1.0) == pytest.approx(60)
+    assert Tabulated(tuple((-x, h) for x, h in TAPER[::-1])).stress(load, 1.0) < 20
+    assert leaf.stress(np.ones((2, 1, 3)), np.array([1.0, 2, 4])) == pytest.approx(
+        np.broadcast_to(leaf.stress(np.ones(3), 1.0) / [1, 2, 4], (2, 3))
+    )
+
+
+def test_stress_is_raised_at_necks_and_fillets():
+    """Norton's fit of Peterson's chart in bending at D = 3 d, 0.9072 (r / d)^(-1/3); Neuber's notch."""
+    for ratio in (4.0, 10.0, 18.0):
+        assert shoulder(ratio)[1] == pytest.approx(0.9072 * ratio ** (1 / 3), rel=0.025)
+    found = Leaf(0.5, 12.0, 0.05).stress(np.array([0, 0, 1.0]), 2.0)
+    assert found == pytest.approx(12 * 0.9072 * 10 ** (1 / 3), rel=0.02)
+    assert shoulder(1e-3) == pytest.approx((1, 1), abs=2e-3)
+    for radius, a in ((4.0, 0.05), (0.8, 0.25)):  # Neuber's K of a = t / 2R is 1 + 2 a / 5 for small a
+        notch = Circular(0.4, radius).stress(np.array([0, 0, 1.0]), 2.0)
+        assert notch == pytest.approx((1 + 0.4 * a) * 3 / 0.16, rel=6e-3)
+
+
+@pytest.mark.parametrize("profile", EACH, ids=repr)
+def test_sizes_resolve_the_neck(profile: Profile):
+    sizes = profile.sizes(8.0)
+    across = min(size for points, size, _ in sizes if all(abs(z.imag) < 1e-9 for z in points))
+    assert across == pytest.approx(profile.neck / 8)
+    assert all(size > profile.neck / 100 and reach > size / 2 for _, size, reach in sizes)
+
+
+@pytest.mark.parametrize(
+    ("shape", "dimensions", "key"),
+    [
+        ("square", {}, "shape"),
+        ("circular", {"radius": 3.0}, "neck"),
+        ("circular", {"radius": 3.0, "neck": 1.0, "depth": 2.0}, "depth"),
+        ("circular", {"radius": -3.0, "neck": 1.0}, "radius"),
+        ("leaf", {"length": np.inf, "neck": 1.0}, "length"),
+        ("filleted", {"length": 4.0, "neck": 1.0, "fillet": 2.0}, "fillet"),
+        ("v", {"angle": 3.2, "root_radius": 1.0, "depth": 2.0, "neck": 1.0}, "angle"),
+        ("v", {"angle": 1.0, "root_radius": 9.0, "depth": 2.0, "neck": 1.0}, "depth"),
+        ("profile", {"table": [[0, 1], [2, 1]]}, "table"),
+        ("profile", {"table": [[0, 1], [2, 1], [1, 1]]}, "table"),
+    ],
+)
+def test_refusals_name_the_key(shape: str, dimensions: dict[str, object], key: str):
+    with pytest.raises(BadDimension, match=f"^{key}: expected ") as refused:
+        profile_of(shape, dimensions)
+    assert refused.value.key == key
+
+
+def test_every_shape_is_made_from_its_keys():
+    made = profile_of("v", {"angle": 1.0, "root_radius": 0.5, "depth": 2.0, "neck": 1.0})
+    assert made == Vee(1.0, 1.0, 0.5, 2.0) and set(map(type, EACH)) == set(SHAPES.values())
