@@ -83,7 +83,7 @@ class Mechanism(MechanismContent):
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content, expressions evaluated; its name, parameters and provenance are excluded."""
-        content = self.model_dump(exclude={"name", "provenance", "parameters"}, exclude_none=True)
+        content = self.model_dump(exclude={"name", "provenance", "parameters", "frame"}, exclude_none=True)
         content["material"] = {k: value for k, value in content["material"].items() if k not in ("name", "expansion")}
         return digest(canonical(content))
 
