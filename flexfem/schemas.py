@@ -30,6 +30,7 @@ from flexfem.files.refusals import SHOWN, as_toml, checked_path, one_line
 from flexfem.files.toml import Table
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.mechanism.materials import Entry
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import Override
 from flexfem.questions.as_built import Necks
@@ -42,6 +43,7 @@ from flexfem.units import unit_of
 
 FILE = "flexfem-{}.schema.json"
 NUMBERS = ("number", "integer")
+EXPRESSIONS = ["number", "string"]  # types of a number that may be an expression
 WORDS = {"string": "text", "number": "number", "integer": "integer", "boolean": "true or false", "object": "table"}
 LISTED = 12  # values of an enumeration that are listed; of longer ones three are
 
@@ -97,6 +99,12 @@ FORMATS = {
         "Measured necks",
         "The nine necks as measured, for `flexfem as-built`, which also reads a CSV file.",
     ),
+    "mechanism": Format(
+        Mechanism,
+        "Mechanism file",
+        "One TOML file for each mechanism that is cut from one plate, of any form: bodies, hinges, copies of both, "
+        "actuators and an output. `flexfem new --kind` writes examples.",
+    ),
 }
 
 
@@ -118,8 +126,8 @@ def schema(name: str | None = None, *, output: Path | None = None) -> Schema | l
     Parameters
     ----------
     name : str, optional
-        Kind of input file: stage, case, study, requirements, fixture, measured, material or necks; or of result:
-        stiffness, drift and others. By default all kinds are listed.
+        Kind of input file: stage, case, study, requirements, fixture, measured, material, necks or mechanism; or of
+        result: stiffness, drift and others. By default all kinds are listed.
     output : path, optional
         Folder for the schema as a file; without a name, for the schemas of all input files.
 
@@ -239,7 +247,7 @@ def _plain(schema: Any, known: dict[str, Any]) -> Any:
 
 def _state_units(of: dict[str, Any], key: str) -> None:
     """Add to every number the unit that its key ends in, unless its own schema states one."""
-    if of.get("type") in NUMBERS and UNIT not in of:
+    if of.get("type") in (*NUMBERS, EXPRESSIONS) and UNIT not in of:
         unit = str(unit_of(key)) or ("1" if of["type"] == "integer" else "")
         assert unit, f"{key}: a number without a unit"
         of[UNIT] = unit
@@ -289,7 +297,10 @@ def _tables(of: dict[str, Any], name: str, array: bool) -> Iterator[KeyTable]:
         elif "properties" in value.get("items", {}):
             inner.append((key, value["items"] | {"description": value["description"]}, True))
         else:
-            unit = value.get(UNIT) or value.get("items", {}).get(UNIT, "")
+            number = value
+            while "items" in number:
+                number = number["items"]
+            unit = number.get(UNIT, "")
             unit = {"1": "", "of the key": "unit of the key"}.get(unit, unit)
             default = as_toml(value["default"]) if "default" in value else ""
             needed, example = key in of.get("required", []), as_toml(example_of(value))
@@ -312,12 +323,15 @@ def _in_words(of: dict[str, Any]) -> str:
             return f"one of {len(values)}, such as {', '.join(values[:3])}"
         return " or ".join([", ".join(values[:-1]), values[-1]] if len(values) > 1 else values)
     kind = of.get("type")
+    if kind == EXPRESSIONS:
+        return f"{_in_words(of | {'type': 'number'})} or expression"
     if kind == "array":
         least, most = of.get("minItems", 0), of.get("maxItems")
         count = f"{least} of" if least == most else f"{least} to {most} of" if most else f"{least} or more of"
         return f"{count if most or least else 'array of'}: {_in_words(of['items'])}"
     if kind == "object":
-        return "text for each key path in quotes"
+        is_number = of["additionalProperties"]["type"] == EXPRESSIONS
+        return "number or expression for each name" if is_number else "text for each key path in quotes"
     if kind in NUMBERS:
         return ", ".join(filter(None, [WORDS[kind], _limits(of)]))
     return "key path of a stage file" if "anyOf" in of else WORDS[of["type"]]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
 from flexfem.files.provenance import Assumptions
-from flexfem.files.refusals import checked_path, place_of
+from flexfem.files.refusals import checked_path, place_of, shown, suggestion
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
@@ -26,6 +26,18 @@ from flexfem.sources import read_data
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+MECHANISMS = (
+    "parallelogram",
+    "double-parallelogram",
+    "pivot",
+    "lever-amplifier",
+    "bridge-amplifier",
+    "rhombic-amplifier",
+    "xy-stage",
+    "four-chains",
+)
 
 
 class NewFiles(NamedTuple):
@@ -49,13 +61,16 @@ class View(NamedTuple):
     not_stated: list[str]
 
 
-def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFiles:
-    """Write a commented template of a stage file.
+def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study: bool = False) -> NewFiles:
+    """Write a commented template of a stage file, or of a mechanism of another kind.
 
     Parameters
     ----------
     file : path
-        Stage file to write, .toml; must not exist yet.
+        File to write, .toml; must not exist yet.
+    kind : str, optional
+        Kind of mechanism: parallelogram, double-parallelogram, pivot, lever-amplifier, bridge-amplifier,
+        rhombic-amplifier, xy-stage or four-chains. By default the stage with three chains and nine hinges.
     case : bool
         Also write a case of this stage, FILE-case.toml, for verify.
     study : bool
@@ -70,20 +85,30 @@ def new_stage(file: Path, *, case: bool = False, study: bool = False) -> NewFile
     if path.suffix != ".toml":
         raise BadInput(f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml")
     require_plain_stem(path)
+    if kind is not None and kind not in MECHANISMS:
+        near = suggestion(kind, MECHANISMS) or f", one of {', '.join(MECHANISMS)}"
+        raise BadInput(f"--kind = {shown(kind)}, expected a kind of mechanism{near}")
+    if kind is not None and (case or study):
+        raise BadInput(
+            "--kind: cases and studies are those of the stage with nine hinges, expected no --case or --study"
+        )
+    template = "new-stage.toml" if kind is None else f"mechanism-{kind}.toml"
     kinds = ["stage", *["case"] * case, *["study"] * study]
     paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds}
     for new in paths.values():
         check_file(new)
         if new.exists() or new.is_symlink():
             raise BadInput(f"{place_of(new)}: exists, expected the name of a new file; nothing is written")
-    for kind, new in paths.items():
-        text = read_data(f"new-{kind}.toml").replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
+    for each, new in paths.items():
+        name = template if each == "stage" else f"new-{each}.toml"
+        text = read_data(name).replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
         write_atomically(new, methodcaller("write", text.encode()))
+    whose = "flexfem's reference stage" if kind is None else "an example"
     next_commands = {"stage": ["check", "summary", "stiffness"], "case": ["verify"], "study": ["study run"]}
     return NewFiles(
         [str(new) for new in paths.values()],
-        [f"flexfem {name} {shlex.quote(str(new))}" for kind, new in paths.items() for name in next_commands[kind]],
-        ["all numbers are those of flexfem's reference stage: they are assumed, replace them with your own"],
+        [f"flexfem {name} {shlex.quote(str(new))}" for each, new in paths.items() for name in next_commands[each]],
+        [f"all numbers are those of {whose}: they are assumed, replace them with your own"],
     )
 
 

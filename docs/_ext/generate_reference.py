@@ -157,6 +157,7 @@ def _all(name: str) -> bool:
 
 PAGES: dict[str, tuple[str, tuple[tuple[str, Callable[[str], bool]], ...], Callable[[], str]]] = {
     "stage": ("Stage files", (("stage", lambda name: name not in ("material", "actuator")),), str),
+    "mechanism": ("Mechanism files", (("mechanism", lambda name: name != "material"),), str),
     "material": ("Materials", (("stage", "material".__eq__), ("material", _all)), _materials),
     "actuator": ("Actuators and stacks", (("stage", "actuator".__eq__),), _stacks),
     "case": ("Case files", (("case", _all),), str),

@@ -32,7 +32,6 @@ TRIANGLE, EDGE = 2, 1  # gmsh element types, linear
 QUADRATIC_TRIANGLE, QUADRATIC_EDGE = 9, 8
 REVERSED = [0, 2, 1, 5, 4, 3]  # nodes of a quadratic triangle in the opposite direction
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
-PER_TURN = 9  # edges per full turn of a curve, at least
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 STRAIGHT = complex(np.nan)  # centre of a straight edge
 POLL = 0.25  # s between two polls of a process
@@ -376,7 +375,6 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
         for label, tag in curves:
             if label in job.divisions:
                 mesh.setTransfiniteCurve(tag, job.divisions[label] + 1)
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", PER_TURN)
         _set_gradings(mesh.field, job, points, faces)
         mesh.generate(2)
         mesh.setOrder(2)

@@ -27,6 +27,7 @@ from flexfem.mechanism.mechanism_file import (
     PlateHinge,
 )
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
+from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import located, read_plate
 from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.stage import Stage, load_feasible
@@ -67,7 +68,8 @@ class Mechanism(MechanismContent):
             if isinstance(changes[array], Mapping):
                 changes[array] = _by_name(array, content.get(array, []), changes[array])
         changed = self._replaced(merged_changes(content, changes), changes)
-        _ = changed.layout
+        with located(changed):
+            check_layout(changed.layout)
         return changed
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Mechanism:
@@ -97,7 +99,8 @@ class Mechanism(MechanismContent):
 def load_mechanism(path: PathLike) -> Mechanism:
     """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
     mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
-    _ = mechanism.layout
+    with located(mechanism):
+        check_layout(mechanism.layout)
     return mechanism
 
 
@@ -159,8 +162,6 @@ def _layout(mechanism: Mechanism) -> Layout:
     parts = _parts(mechanism)
     index = {part.name: k for k, part in enumerate(part for part in parts if part.kind == "body")}
     bodies = tuple(_body(part) for part in parts if part.kind == "body")
-    if not any(body.fixed or body.clamped for body in bodies):
-        raise BadInput(f"{bodies[0].key}, expected fixed = true or clamped_edges at one body or more: none is held")
 
     def body_of(name: str, key: str, ground: bool = False) -> int:
         if name not in index and name == GROUND and ground:
@@ -180,6 +181,8 @@ def _layout(mechanism: Mechanism) -> Layout:
             joints.append(_joint(part, (ends[0], ends[1]), bodies))
     output = mechanism.output
     points = [("output", patch(output.body, complex(*output.at), output.contact, "output.body"))]
+    if bodies[points[0][1].body].fixed:
+        raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
     for part in parts:
         if part.kind == "point":
             place = part.move(complex(*part.table.at))
@@ -204,7 +207,7 @@ def _layout(mechanism: Mechanism) -> Layout:
     load, material = mechanism.payload, mechanism.material
     E, nu = material.youngs_modulus, material.poissons_ratio
     strain = mechanism.model == "plane_strain"
-    found_layout = Layout(
+    return Layout(
         bodies=bodies,
         joints=tuple(joints),
         thickness=float(mechanism.thickness),
@@ -217,8 +220,6 @@ def _layout(mechanism: Mechanism) -> Layout:
         payloads=() if load is None else (PayloadMass(points[0][1], load.mass, load.inertia),),
         out_of_plane=nu if strain else 0.0,
     )
-    _check_held(found_layout)
-    return found_layout
 
 
 def _parts(mechanism: Mechanism) -> list[PlacedPart]:
@@ -273,19 +274,9 @@ def _body(part: PlacedPart) -> Body:
         if segment is None:
             raise BadInput(f"{part.key}.clamped_edges[{k}] = {edge}, expected an edge that its fillets leave straight")
         clamped.append(segment)
-    face = shapely.Polygon(polygon_points(outline.loop))
-    if not face.is_valid:
-        raise BadInput(f"{part.key}, expected an outline that does not meet itself: {_reason(face)}")
-    for k, hole in enumerate(holes):
-        if not face.contains_properly(shapely.Polygon(polygon_points(hole))):
-            raise BadInput(f"{part.key}.holes[{k}], expected a hole inside the outline of the body")
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
     return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
-
-
-def _reason(face: Any) -> str:
-    return str(shapely.is_valid_reason(face)).lower().replace("[", " at ").replace("]", "")
 
 
 def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
@@ -336,15 +327,3 @@ def _contact(patch: Patch, bodies: Sequence[Body], key: str, side: int) -> Patch
         at = f"[{patch.point.real:g}, {patch.point.imag:g}]"
         raise BadInput(f"{key}.at_mm[{side}] = {at}, expected a point of {shown(bodies[patch.body].name)}")
     return patch._replace(radius=radius)
-
-
-def _check_held(layout: Layout) -> None:
-    """Refuse bodies that no chain of hinges connects to the ground."""
-    held = {k for k, body in enumerate(layout.bodies) if body.fixed or body.clamped}
-    while more := {end for joint in layout.joints if held & {*joint.bodies} for end in joint.bodies} - held:
-        held |= more
-    for k, body in enumerate(layout.bodies):
-        if k not in held:
-            raise BadInput(f"{body.key}, expected hinges that connect {shown(body.name)} to the ground")
-    if layout.bodies[layout.points[0][1].body].fixed:
-        raise BadInput("output.body, expected a body that can move, not a fixed one")

@@ -353,7 +353,7 @@ class OutputPayload(Dimensioned):
     """A rigid payload at the output."""
 
     mass: Mass = Field(alias="mass_g", examples=[100.0])
-    """Mass"""
+    """Mass of the payload"""
     inertia: Inertia = Field(default=0.0, alias="inertia_kg_mm2", examples=[20.0])
     """Moment of inertia about the normal of the plate through the output"""
 

@@ -12,6 +12,7 @@ from flexfem.design.requirements import load_requirements
 from flexfem.files.toml import validate
 from flexfem.files.writing import toml_text
 from flexfem.mechanism.materials import read_materials
+from flexfem.mechanism.mechanism import load_mechanism
 from flexfem.questions.case import LoadedCase
 from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
@@ -25,6 +26,7 @@ EXTREMES = (1e308, 1e-300, math.nan, math.inf, -1.0)
 COMPARED = {"least", "most", "equals", "at_least", "at_most"}  # with what is found
 COMMANDS = {"stage": ("summary", "--models", "analytic"), "necks": ("as-built", STAGE)}
 READERS = {
+    "mechanism": load_mechanism,
     "case": LoadedCase,
     "study": load_study,
     "requirements": load_requirements,

@@ -26,7 +26,8 @@ from ..conftest import ROOT
 
 TAPLO = Path(sysconfig.get_path("scripts")) / "taplo"
 SHIPPED = {
-    "stage": [*sorted((ROOT / "geometry").glob("*.toml")), ROOT / "flexfem/data/new-stage.toml"],
+    "stage": [*sorted((ROOT / "geometry").glob("mobility*.toml")), ROOT / "flexfem/data/new-stage.toml"],
+    "mechanism": sorted((ROOT / "flexfem/data").glob("mechanism-*.toml")),
     "case": [*sorted((ROOT / "cases").glob("[fj][io][gi]*.toml")), ROOT / "flexfem/data/new-case.toml"],
     "study": [
         *sorted((ROOT / "cases").glob("study-*.toml")),
@@ -135,7 +136,7 @@ def test_bad_values_are_refused_by_schema_and_by_flexfem_and_contradictions_by_f
 
 def numbers_of(schema, key=""):
     """Every number of a schema by its key."""
-    if schema.get("type") in ("number", "integer"):
+    if schema.get("type") in ("number", "integer", ["number", "string"]):
         yield key, schema
     for name, inner in schema.get("properties", {}).items():
         yield from numbers_of(inner, name)

@@ -1,0 +1,147 @@
+"""The mesh of a plate is the drawn plate: exact edges, all hinges between their bodies, and nothing else joined."""
+
+from __future__ import annotations
+
+import cmath
+from collections import Counter
+
+import numpy as np
+import pytest
+
+import flexfem.fem.plate_mesh
+from flexfem.fem.mesh import jacobians, nodes_on
+from flexfem.fem.plate_mesh import mesh_layout, plate_contours, write_plate_step
+from flexfem.mechanism.layout import Body, Joint, Layout, Patch
+from flexfem.mechanism.outlines import area, polyline
+from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated
+from flexfem.refused import BadInput, ComputationFailed
+
+ON_CURVE = 1e-8  # mm; OpenCASCADE draws to its own tolerance
+PARABOLAS = 2e-6  # relative area, in place of arcs
+
+
+def box(x0, y0, x1, y1, turn=1.0):
+    return tuple(polyline(*(complex(*z) * turn for z in ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)))))
+
+
+def layout_of(bodies, hinges):
+    return Layout(tuple(bodies), tuple(hinges), 7.0, 68e3, 0.29, 2.7e-9, 410.0, (("output", Patch(1, 0j)),))
+
+
+GROUND = Body("ground", box(0, -5, 10, 5), fixed=True, key="body[0]")
+STAGE = Body("stage", box(20, -5, 33, 5), key="body[1]")
+LEAF = Joint("leaf", (0, 1), 15 + 0j, 0.0, Leaf(0.4, 10.0, 0.5), 3.0, "hinge[0]")
+
+
+def parallelogram():
+    leaves = [Joint(f"leaf {k}", (0, 1), complex(5 + 24 * k, 8.5), np.pi / 2, Leaf(0.4, 17, 0.5), 3.0) for k in (0, 1)]
+    return layout_of([Body("ground", box(0, -9, 36, 0), fixed=True), Body("stage", box(-2, 17, 34, 24))], leaves)
+
+
+def area_of(mesh, *bodies):
+    return float(jacobians(mesh)[np.isin(mesh.bodies, bodies), -1].sum() / 2)
+
+
+def outer_sides(mesh):
+    """Sides (k, 3) that belong to one triangle, ends, then middle."""
+    t = mesh.triangles
+    sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
+    count = Counter(side[2] for side in sides.tolist())
+    return np.array([side for side in sides.tolist() if count[side[2]] == 1])
+
+
+def test_notches_cut_into_a_bar_that_passes_through_two_hinges():
+    """Three bodies drawn from hinge centre to hinge centre, and one of them clamped at its end, not fixed."""
+    turn, neck, R = cmath.exp(0.7j), 0.6, 3.0
+    ends = ((0, 18), (18, 41), (41, 60))
+    bodies = [Body(f"bar {k}", box(a, -4, b, 4, turn), clamped=(3,) if k == 0 else ()) for k, (a, b) in enumerate(ends)]
+    hinges = [Joint(f"notch {k}", (k, k + 1), x * turn, 0.7, Circular(neck, R), 9.0) for k, x in enumerate((18, 41))]
+    mesh = mesh_layout(layout_of(bodies, hinges), 6)
+    notch = 2 * R * neck + (4 - np.pi) * R**2
+    assert area_of(mesh, *range(5)) == pytest.approx((60 - 4 * R) * 8 + 2 * notch, rel=PARABOLAS)
+    assert 17 * 8 + 1.9 * notch < area_of(mesh, 1, 3, 4) < 17 * 8 + 2 * notch  # needles belong to the outer bodies
+    place = mesh.nodes @ [1, 1j] / turn
+    np.testing.assert_allclose(place[nodes_on(mesh, "clamped")].real, 0, atol=ON_CURVE)
+    for k, x in enumerate((18, 41)):
+        np.testing.assert_allclose(place[nodes_on(mesh, f"neck {k}")].real, x, atol=ON_CURVE)
+        assert len(mesh.edges[f"neck {k}"]) == 6
+        assert np.ptp(place[nodes_on(mesh, f"neck {k}")].imag) == pytest.approx(neck)
+    sides = place[outer_sides(mesh)]
+    middle = sides[np.abs(sides.imag).max(axis=1) < neck / 2 + 0.9 * R].ravel()  # without the free sides of the bars
+    notched = middle[(middle.real > 1) & (middle.real < 59)]
+    centres = np.where(notched.real < 30, 18, 41) + 1j * np.sign(notched.imag) * (neck / 2 + R)
+    assert len(notched) > 200
+    np.testing.assert_allclose(np.abs(notched - centres), R, atol=ON_CURVE)
+
+
+def test_leaves_end_on_their_bodies():
+    mesh = mesh_layout(parallelogram(), 4)
+    leaf = 17 * 0.4 + (4 - np.pi) * 0.5**2
+    assert area_of(mesh, 0, 1, 2, 3) == pytest.approx(36 * 9 + 36 * 7 + 2 * leaf, rel=PARABOLAS)
+    for k in (0, 1):
+        for label, body, y in ((f"end {k} near", 0, 0), (f"end {k} far", 1, 17)):
+            on = nodes_on(mesh, label)
+            middle = on[np.abs(mesh.nodes[on, 1] - y) < ON_CURVE]
+            assert np.ptp(mesh.nodes[middle, 0]) > 0.4  # more than the leaf without fillets
+            for part in (body, 2 + k):
+                assert np.isin(on, mesh.triangles[mesh.bodies == part]).all()
+    assert jacobians(mesh).min() > 0
+
+
+def test_contours_are_exact_lines_and_arcs(tmp_path):
+    outer, hole = plate_contours(parallelogram())
+    assert Counter(segment.centre is None for segment in hole) == {True: 4, False: 4}
+    assert {round(abs(s.start - s.centre), 9) for s in (*outer, *hole) if s.centre is not None} == {0.5}
+    assert area(hole) == pytest.approx(-(17 * 23.6 - (4 - np.pi) * 0.5**2), rel=1e-12)
+    assert area(outer) + area(hole) == pytest.approx(36 * 16 + 2 * (6.8 + (4 - np.pi) * 0.5**2), rel=1e-12)
+    write_plate_step(parallelogram(), tmp_path / "plate.step")
+    assert "ADVANCED_BREP" in (tmp_path / "plate.step").read_text()
+
+
+def test_contours_of_other_curves_are_within_their_tolerance():
+    profile = Elliptical(0.5, 10.0, 3.0)
+    bodies = [GROUND._replace(holes=(tuple(s.reversed() for s in reversed(box(2, -1, 4, 2))),)), STAGE]
+    outer, hole = plate_contours(layout_of(bodies, [LEAF._replace(profile=profile, cut=7.0)]))
+    exact = 10 * 10 + 13 * 10 + 10 * 6.5 - np.pi * 5 * 3
+    assert area(outer) == pytest.approx(exact, abs=1e-4 * 24)  # 24 mm of ellipses
+    assert area(hole) == pytest.approx(-6)
+
+
+def test_a_table_of_heights_is_meshed():
+    profile = Tabulated(table=((0, 7.0), (4, 0.6), (6, 0.9), (10, 5.0)))
+    mesh = mesh_layout(layout_of([GROUND, STAGE], [LEAF._replace(profile=profile)]), 4)
+    x, weights = profile.quadrature
+    assert area_of(mesh, 0, 1, 2) == pytest.approx(230 + weights @ profile.height(x), rel=1e-5)
+
+
+AROUND = GROUND._replace(outline=box(0, -5, 19, 5))
+THIRD = Body("third", box(33, 0, 40, 3), key="body[2]")
+
+
+@pytest.mark.parametrize(
+    ("bodies", "hinge", "message"),
+    [
+        ([GROUND, STAGE, THIRD._replace(outline=box(30, 0, 40, 3))], LEAF, r"body\[1\]: overlaps third by 9 mm\^2"),
+        ([GROUND, STAGE, THIRD], LEAF, r"body\[1\]: touches third"),
+        ([GROUND, STAGE, THIRD._replace(outline=box(34, 0, 40, 3))], LEAF, r"body\[2\]: .* to no other body"),
+        ([GROUND, STAGE._replace(outline=box(21, -5, 33, 5))], LEAF, r"hinge\[0\]: ends 1 mm before stage"),
+        ([GROUND, STAGE], LEAF._replace(heading=np.pi), r"hinge\[0\]: its axis points from stage to ground"),
+        ([GROUND._replace(outline=box(0, -0.6, 10, 5)), STAGE], LEAF, r"hinge\[0\]: is 1.4 mm high at ground"),
+        ([AROUND, STAGE._replace(outline=box(19, -5, 33, 5))], LEAF, r"body\[0\]: touches stage"),
+        ([AROUND, STAGE], LEAF._replace(cut=0.4, profile=Leaf(0.4, 10)), "along its side"),
+        ([GROUND._replace(fixed=False), STAGE], LEAF, "no body is fixed"),
+        ([GROUND._replace(outline=tuple(polyline(0, 10 + 5j, 10 - 5j, 5j, 0))), STAGE], LEAF, r"body\[0\]: Self-inter"),
+    ],
+)  # fmt: skip
+def test_parts_that_are_not_connected_by_hinges_alone_are_refused(bodies, hinge, message):
+    with pytest.raises(BadInput, match=message + r"[^\n]*, expected [^\n]*$"):
+        check_layout(layout_of(bodies, [hinge]))
+
+
+def test_grounds_apart_are_two_pieces_and_bodies_that_touch_are_found_in_the_mesh_too(monkeypatch):
+    apart = THIRD._replace(outline=box(34, 0, 40, 3), fixed=True)
+    assert area_of(mesh_layout(layout_of([GROUND, STAGE, apart], [LEAF]), 3), 2) == pytest.approx(18)
+    monkeypatch.setattr(flexfem.fem.plate_mesh, "check_layout", lambda layout: None)
+    with pytest.raises(ComputationFailed, match=r"joined without a hinge|connected to nothing|overlap"):
+        mesh_layout(layout_of([GROUND, STAGE._replace(outline=box(10, -5, 33, 5))], [LEAF]), 3)
