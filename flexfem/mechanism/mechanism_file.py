@@ -251,7 +251,7 @@ class PlateHinge(Dimensioned):
     table: Annotated[tuple[Point, ...], Field(max_length=MOST)] | None = Field(
         default=None, alias="table_mm", examples=[[[0.0, 4.0], [2.0, 0.5], [4.0, 4.0]]]
     )
-    """Rows of position along the axis and height of a `profile`, at least three, symmetric about its middle"""
+    """Rows of ascending position along the axis and height of a `profile`, at least three; its middle is the centre"""
     cut: Size | None = Field(default=None, alias="cut_mm", examples=[12.0])
     """Height over which both bodies are cut away along the profile; by default 2 % more than the larger of the height
     of the ends of the profile and the widths of those bodies that are bars"""
