@@ -27,6 +27,7 @@ from flexfem.units import LENGTH, STRESS
 
 GROUND, HINGE, DRIVE, MASS = "#C3C9D0", "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
+CROSS = 0.07  # length of the axes at the output relative to the size
 MANY = 40  # labels above which they are small
 WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
 
@@ -56,8 +57,10 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
         _fill(ax, polygon, HINGE)
     plate = shapely.union_all([*bodies, *hinges], grid_size=1e-6)
     ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
-    contacts = [contact for _, contact in layout.points] + [each for a in layout.actuators for each in a.contacts]
-    size = fit(ax, np.vstack([shapely.get_coordinates(plate), *(xy(contact.point) for contact in contacts)]), 0.07)
+    rim, output = shapely.get_coordinates(plate), layout.points[0][1].point
+    visible = [contact.point for _, contact in layout.points] + [z.point for a in layout.actuators for z in a.contacts]
+    visible.append(output + CROSS * (1 + 1j) * float(np.max(np.ptp(rim, axis=0))))
+    size = fit(ax, np.vstack([rim, *map(xy, visible)]), 0.07)
     scale_bar(ax)
     obstacles: list[Any] = [plate.boundary]
     _draw_ports(ax, layout, size, obstacles)
@@ -110,7 +113,7 @@ def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> 
     for _, contact in layout.points[1:]:
         ax.plot(*xy(contact.point), "+", color=NOTE_COLOUR, markersize=9, markeredgewidth=1.5, zorder=6)
     output = layout.points[0][1].point
-    frame_cross(ax, 0.07 * size, output)
+    frame_cross(ax, CROSS * size, output)
     obstacles.append(shapely.LineString([xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)]))
 
 
