@@ -33,6 +33,7 @@ from flexfem.mechanism.actuators import StackName, StackRating, check_rating, ra
 from flexfem.mechanism.dimensioned import Dimensioned, in_unit
 from flexfem.mechanism.materials import Material
 from flexfem.mechanism.plate_file import PlateFile
+from flexfem.mechanism.stage_file import Frame
 from flexfem.units import without_unit
 
 STATED = "stated"  # context of a dump: expressions by their texts
@@ -388,6 +389,8 @@ class MechanismContent(PlateFile):
     """A linear actuator between two bodies, or between the ground and a body"""
     output: OutputPoint
     """Point at which the mechanism is loaded and its pose is read"""
+    frame: Frame = Field(default_factory=Frame)
+    """Frame to which the plate is fixed. Only thermal drift uses it"""
     payload: OutputPayload | None = None
     """Rigid payload at the output"""
     point: tuple[NamedPoint, ...] = ()
