@@ -1,5 +1,7 @@
 """Sparse Cholesky factorisation and static condensation: CHOLMOD of the cvxopt wheel when installed, else SuperLU.
 
+Extruded meshes are factorised by PARDISO when it is installed, but condensed by CHOLMOD, which is as fast for sectors.
+
 Matrices are symmetric and given by their lower triangles, by rows in ascending order: the upper triangles by columns.
 The unknowns are those of the nodes of a plane mesh, `block` for each, and any others last. Nodes, not unknowns, are
 ordered for little fill (approximate minimum degree): in extruded meshes this is faster and leaves less fill.
@@ -16,6 +18,7 @@ from contextlib import suppress
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, NamedTuple, TypeAlias
+from weakref import finalize
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,6 +38,9 @@ Solve: TypeAlias = Callable[[Array], Array]
 
 def factorise(lower: sp.csr_array, block: int = 1) -> Solve:
     """Factorise a positive definite matrix. Raises ComputationFailed when it is singular."""
+    if block > 2 and find_spec("pypardiso") is not None:  # extruded: in the plane CHOLMOD is as fast
+        with suppress(ImportError):  # without the library of MKL
+            return pardiso(lower, block)
     if find_spec("cvxopt") is None:
         return superlu(lower)
     K, order = _to_cvxopt(lower), _node_order(lower, lower.shape[0], block)
@@ -92,6 +98,30 @@ def _solve(factor: Any, b: Array, kind: int) -> Array:
     return np.array(x)
 
 
+def pardiso(lower: sp.csr_array, block: int = 1) -> Solve:
+    """Factorise as `factorise` with PARDISO of MKL on all processors, in our order, else that of METIS."""
+    from pypardiso import PyPardisoSolver
+    from pypardiso.pardiso_wrapper import PyPardisoError
+
+    size, ordered = lower.shape[0], find_spec("cvxopt") is not None
+    solver, unread = PyPardisoSolver(mtype=2, phase=12), sp.csr_array(lower.shape)  # definite; analysis and factor
+
+    def solve(b: Array) -> Array:
+        return np.asarray(solver._call_pardiso(unread, np.asfortranarray(b)))
+
+    finalize(solve, solver.free_memory, everything=True)
+    for number, value in {1: 1, 2: 3, 5: int(ordered)}.items():  # own settings, METIS, a given order
+        solver.set_iparm(number, value)
+    if ordered:
+        solver.perm = (_node_order(lower, size, block) + 1).astype(np.int32)
+    try:
+        solver._call_pardiso(lower.T.tocsr(), np.zeros((size, 1)))
+    except PyPardisoError:
+        raise ComputationFailed(SINGULAR) from None
+    solver.set_phase(33)  # substitution without refinement: the matrix is not read
+    return solve
+
+
 def _symmetric(lower: sp.csr_array) -> sp.csc_array:
     return (lower + sp.tril(lower, -1).T).tocsc()
 
@@ -133,7 +163,7 @@ class Condensed(NamedTuple):
 def condense(lower: sp.csr_array, boundary: int, block: int = 1) -> Condensed:
     """Condense a positive definite matrix onto its last unknowns. Raises ComputationFailed when it is singular."""
     if find_spec("cvxopt") is None:
-        return _by_superlu(lower, boundary)
+        return _by_solves(lower, boundary, block)
     size, inner = lower.shape[0], lower.shape[0] - boundary
     K, order = _to_cvxopt(lower), _node_order(lower, inner, block)
     del lower  # frees its memory for the factor unless the caller holds it
@@ -195,11 +225,11 @@ def _trailing(factor: Any, size: int, count: int) -> Array:
     return np.asarray(np.tril(L))
 
 
-def _by_superlu(lower: sp.csr_array, boundary: int) -> Condensed:
-    """Condense with SuperLU, which factorises the inner unknowns alone."""
+def _by_solves(lower: sp.csr_array, boundary: int, block: int) -> Condensed:
+    """Condense by a solve for every boundary unknown, with a factor of the inner unknowns alone."""
     inner = lower.shape[0] - boundary
     coupling, K_bb = lower[inner:, :inner], lower[inner:, inner:].toarray()
-    solve = superlu(lower[:inner, :inner])
+    solve = factorise(lower[:inner, :inner], block)
     schur = K_bb + np.tril(K_bb, -1).T - coupling @ solve(coupling.T.toarray())
 
     def reduced(loads: Array) -> tuple[Array, Array]:

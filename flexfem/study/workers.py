@@ -221,7 +221,8 @@ def versions_of(meshed: bool) -> Mapping[str, str]:
     installation, and a hash of the file that the user gives by `--with`.
     """
     versions = {"python": ".".join(map(str, sys.version_info[:2]))}
-    for name in ("flexfem", "numpy", "scipy", "shapely", *(("gmsh", "scikit-fem", "cvxopt") if meshed else ())):
+    of_elements = ("gmsh", "scikit-fem", "cvxopt", "pypardiso") if meshed else ()
+    for name in ("flexfem", "numpy", "scipy", "shapely", *of_elements):
         try:
             versions[name] = version(name)
         except PackageNotFoundError:

@@ -1,4 +1,4 @@
-"""Both factorisations solve the same equations, whichever of them is installed."""
+"""All factorisations solve the same equations, whichever of them is installed."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ import pytest
 import scipy.sparse as sp
 
 import flexfem.fem.factor
-from flexfem.fem.factor import condense, dense, factorise, superlu
+from flexfem.fem.factor import condense, dense, factorise, pardiso, superlu
 from flexfem.refused import ComputationFailed
 
 ROUND_OFF = 1e-10  # condition number of the sample times round-off, with room
 NEEDS_CHOLMOD = pytest.mark.skipif(find_spec("cvxopt") is None, reason="cvxopt is optional")
-BOTH = [pytest.param(factorise, marks=NEEDS_CHOLMOD), superlu]
+NEEDS_PARDISO = pytest.mark.skipif(find_spec("pypardiso") is None, reason="pypardiso is optional")
+ALL = [pytest.param(factorise, marks=NEEDS_CHOLMOD), superlu, pytest.param(pardiso, marks=NEEDS_PARDISO)]
 
 
 def sample(stiffness_of_last=1.0):
@@ -26,14 +27,14 @@ def sample(stiffness_of_last=1.0):
     ).tocsc()
 
 
-@pytest.mark.parametrize("method", BOTH, ids=["cholmod", "superlu"])
+@pytest.mark.parametrize("method", ALL, ids=["cholmod", "superlu", "pardiso"])
 def test_solves_a_symmetric_system_given_by_its_lower_triangle(method):
     K = sample()
     x = np.random.default_rng(3).normal(size=(K.shape[0], 3))
     np.testing.assert_allclose(method(sp.tril(K).tocsr())(K @ x), x, rtol=0, atol=ROUND_OFF)
 
 
-@pytest.mark.parametrize("method", BOTH, ids=["cholmod", "superlu"])
+@pytest.mark.parametrize("method", ALL, ids=["cholmod", "superlu", "pardiso"])
 def test_a_part_that_is_not_held_is_refused(method):
     K = sample().tolil()
     K[-1, :] = 0.0
@@ -60,7 +61,7 @@ def test_condensed_equations_are_those_of_the_whole(installed, monkeypatch):
         np.testing.assert_allclose(left, expected, rtol=0, atol=ROUND_OFF)
         x = found.expanded(inside, np.linalg.solve(schur, left))
         np.testing.assert_allclose(K @ x, b, rtol=0, atol=ROUND_OFF)
-    assert ("by_superlu" in found.reduced.__qualname__) is not installed
+    assert ("by_solves" in found.reduced.__qualname__) is not installed
 
 
 def test_a_dense_matrix_is_solved_and_refused_alike():
