@@ -49,12 +49,12 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.page.report import plot_results as plot_results
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
-    from flexfem.questions.bands import converge as converge
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.check import check as check
     from flexfem.questions.check import hinge_review as hinge_review
     from flexfem.questions.check import known_formulas as known_formulas
     from flexfem.questions.check import thickness_review as thickness_review
+    from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.errors import verification as verification

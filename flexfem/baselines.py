@@ -29,10 +29,11 @@ from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.questions.bands import converge, levels
+from flexfem.questions.bands import levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
 from flexfem.questions.check import hinge_review, thickness_review
+from flexfem.questions.convergence import converge
 from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
 from flexfem.questions.gravity import gravity

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import banded, minus, scientific
-from flexfem.questions.bands import MeshConvergence
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
+from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import Verification
 from flexfem.units import DIRECTIONS, LENGTH, Direction, unit_for
 

@@ -19,7 +19,7 @@ from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, Fields
+from flexfem.results import ELEMENTS, Fields, PlateFields
 from flexfem.units import DIRECTIONS, STRESS, unit_for
 
 VISIBLE = 0.05  # largest drawn displacement over the size of the stage
@@ -48,7 +48,7 @@ def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values
 def plot_displacement(
     ax: Axes | None, fields: Fields, *, factor: float | None = None, norm: LogNorm | None = None
 ) -> Axes:
-    """Draw a stage displaced by finite elements, coloured by von Mises stress, and its undeformed outline in grey.
+    """Draw a plate displaced by finite elements, coloured by von Mises stress, and its undeformed outline in grey.
 
     `factor`, `norm` : exaggeration and stress scale; default: chosen for the fields. Returns `ax`, or new axes.
     """
@@ -56,7 +56,8 @@ def plot_displacement(
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
     moved = fields.nodes + factor * fields.displacement
     draw_field(ax, fields.nodes, fields.triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
-    draw_hub(ax, fields.nodes, moved)
+    if not isinstance(fields, PlateFields):
+        draw_hub(ax, fields.nodes, moved)
     fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
 
@@ -86,13 +87,13 @@ def draw_scale(figure: Figure, axes: Any, norm: Normalize, label: str, **place: 
 @in_house_style
 def stress_figure(fields: Mapping[str, Fields]) -> Figure:
     """Draw the deformed stage under every load; the keys of `fields` are the titles."""
-    return _displaced("", ["Displacements"], fields, len(fields))[0]
+    return displaced("", ["Displacements"], fields, len(fields))[0]
 
 
-def _displaced(
+def displaced(
     title: str, lines: list[str], fields: Mapping[str, Fields], columns: int, assumptions: Any = None
 ) -> tuple[Figure, list[Axes], float]:
-    """Draw a panel per stage with a common exaggeration and stress scale; return figure, panels and exaggeration."""
+    """Draw a panel per case with a common exaggeration and stress scale; return figure, panels and exaggeration."""
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
     size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
     key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
@@ -114,7 +115,7 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
         lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
-    figure, axes, factor = _displaced(result.name, lines, drawn, columns, result)
+    figure, axes, factor = displaced(result.name, lines, drawn, columns, result)
     for ax, (label, field) in zip(axes, drawn.items(), strict=True):
         moved, (node, hinge) = field.nodes + factor * field.displacement, largest_stress(models[label], field)
         text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"

@@ -17,9 +17,13 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.plot.fields import displaced
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
 from flexfem.plot.style import INK, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
-from flexfem.units import LENGTH
+from flexfem.plot.text import significant
+from flexfem.questions.setup import MeshFields
+from flexfem.results import PlateFields, Result
+from flexfem.units import LENGTH, STRESS
 
 GROUND, HINGE, DRIVE, MASS = "#C3C9D0", "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
@@ -139,3 +143,26 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     plot_mechanism(ax, mechanism)
     return figure
+
+
+@in_house_style
+def load_figure(found: Result) -> Figure:
+    """Draw a mechanism displaced by a load on its output, coloured by von Mises stress."""
+    assert isinstance(found.fields, MeshFields)
+    model = found.axes["model"][-1]
+    force, stress = found.at("force", model=model), found.at("hinge_stress", model=model)
+    parts = (f"{significant(float(value))} {unit}" for value, unit in zip(force, ("N", "N", "N mm"), strict=True))
+    highest = (
+        f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
+    )
+    lines = [f"Under {', '.join(parts)} on the output in X, Y, \N{GREEK SMALL LETTER THETA}; {highest}. Displacements"]
+    return displaced(found.about.name, lines, {"": plane_fields(found.fields)}, 1, found.about)[0]
+
+
+def plane_fields(fields: MeshFields) -> PlateFields:
+    """Return the fields of a figure, in three dimensions as those of a stage."""
+    mesh, made = fields.mesh, fields.made()
+    field, stress = made["displacement"], made["von_mises"]
+    if fields.heights is not None:
+        field, stress = field[:, 0, :2], stress.max(axis=1)
+    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)

@@ -7,14 +7,12 @@ the difference of nearly equal mesh errors of nine hinges: `command_convergence`
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import pairwise
-from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar
+from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from flexfem import arguments
 from flexfem.arrays import Array, is_largest
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
@@ -22,11 +20,7 @@ from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import warnings as warning
-from flexfem.questions.setup import about, on_meshes, question, sectors_of, solved
-from flexfem.refused import BadInput
-from flexfem.results import COARSER as ON_COARSER
-from flexfem.results import Gate, Progress, Quantity, Result
+from flexfem.questions.setup import sectors_of
 from flexfem.units import DIRECTIONS, Direction
 
 COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
@@ -37,8 +31,6 @@ SAFETY, CAUTIOUS = 1.25, 3.0  # safety factors of Roache: with the observed orde
 TRUSTED = (1.0, 6.0)  # an observed order outside does not indicate the asymptotic range
 ROUND_OFF = 1e-8  # per cent, and relative to a value: smaller differences are due to floating-point arithmetic
 DEPENDENT = 1e-6  # of the largest energy: load combinations with less are linearly dependent up to round-off
-RESOLUTIONS = (3, 4, 6, 8, 11, 15)  # of `converge`
-LARGE = 1e-3  # of a compliance: the target accuracy of the default mesh
 
 Verdict: TypeAlias = Literal["converging", "oscillatory", "divergent", "out of range", "round-off"]
 Solution = TypeVar("Solution")
@@ -245,7 +237,7 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     largest, error = np.max(np.abs(C), axis=0), _relative_error(n**ORDER, C)
     bound = CAUTIOUS * (error.common * np.abs(C[-1]) + error.spread * size)
     bands = np.where(largest <= ROUND_OFF * size, np.maximum(largest, np.finfo(float).eps * size), bound)
-    np.fill_diagonal(bands, [grid_convergence(n, C[:, k, k], round_off=0.0).band for k in range(3)])
+    np.fill_diagonal(bands, [grid_convergence(n, C[:, k, k], round_off=0.0).band for k in range(len(size))])
     return np.asarray(bands)
 
 
@@ -358,84 +350,3 @@ def solid_pose_bands(solve: Callable[[int, int], Array], resolution: int, layers
     """Return the half-widths (3, cases) of poses, all mm, that `solve` computes with a resolution and layers."""
     on_planes, with_layers = coarser(solve, resolution, layers)
     return pose_bands(np.array(levels(resolution), dtype=float), np.array(on_planes), 1.0) + layer_bands(*with_layers)
-
-
-# the question
-
-
-class MeshConvergence(Result):
-    """Platform compliance of a stage on meshes of increasing resolution, and its extrapolated limit."""
-
-    title = "mesh convergence"
-    figure = "errors.convergence_figure"
-    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_COARSER)
-    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_COARSER)
-    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
-    triangles = Quantity("triangles", "", ("mesh",), Gate(0.05))
-    unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
-    compliance = Quantity(
-        "compliance", "compliance matrix", ("mesh", "component", "direction"), ON_COARSER, "matrix", shown=False
-    )
-
-    @property
-    def resolutions(self) -> list[int]:
-        """Triangles across every neck of each mesh, coarse to fine."""
-        return [int(label.split()[0]) for label in self.axes["mesh"]]
-
-    @property
-    def verdicts(self) -> list[str]:
-        """Verdict on the three finest meshes in each direction."""
-        return [note.partition(": ")[2] for note in self.notes]
-
-
-@question
-def converge(
-    stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
-) -> MeshConvergence:
-    """Solve a stage on increasingly fine meshes; compute observed order, extrapolated compliance and mesh band.
-
-    Parameters
-    ----------
-    resolutions : list of int, optional
-        Triangles across every neck: three or more, each at least 1.3 times the previous one; by default 3 to 15.
-    {shared}
-
-    Notes
-    -----
-    I. B. Celik et al., J. Fluids Eng. 130 (2008) 078001; the band is Roache's index, with his safety factors.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> found = flexfem.converge(flexfem.load("geometry/mobility6.toml"), resolutions=[2, 3, 4])
-    >>> found.verdicts
-    ['converging', 'converging', 'converging']
-    """
-    check_feasible(stage)
-    steps = tuple(arguments.resolutions(RESOLUTIONS if resolutions is None else resolutions))
-    if len(steps) < 3 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
-        expected = f"three or more, each at least {COARSER:g} times the one before"
-        raise BadInput(f"resolutions {list(steps)}, expected {expected}")
-    meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
-    C = np.array([mesh.compliance for mesh in meshes])
-    along = np.diagonal(C, axis1=1, axis2=2)
-    curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
-    band = np.full(along.shape, np.nan)
-    band[-1] = [curve.band for curve in curves]
-    values: dict[str, Any] = {name: [getattr(mesh, name) for mesh in meshes] for name in ("triangles", "unknowns")}
-    values |= {"along": along, "compliance": C}
-    values |= {"extrapolated": [curve.extrapolated for curve in curves], "order": [curve.observed for curve in curves]}
-    large = [
-        f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
-        f"({curve.verdict}); finer meshes reduce it"
-        for axis, curve in zip(DIRECTIONS, curves, strict=True)
-        if curve.band > LARGE * abs(curve.extrapolated)
-    ]
-    return MeshConvergence(
-        about(stage),
-        values,
-        {"along": band, "extrapolated": band[-1]},
-        {"mesh": [f"{level} across a neck" for level in steps]},
-        warnings=[*warning.of_numbers(stage), *large],
-        notes=[f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)],
-    )

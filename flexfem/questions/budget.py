@@ -20,9 +20,9 @@ from flexfem.fem.response import Response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import warnings
+from flexfem.questions import plates, warnings
 from flexfem.questions.bands import SAFETY, command_errors, error_matrix, levels, solve_solid
-from flexfem.questions.setup import about, on_meshes, question, solved
+from flexfem.questions.setup import about, for_mechanisms, on_meshes, question, solved
 from flexfem.refused import BadInput
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -64,6 +64,7 @@ class Budget(Result):
     )  # fmt: skip
 
 
+@for_mechanisms(plates.budget)
 @question
 def budget(
     stage: Stage,

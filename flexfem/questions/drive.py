@@ -23,6 +23,7 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
+from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.driven import (
     CRITERIA,
@@ -43,7 +44,7 @@ from flexfem.questions.driven import (
     stress_along,
     unit_commands,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, question
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
@@ -149,11 +150,12 @@ class DrivenElements(NamedTuple):
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
+@for_mechanisms(plates.drive)
 @question
 def drive(
     stage: Stage,
     *,
-    pose: tuple[float, float, float],
+    pose: tuple[float, float, float] | None = None,
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
@@ -163,8 +165,8 @@ def drive(
 
     Parameters
     ----------
-    pose : tuple of float
-        Pose of the platform: mm, mm, rad.
+    pose : tuple of float, optional
+        Pose of the platform: mm, mm, rad. A mechanism needs none: its result is the motion for every free stroke.
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
@@ -182,6 +184,8 @@ def drive(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2)
+    if pose is None:
+        raise BadInput("pose is missing, expected the pose of the platform: mm, mm, rad")
     target = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
     stacks, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))

@@ -22,10 +22,12 @@ from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of, sheet_of, structure
 from flexfem.files.provenance import Assumptions, assumptions
 from flexfem.files.refusals import checked_path
+from flexfem.files.toml import kind_of, read_toml
 from flexfem.files.writing import check_folder, check_name, digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.mechanism import Mechanism, load_mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
-from flexfem.questions import bands, warnings
+from flexfem.questions import bands, plates, warnings
 from flexfem.questions.bands import Convergence, Verdict, error_matrix, levels
 from flexfem.questions.case import Case, Curve, LoadedCase
 from flexfem.questions.drive import limit_warnings
@@ -199,15 +201,13 @@ class CurveElements(NamedTuple):
 
 
 @question
-def verification(
-    *cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None
-) -> list[Verification]:
+def verification(*cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None) -> list[Result]:
     """Apply the analytic force of (18), or joint commands, to finite elements; compute the errors of Figures 5 to 7.
 
     Parameters
     ----------
     *cases : Path
-        Case files, see flexfem schema case.
+        Case files, see flexfem schema case, or mechanism files: their errors for commands in x, y and theta.
     output : Path, optional
         Folder for the results, which `flexfem plot` draws; with None, results are not stored.
     {shared}
@@ -215,21 +215,23 @@ def verification(
     folder = None if output is None else checked_path(output)
     if folder is not None:
         check_folder(folder)
-    loaded, load, seen = list[LoadedCase](), cache(load_feasible), dict[str, Path]()
+    load, seen = cache(load_feasible), dict[str, Path]()
+    loaded = list[LoadedCase | Mechanism]()
     for path in map(checked_path, cases):  # read all cases before the first computation
-        loaded.append(LoadedCase(path, load))
+        is_mechanism = kind_of(read_toml(path).data) == Mechanism.kind
+        loaded.append(load_mechanism(path) if is_mechanism else LoadedCase(path, load))
         if (other := seen.setdefault(path.stem, path)) != path:
             raise BadInput(f"{path}: its results would overwrite those of {other}, expected another name")
         if folder is not None:
             check_name(folder / f"{path.stem}.json")
             check_name(folder / f"{path.stem}.npz")
-    results = []
-    for case in loaded:
-        results.append(run_case(case))
+    results = list[Result]()
+    for path, case in zip(seen.values(), loaded, strict=True):
+        results.append(plates.verification(case) if isinstance(case, Mechanism) else run_case(case))
         if folder is not None:
-            results[-1].write(folder / f"{case.stem}.json")
+            results[-1].write(folder / f"{path.stem}.json")
         if progress is not None:
-            progress(f"{case.stem}: {len(case.case.curve)} curves")
+            progress(path.stem)
     return results
 
 

@@ -22,14 +22,14 @@ from flexfem.fem.structure import layers_of, mass_of, out_of_plane_ratio_of, pla
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import setup
+from flexfem.questions import plates_loaded, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
+from flexfem.questions.plates_loaded import GRAVITY
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, ModelAnswer, Models, on_meshes
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
-GRAVITY = 9806.65  # mm/s^2, standard gravity
 HEAVIEST = 1e4  # kg
 
 
@@ -50,6 +50,7 @@ class Gravity(Result):
     mass = Quantity("mass, including pads, hub and payload", "kg")
 
 
+@setup.for_mechanisms(plates_loaded.gravity)
 @setup.question
 def gravity(
     stage: Stage,

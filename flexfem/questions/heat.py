@@ -28,7 +28,7 @@ from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.questions import setup
+from flexfem.questions import plates_loaded, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, ModelAnswer, Models, on_meshes
@@ -100,6 +100,7 @@ class WarmFields(NamedTuple):
     ground: Index
 
 
+@setup.for_mechanisms(plates_loaded.drift)
 @setup.question
 def drift(
     stage: Stage,

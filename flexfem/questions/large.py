@@ -22,9 +22,10 @@ from flexfem.fem.response import Response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import plates_loaded
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import percentages
-from flexfem.questions.setup import about, mesh_of, meshed, question, solved
+from flexfem.questions.setup import about, for_mechanisms, mesh_of, meshed, question, solved
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
@@ -77,6 +78,7 @@ class Large(Result):
     strain = Quantity("largest strain of finite elements", "", ("direction", "share"), Gate(5e-3), "all", shown=False)
 
 
+@for_mechanisms(plates_loaded.large)
 @question
 def large(
     stage: Stage,

@@ -30,9 +30,21 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted
+from flexfem.questions import plates_loaded
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
-from flexfem.questions.setup import Mesh, ModelAnswer, Models, about, answer, mesh_of, on_meshes, question, sectors_of
+from flexfem.questions.setup import (
+    Mesh,
+    ModelAnswer,
+    Models,
+    about,
+    answer,
+    for_mechanisms,
+    mesh_of,
+    on_meshes,
+    question,
+    sectors_of,
+)
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
@@ -217,6 +229,7 @@ class Vibration(NamedTuple):
         return paths
 
 
+@for_mechanisms(plates_loaded.modes)
 @question
 def modes(
     stage: Stage,

@@ -17,6 +17,7 @@ from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
 from flexfem.questions.driven import (
@@ -29,7 +30,7 @@ from flexfem.questions.driven import (
     per_command,
     sections_of,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, meshed, question
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
@@ -136,6 +137,7 @@ class ReachedPoses(NamedTuple):
     stops: Stops
 
 
+@for_mechanisms(plates.reach)
 @question
 def reach(
     stage: Stage,

@@ -21,6 +21,7 @@ from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import AXES, About, Progress, Result
@@ -66,8 +67,10 @@ def question(function: Function) -> Function:
 
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
-        hints = hints_of()
-        for name, value in signature.bind(*positional, **named).arguments.items():
+        hints, bound = hints_of(), signature.bind(*positional, **named).arguments
+        if isinstance(subject := bound.get("stage"), Mechanism):
+            raise BadInput(f"{subject.origin}: {function.__name__} is for the nine-hinge stage, not for a mechanism")
+        for name, value in bound.items():
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
             is_known = isinstance(value, str) and value in words
@@ -78,6 +81,31 @@ def question(function: Function) -> Function:
         return function(*positional, **named)
 
     return cast(Function, checked)
+
+
+def for_mechanisms(answer: Callable[..., Any]) -> Callable[[Function], Function]:
+    """Let a question about stages also take a mechanism, with an answer that has the same options or fewer.
+
+    The function raises BadInput for a mechanism with an option that the answer lacks.
+    """
+
+    def decorate(function: Function) -> Function:
+        signature, known = inspect.signature(function), inspect.signature(answer).parameters
+
+        @wraps(function)
+        def either(*positional: Any, **named: Any) -> Any:
+            bound = signature.bind(*positional, **named).arguments
+            if not isinstance(bound["stage"], Mechanism):
+                return function(*positional, **named)
+            given = {key: value for key, value in bound.items() if value != signature.parameters[key].default}
+            mechanism = given.pop("stage")
+            for key in given.keys() - known.keys():
+                raise BadInput(f"{key} {given[key]!r}: an option for the nine-hinge stage, not for a mechanism")
+            return answer(mechanism, **given)
+
+        return cast(Function, either)
+
+    return decorate
 
 
 class Analytic(NamedTuple):
@@ -180,6 +208,12 @@ class MeshFields(NamedTuple):
 def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     """Return a mesh as settings of a result."""
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
+
+
+def about_mechanism(mechanism: Mechanism) -> About:
+    """Return the subject of a result: a mechanism."""
+    doubts = tuple(mechanism.assumed), tuple(mechanism.not_stated)
+    return About(mechanism.name, str(mechanism.origin), mechanism.hash, *doubts, mechanism.layout.lever)
 
 
 def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:

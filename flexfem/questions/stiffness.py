@@ -17,7 +17,7 @@ from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import setup
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
 from flexfem.questions.reach import reach
@@ -89,6 +89,7 @@ class Summary(Result):
     free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED, prefixed=True)
 
 
+@setup.for_mechanisms(plates.stiffness)
 @setup.question
 def stiffness(
     stage: Stage,

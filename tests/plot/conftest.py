@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from flexfem.arrays import Array
-from flexfem.questions.bands import MeshConvergence
 from flexfem.questions.budget import Budget
+from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import CurveModels, HingeDrawing, Verification
 from flexfem.results import About, Fields
 

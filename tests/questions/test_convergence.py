@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions import bands
-from flexfem.questions.bands import converge, grid_convergence, levels, mesh_band, stress_bands
+from flexfem.questions.bands import grid_convergence, levels, mesh_band, stress_bands
+from flexfem.questions.convergence import converge
 
 from ..conftest import ROOT
 

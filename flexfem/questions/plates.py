@@ -1,0 +1,515 @@
+"""Questions about any plate mechanism: at rest, errors of the analytic model, error budget, convergence, drive, reach.
+
+Every number follows from the compliance between the ports of the mechanism and from the stress in its hinges, by the
+analytic network with rigid bodies, the network with elastic bodies, and finite elements in the plane or extruded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from scipy.optimize import linprog
+
+from flexfem import arguments
+from flexfem.analytic.plates import respond
+from flexfem.arrays import Array, free_stiffness
+from flexfem.fem.elements import mirrored
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.plate_bodies import body_compliances
+from flexfem.fem.plate_mesh import mesh_layout
+from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
+from flexfem.mechanism.dimensioned import once
+from flexfem.mechanism.layout import ElasticBody
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions import setup
+from flexfem.questions.bands import compliance_bands, corner_bands, error_bands, error_matrix, grid_convergence, levels
+from flexfem.questions.setup import ModelAnswer, Models, mesh_of, on_meshes
+from flexfem.refused import BadInput
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.units import DIRECTIONS
+
+ELASTIC = "elastic bodies"  # label of the network whose bodies have the compliance of finite elements of each body
+BODY_RESOLUTION = 4  # of the finite elements of single bodies
+ROUND_OFF = 1e-9
+POINTS = Gate(COARSER.relative, absolute=100 * COARSER.relative)  # percentage points of a command
+
+
+class Responses(NamedTuple):
+    """Response of one model to unit loads on the k ports: compliance (k, k) and stress in hinges.
+
+    stress : function of loads (..., k), N and N mm, returns the highest stress (..., hinges), MPa.
+    """
+
+    compliance: Array
+    stress: Callable[[Array], Array]
+
+
+@once
+def meshed(mechanism: Mechanism, resolution: int) -> StageMesh:
+    """Mesh the plate."""
+    return mesh_layout(mechanism.layout, resolution)
+
+
+@once
+def model_of(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateModel:
+    """Factorise finite elements, in the plane without layers."""
+    layout = mechanism.layout
+    necks = min((joint.profile.neck for joint in layout.joints), default=layout.thickness)
+    through = mirrored(layout.thickness, layers, necks) if layers else None
+    return plate_model(layout, meshed(mechanism, resolution), through)
+
+
+@once
+def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateResponse:
+    """Solve finite elements for unit loads on all ports."""
+    model = model_of(mechanism, resolution, layers)
+    return model.response(model.port_forces)
+
+
+@once
+def bodies_of(mechanism: Mechanism) -> tuple[ElasticBody, ...]:
+    """Return the compliance of every moving body by finite elements of it alone."""
+    return body_compliances(mechanism.layout, meshed(mechanism, BODY_RESOLUTION))
+
+
+def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
+    """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
+    layout = mechanism.layout
+    parts = [joint.profile.stress(wrenches[..., h, :], layout.thickness) for h, joint in enumerate(layout.joints)]
+    return np.stack(parts, axis=-1)
+
+
+@once
+def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
+    """Return the response of the analytic network with rigid or with elastic bodies."""
+    found = respond(mechanism.layout, bodies_of(mechanism) if elastic else ())
+
+    def stress(loads: Array) -> Array:
+        return stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads))
+
+    return Responses(found.compliance, stress)
+
+
+def elements(mechanism: Mechanism, resolution: int, layers: int = 0) -> Responses:
+    """Return the response of finite elements."""
+    response = solved(mechanism, resolution, layers)
+    return Responses(response.compliance, lambda loads: hinge_stress(response, loads))
+
+
+class Found(NamedTuple):
+    """Values of every model, finite elements on three meshes, and the bands of their finest mesh."""
+
+    models: dict[str, ModelAnswer]
+    compliances: dict[str, Array]
+
+
+def of_models(
+    mechanism: Mechanism,
+    mesh: setup.Mesh | None,
+    models: Models,
+    values: Callable[[Responses], dict[str, Any]],
+    progress: Progress | None = None,
+    bands: Callable[[Array, list[dict[str, Any]]], Mapping[str, Any]] | None = None,
+) -> Found:
+    """Compute values of all requested models; the bands of finite elements are those of three meshes.
+
+    bands : of the values on three meshes, from the resolutions; `corner_bands` of every value by default.
+    """
+    found, compliances = dict[str, ModelAnswer](), dict[str, Array]()
+    if models != "elements":
+        for label, elastic in ((ANALYTIC, False), (ELASTIC, True))[: 1 if models == "analytic" else 2]:
+            response = network(mechanism, elastic)
+            found[label], compliances[label] = ModelAnswer(values(response)), response.compliance
+    if mesh is not None:
+        steps = levels(mesh.resolution)
+        plane = on_meshes(steps, lambda level: elements(mechanism, level), progress)
+        each = [values(response) for response in plane]
+        sizes = np.array(steps, dtype=float)
+        of_mesh = (
+            bands(sizes, each)
+            if bands
+            else {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
+        )
+        found[ELEMENTS], compliances[ELEMENTS] = ModelAnswer(each[-1], of_mesh), plane[-1].compliance
+        if mesh.layers:
+            solid = elements(mechanism, mesh.resolution, mesh.layers)
+            found[SOLID], compliances[SOLID] = ModelAnswer(values(solid)), solid.compliance
+    return Found(found, compliances)
+
+
+def at_rest(mechanism: Mechanism, response: Responses) -> dict[str, Any]:
+    """Return stiffness, stress per displacement and range at yield of the output, and the inputs seen from the drives.
+
+    The amplification is the motion of the output, which is free, per opening of one actuator.
+    """
+    C, drives = response.compliance[:3, :3], mechanism.layout.drive_ports
+    K = np.asarray(np.linalg.inv(C))
+    K = (K + K.T) / 2
+    loads = np.zeros((3, len(response.compliance)))
+    loads[:, :3] = K
+    stress = response.stress(loads)  # (3 directions, hinges)
+    reach = mechanism.material.yield_strength / np.max(stress, axis=1)
+    values = {
+        "compliance": C,
+        "stiffness": K,
+        "free": free_stiffness(K),
+        "stress": stress.T,
+        "yield_range": reach,
+        "yield_force": np.diag(K) * reach,
+    }
+    if drives:
+        opening = np.diag(response.compliance)[drives]
+        values["input_stiffness"] = 1 / opening
+        values["amplification"] = (response.compliance[:3, drives] / opening).T
+    return values
+
+
+class MechanismStiffness(Result):
+    """Stiffness, stress per displacement, range at yield and inputs of a mechanism at rest; response to one load."""
+
+    title = "mechanism at rest"
+    stiffness = Quantity("stiffness matrix", "stiffness matrix", ("model", "component", "direction"), COARSER, "matrix")
+    compliance = Quantity(
+        "compliance matrix", "compliance matrix", ("model", "component", "direction"), COARSER, "matrix", shown=False
+    )
+    free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), COARSER)
+    stress = Quantity(
+        "highest hinge stress per displacement, other directions held", "stress per motion",
+        ("model", "hinge", "direction"), STRESS, "all", largest=("hinge",),
+    )  # fmt: skip
+    yield_range = Quantity(
+        "displacement at which the first hinge yields, other directions held", "motion", ("model", "direction"),
+        STRESS, prefixed=True,
+    )  # fmt: skip
+    yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), STRESS)
+    input_stiffness = Quantity("stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), COARSER)
+    amplification = Quantity(
+        "output motion per actuator opening, output free", ("", "", "rad_per_mm"), ("actuator", "model", "direction"),
+        COARSER, "all",
+    )  # fmt: skip
+    force = Quantity("load on the output", "wrench", ("model", "direction"), COARSER, "wrench")
+    pose = Quantity("displacement under the load", "motion", ("model", "point", "direction"), COARSER, "pose",
+                    prefixed=True)  # fmt: skip
+    energy = Quantity("strain energy", "n_mm", ("model",), COARSER)
+    hinge_stress = Quantity("hinge stress under the load", "mpa", ("model", "hinge"), STRESS, "all",
+                            largest=("hinge",))  # fmt: skip
+
+
+def stiffness(
+    mechanism: Mechanism,
+    *,
+    models: Models = "both",
+    force: tuple[float, float, float] | None = None,
+    displacement: tuple[float, float, float] | None = None,
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismStiffness:
+    """See `flexfem.stiffness`."""
+    mesh = mesh_of(models, resolution, layers)
+    if force is not None and displacement is not None:
+        raise BadInput("force and displacement, expected one of the two")
+    load = None if force is None else arguments.forces("force", force, 1)
+    held = None if displacement is None else arguments.poses("displacement", displacement, 1)
+
+    def values(response: Responses) -> dict[str, Any]:
+        found = at_rest(mechanism, response)
+        F = load if held is None else found["stiffness"] @ held
+        if F is not None:
+            loads = np.concatenate([F, np.zeros(len(response.compliance) - 3)])
+            poses = (response.compliance @ loads)[: 3 * len(mechanism.layout.points)].reshape(-1, 3)
+            found |= {"force": F, "pose": poses, "energy": F @ poses[0] / 2, "hinge_stress": response.stress(loads)}
+        return found
+
+    def bands(sizes: Array, each: list[dict[str, Any]]) -> dict[str, Any]:
+        found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
+        C = compliance_bands(sizes, np.array([one["compliance"] for one in each]))
+        K = np.abs(each[-1]["stiffness"])
+        along = each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])
+        return found | {"compliance": C, "stiffness": K @ C @ K, "free": along}
+
+    found = of_models(mechanism, mesh, models, values, progress, bands)
+    return answer(MechanismStiffness, mechanism, found.models, mesh)
+
+
+def answer(
+    kind: type[setup.Kind],
+    mechanism: Mechanism,
+    models: Mapping[str, ModelAnswer],
+    mesh: setup.Mesh | None,
+    values: Mapping[str, Any] | None = None,
+    axes: Mapping[str, Sequence[str]] | None = None,
+    bands: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+    **texts: Any,
+) -> setup.Kind:
+    """Return the result of a question with the axes of a mechanism: its hinges, points and actuators."""
+    layout = mechanism.layout
+    labels: dict[str, Sequence[str]] = {
+        "hinge": [joint.name for joint in layout.joints],
+        "point": [name for name, _ in layout.points],
+        "actuator": [actuator.name for actuator in layout.actuators],
+    }
+    labels |= {"model": tuple(models), **(axes or {})}
+    stacked, widths = setup.stack_models(kind, models, labels) if models else ({}, {})
+    values, widths = stacked | dict(values or {}), widths | dict(bands or {})
+    settings = setup.meshed(mesh) | dict(settings or {})
+    return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
+
+
+class MechanismErrors(Result):
+    """Error of the finite-element displacement under the force that the analytic network predicts for a command."""
+
+    title = "errors of the finite-element displacement"
+    labels: ClassVar = {"commanded": DIRECTIONS}
+    reading = ("error in per cent of the command; a rotation counts with the lever of the output",)
+    percent = Quantity("error for a command, per cent of it", "percents", ("model", "commanded", "direction"), POINTS)
+    stiffness = Quantity("stiffness", "stiffness", ("model", "direction"), COARSER, shown=False)
+    lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
+
+
+def verification(
+    mechanism: Mechanism, *, resolution: int | None = None, progress: Progress | None = None
+) -> MechanismErrors:
+    """See `flexfem.verification`."""
+    mesh = mesh_of("both", resolution, None)
+    assert mesh is not None
+    steps, lever = levels(mesh.resolution), mechanism.layout.lever
+    C = np.array([one.compliance[:3, :3] for one in on_meshes(steps, lambda n: elements(mechanism, n), progress)])
+    models = dict[str, ModelAnswer]()
+    for label, elastic in ((ANALYTIC, False), (ELASTIC, True)):
+        K = np.asarray(np.linalg.inv(network(mechanism, elastic).compliance[:3, :3]))
+        values, bands = error_bands(K, C, steps, lever)
+        models[label] = ModelAnswer({"percent": values.T, "stiffness": np.diag(K)}, {"percent": bands.T})
+    return answer(MechanismErrors, mechanism, models, mesh, {"lever": lever})
+
+
+SHARES = ("rigid bodies", "hinge formulas", "three dimensions", "total")
+
+
+class MechanismBudget(Result):
+    """Shares of the error of the network with rigid bodies, which add up to the total."""
+
+    title = "error budget"
+    labels: ClassVar = {"share": SHARES}
+    reading = (
+        "per cent of the command in its direction, under the force of the network with rigid bodies; rigid bodies: "
+        "change by elastic bodies; hinge formulas: from there to plane finite elements",
+    )
+    share = Quantity("share of the error", "percents", ("share", "direction"), POINTS)
+
+
+def budget(
+    mechanism: Mechanism, *, resolution: int | None = None, plane: bool = False, progress: Progress | None = None
+) -> MechanismBudget:
+    """See `flexfem.budget`."""
+    mesh = mesh_of("both", resolution, None)
+    assert mesh is not None
+    steps, lever = levels(mesh.resolution), mechanism.layout.lever
+    rigid, elastic = (network(mechanism, each).compliance[:3, :3] for each in (False, True))
+    K = np.asarray(np.linalg.inv(rigid))
+    C = np.array([one.compliance[:3, :3] for one in on_meshes(steps, lambda n: elements(mechanism, n), progress)])
+    errors, bands = (np.diag(part) for part in error_bands(K, C, steps, lever))
+    by_bodies = np.diag(error_matrix(K, elastic, lever))
+    shares = np.full((4, 3), np.nan)
+    shares[0], shares[1], shares[3] = by_bodies, errors - by_bodies, errors
+    if not plane:
+        coarse = steps[0]
+        solid, flat = (elements(mechanism, coarse, n).compliance[:3, :3] for n in (3, 0))
+        shares[2] = np.diag(error_matrix(K, solid, lever) - error_matrix(K, flat, lever))
+        shares[3] += shares[2]
+    widths = np.full((4, 3), np.nan)
+    widths[1] = widths[3] = bands
+    return answer(MechanismBudget, mechanism, {}, mesh, {"share": shares}, bands={"share": widths})
+
+
+class MechanismConvergence(Result):
+    """Output compliance on meshes of increasing resolution, and its extrapolated limit."""
+
+    title = "mesh convergence"
+    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), COARSER)
+    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), COARSER)
+    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
+    unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
+
+
+def converge(
+    mechanism: Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
+) -> MechanismConvergence:
+    """See `flexfem.converge`."""
+    steps = tuple(arguments.resolutions((3, 4, 6, 8) if resolutions is None else resolutions))
+    if len(steps) < 3:
+        raise BadInput(f"resolutions {list(steps)}, expected three or more")
+    meshes = on_meshes(steps, lambda level: solved(mechanism, level), progress)
+    along = np.array([np.diag(one.compliance)[:3] for one in meshes])
+    curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
+    values = {"along": along, "unknowns": [one.unknowns for one in meshes]}
+    values |= {"extrapolated": [curve.extrapolated for curve in curves], "order": [curve.observed for curve in curves]}
+    band = np.full(along.shape, np.nan)
+    band[-1] = [curve.band for curve in curves]
+    labels = {"mesh": [f"{level} across a neck" for level in steps]}
+    notes = [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)]
+    bands = {"along": band, "extrapolated": band[-1]}
+    return answer(MechanismConvergence, mechanism, {}, None, values, labels, bands, notes=notes)
+
+
+class MechanismDrive(Result):
+    """Motion of a mechanism by its actuators, with all of them in place: transmission, range, losses, coupling."""
+
+    title = "drive"
+    reading = (
+        "every actuator is in place with its stiffness; a motion is that for the free stroke of one actuator alone",
+    )
+    motion = Quantity(
+        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), SOLVED, "all",
+        prefixed=True,
+    )  # fmt: skip
+    transmission = Quantity(
+        "output motion per free stroke", ("", "", "rad_per_mm"), ("actuator", "model", "direction"), COARSER, "all"
+    )
+    used = Quantity(
+        "opening of the actuator, per cent of the free stroke", "percent", ("actuator", "model"), COARSER,
+        note="the rest of the stroke is lost to the elasticity of the actuator",
+    )  # fmt: skip
+    coupling = Quantity(
+        "opening of the other actuators, per cent of the free stroke", "percent", ("actuator", "other", "model"),
+        COARSER, "all",
+    )  # fmt: skip
+    cross = Quantity(
+        "cross motion of the output, per cent of its main translation", "percent", ("actuator", "model"), COARSER, "all"
+    )
+    rotation = Quantity(
+        "parasitic rotation per main translation of the output", "rad_per_mm", ("actuator", "model"), COARSER, "all"
+    )
+    force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), COARSER)
+    stress = Quantity(
+        "highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), STRESS, "all", largest=("hinge",)
+    )
+    engaged = Quantity("stiffness of the output with all actuators", "stiffness", ("model", "direction"), COARSER)
+
+
+class Transfer(NamedTuple):
+    """Linear response to free strokes s (a,) of all actuators in place.
+
+    force : (a, a), N per mm of stroke.   motion : (p, 3, a), of the points.   opening : (a, a), of the actuators.
+    engaged : (3, 3), stiffness of the output with all actuators.
+    """
+
+    force: Array
+    motion: Array
+    opening: Array
+    engaged: Array
+
+
+def transfer(mechanism: Mechanism, C: Array) -> Transfer:
+    """Return the response to free strokes for a compliance (k, k) between the ports.
+
+    Notes
+    -----
+    The force of an actuator is `F = k (s - q)` with its opening `q = C_aa F`, so that `F = (C_aa + 1 / k)^-1 s`.
+    """
+    drives = mechanism.layout.drive_ports
+    if not drives:
+        raise BadInput(f"{mechanism.origin}: no actuator, expected at least one [[actuator]]")
+    flexible = C[np.ix_(drives, drives)] + np.diag(1 / mechanism.layout.stiffness_of_actuators)
+    force = np.asarray(np.linalg.inv(flexible))
+    coupled = C[:3, drives]
+    engaged = np.asarray(np.linalg.inv(C[:3, :3] - coupled @ force @ coupled.T))
+    motion = C[: 3 * len(mechanism.layout.points), drives] @ force
+    return Transfer(force, motion.reshape(-1, 3, len(drives)), C[np.ix_(drives, drives)] @ force, engaged)
+
+
+def drive(
+    mechanism: Mechanism,
+    *,
+    models: Models = "both",
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismDrive:
+    """See `flexfem.drive`."""
+    mesh, actuators = mesh_of(models, resolution, layers), mechanism.layout.actuators
+    strokes, drives = np.array([actuator.stroke for actuator in actuators]), mechanism.layout.drive_ports
+
+    def values(response: Responses) -> dict[str, Any]:
+        found = transfer(mechanism, response.compliance)
+        output, own = found.motion[0].T, np.diag(found.opening)  # (a, 3)
+        main = np.argmax(np.abs(output[:, :2]), axis=1)
+        along, across = (np.take_along_axis(output, each[:, None], 1)[:, 0] for each in (main, 1 - main))
+        forces = np.zeros((len(actuators), len(response.compliance)))
+        forces[:, drives] = (found.force * strokes).T
+        others = found.opening.T.copy()
+        np.fill_diagonal(others, np.nan)
+        moves = np.abs(along) > ROUND_OFF * np.max(np.abs(found.motion))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
+        return {
+            "motion": np.moveaxis(found.motion * strokes, -1, 0),
+            "transmission": output,
+            "used": 100 * own,
+            "coupling": 100 * others,
+            "cross": 100 * cross,
+            "rotation": rotation,
+            "force": np.diag(found.force) * strokes,
+            "stress": response.stress(forces),
+            "engaged": np.diag(found.engaged),
+        }
+
+    found = of_models(mechanism, mesh, models, values, progress)
+    labels = {"other": [actuator.name for actuator in actuators]}
+    return answer(MechanismDrive, mechanism, found.models, mesh, None, labels, warnings=over_yield(mechanism, found))
+
+
+def over_yield(mechanism: Mechanism, found: Found) -> list[str]:
+    """Warn of a highest stress above the yield strength."""
+    limit = mechanism.material.yield_strength
+    highest = max(float(np.max(model.values["stress"])) for model in found.models.values())
+    text = f"at full stroke the highest hinge stress is {highest:.4g} MPa, beyond the yield strength of {limit:.4g} MPa"
+    return [text] if highest > limit else []
+
+
+class MechanismReach(Result):
+    """Ends of the motion of the output by the strokes of all actuators, by direction."""
+
+    title = "reach of the drive"
+    labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}
+    reading = (
+        "motion relative to zero strokes; others: the other two directions, free or held at zero by three actuators or "
+        "more",
+    )
+    ends = Quantity(
+        "end of the motion of the output", "motion", ("others", "end", "model", "direction"), SOLVED, "all",
+        prefixed=True,
+    )  # fmt: skip
+
+
+def reach(
+    mechanism: Mechanism,
+    *,
+    models: Models = "both",
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismReach:
+    """See `flexfem.reach`."""
+    mesh = mesh_of(models, resolution, layers)
+    strokes = np.array([actuator.stroke for actuator in mechanism.layout.actuators])
+
+    def values(response: Responses) -> dict[str, Any]:
+        motion = transfer(mechanism, response.compliance).motion[0] * strokes  # (3, a), for full strokes
+        ends = np.array([np.minimum(motion, 0).sum(axis=1), np.maximum(motion, 0).sum(axis=1)])
+        scale, held = np.max(np.abs(motion), axis=1), np.zeros((2, 3))
+        if len(strokes) < 3:
+            return {"ends": np.stack([ends, np.full((2, 3), np.nan)])}
+        for direction, (end, sign) in ((d, e) for d in range(3) for e in enumerate((1.0, -1.0))):
+            others = [k for k in range(3) if k != direction and scale[k] > ROUND_OFF * np.max(scale)]
+            rows = motion[others] / scale[others, None]
+            solution = linprog(sign * motion[direction] / max(scale[direction], 1e-300), A_eq=rows if others else None,
+                               b_eq=np.zeros(len(others)) if others else None, bounds=(0, 1))  # fmt: skip
+            held[end, direction] = sign * solution.fun * scale[direction]
+        return {"ends": np.stack([ends, held])}
+
+    found = of_models(mechanism, mesh, models, values, progress)
+    return answer(MechanismReach, mechanism, found.models, mesh)

@@ -1,0 +1,216 @@
+"""Questions about any plate mechanism under mass, weight, heat and large loads: modes, gravity, drift, large."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from flexfem import arguments
+from flexfem.analytic import plates as network
+from flexfem.analytic.finite import displaced
+from flexfem.arrays import Array
+from flexfem.fem import ports as fem
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions.bands import corner_bands, levels
+from flexfem.questions.plates import ELASTIC, answer, bodies_of, model_of, stress_by
+from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
+from flexfem.refused import BadInput
+from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+
+GRAVITY = 9806.65  # mm/s^2, standard gravity
+CASES = ("uniform", "gradient in x", "gradient in y")
+
+
+def of_loads(
+    mechanism: Mechanism,
+    mesh: Mesh | None,
+    models: Models,
+    by_network: Any,
+    by_elements: Any,
+    progress: Progress | None,
+) -> dict[str, ModelAnswer]:
+    """Return the values of all models: functions of elastic bodies and of a factorised plate; bands from three meshes.
+
+    In three dimensions the bands are those of the plane problem on the same meshes.
+    """
+    found = dict[str, ModelAnswer]()
+    if models != "elements":
+        for label in (ANALYTIC, ELASTIC)[: 1 if models == "analytic" else 2]:
+            found[label] = ModelAnswer(by_network(bodies_of(mechanism) if label == ELASTIC else ()))
+    if mesh is not None:
+        steps = levels(mesh.resolution)
+        each = on_meshes(steps, lambda level: by_elements(model_of(mechanism, level)), progress)
+        sizes = np.array(steps, dtype=float)
+        bands = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[-1]}
+        found[ELEMENTS] = ModelAnswer(each[-1], bands)
+        if mesh.layers:
+            found[SOLID] = ModelAnswer(by_elements(model_of(mechanism, mesh.resolution, mesh.layers)))
+    return found
+
+
+class MechanismModes(Result):
+    """Natural frequencies of a mechanism with payload and actuators, and the motion of its output in every mode."""
+
+    title = "natural modes"
+    columns = ("model", "direction")
+    reading = (
+        "motion of the output: share of x, y and theta in its squared motion, where theta counts with the lever",
+        "modes in the plane only; the analytic models have no mass in the hinges, so they lack the modes in which leaf "
+        "springs themselves vibrate, and their numbers shift against those of finite elements from there on",
+    )
+    frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
+    share = Quantity(
+        "motion of the output by finite elements", "percents", ("mode", "direction"), Gate(1e-3, absolute=1e-4), "all"
+    )
+
+
+def modes(
+    mechanism: Mechanism,
+    *,
+    count: int = 6,
+    drives: Literal["disengaged", "engaged"] = "disengaged",
+    models: Models = "both",
+    resolution: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismModes:
+    """See `flexfem.modes`."""
+    mesh, engaged = mesh_of(models, resolution, None), drives == "engaged"
+    if engaged and not mechanism.layout.actuators:
+        raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
+    count, scale = arguments.integer("count", count, 100), np.array([1.0, 1.0, mechanism.layout.lever])
+
+    def by_network(bodies: Any) -> dict[str, Array]:
+        found = network.modes(mechanism.layout, bodies, engaged).frequencies[:count]
+        return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
+
+    def by_elements(model: fem.PlateModel) -> dict[str, Array]:
+        found = fem.plate_modes(model, count, engaged)
+        motion = (found.ports[:, :3] * scale) ** 2
+        return {"frequency": found.modes.frequencies, "share": 100 * motion / motion.sum(axis=1, keepdims=True)}
+
+    found = of_loads(mechanism, mesh, models, by_network, by_elements, progress)
+    values = {}
+    if mesh is not None:
+        values["share"] = found[ELEMENTS].values.pop("share")
+        found[ELEMENTS] = ModelAnswer(found[ELEMENTS].values, {"frequency": found[ELEMENTS].bands["frequency"]})
+    labels = {"mode": [str(k + 1) for k in range(count)]}
+    settings = {"actuators": drives} if mechanism.layout.actuators else {}
+    return answer(MechanismModes, mechanism, found, mesh, values, labels, settings=settings)
+
+
+class MechanismGravity(Result):
+    """Displacement and hinge stress of an upright mechanism under its own weight, payload and actuators included."""
+
+    title = "displacement under weight"
+    pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose", prefixed=True)
+    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), STRESS, "all", largest=("hinge",))
+
+
+def gravity(
+    mechanism: Mechanism,
+    *,
+    angle: float = -90.0,
+    models: Models = "both",
+    resolution: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismGravity:
+    """See `flexfem.gravity`."""
+    mesh, angle = mesh_of(models, resolution, None), arguments.between("angle", angle, -360.0, 360.0, " degrees")
+    field = GRAVITY * np.array([[np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]])
+    points = 3 * len(mechanism.layout.points)
+
+    def by_network(bodies: Any) -> dict[str, Array]:
+        motions, wrenches = network.weighed(mechanism.layout, field, bodies)
+        return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
+
+    def by_elements(model: fem.PlateModel) -> dict[str, Array]:
+        response = fem.weight_of(model, field)
+        return {"pose": response.motions[:points, 0].reshape(-1, 3), "stress": fem.hinge_stress(response, np.ones(1))}
+
+    found = of_loads(mechanism, mesh, models, by_network, by_elements, progress)
+    return answer(MechanismGravity, mechanism, found, mesh, settings={"gravity": f"at {angle:g} degrees"})
+
+
+class MechanismDrift(Result):
+    """Displacement and stress of a mechanism per change of temperature."""
+
+    title = "change of temperature"
+    labels: ClassVar = {"case": CASES}
+    reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
+    pose = Quantity(
+        "displacement", "motion", ("case", "point", "model", "direction"), FRESH._replace(absolute=1e-15), "pose",
+        prefixed=True,
+    )  # fmt: skip
+    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), STRESS, "all", largest=("hinge",))
+
+
+def drift(
+    mechanism: Mechanism,
+    *,
+    models: Models = "both",
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismDrift:
+    """See `flexfem.drift`."""
+    mesh, points = mesh_of(models, resolution, layers), 3 * len(mechanism.layout.points)
+    plate, ground, warnings = mechanism.material.expansion, mechanism.frame.expansion, list[str]()
+    if plate is None:
+        raise BadInput(f"{mechanism.origin}: material.expansion_um_per_m_k is missing, expected um/(m K)")
+    if ground is None:
+        ground = plate
+        warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
+
+    def by_network(bodies: Any) -> dict[str, Array]:
+        motions, wrenches = network.warmed(mechanism.layout, plate, ground, bodies)
+        stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
+        return {"pose": motions[:points].T.reshape(3, -1, 3), "stress": stress}
+
+    def by_elements(model: fem.PlateModel) -> dict[str, Array]:
+        response = fem.warmed(model, plate, ground)
+        return {"pose": response.motions[:points].T.reshape(3, -1, 3), "stress": fem.hinge_stress(response, np.eye(3))}
+
+    found = of_loads(mechanism, mesh, models, by_network, by_elements, progress)
+    return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)
+
+
+STEPS = (0.25, 0.5, 0.75, 1.0)
+
+
+class MechanismLarge(Result):
+    """Displacement of the output under growing loads, with finite rotations: co-rotational beams against linear."""
+
+    title = "large displacements"
+    labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS), "theory": ("linear", "finite")}
+    force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
+    pose = Quantity(
+        "displacement of the output", "motion", ("load", "theory", "direction"), SOLVED, "pose", prefixed=True
+    )
+    stiffness = Quantity("tangent stiffness, other directions free", "stiffness", ("load", "direction"), SOLVED, "axis")
+
+
+def large(
+    mechanism: Mechanism,
+    *,
+    force: tuple[float, float, float] | None = None,
+    amplitude: float | None = None,
+    progress: Progress | None = None,
+) -> MechanismLarge:
+    """See `flexfem.large`."""
+    C = network.respond(mechanism.layout).compliance
+    if force is None:
+        size = arguments.between("amplitude", 1.0 if amplitude is None else amplitude, 1e-6, 1e4, " mm")
+        softest = int(np.argmax(np.diag(C)[:2]))
+        load = np.zeros(3)
+        load[softest] = size / C[softest, softest]
+    else:
+        load = arguments.forces("force", force, 1)
+    loads = np.zeros((len(STEPS), len(C)))
+    loads[:, :3] = np.outer(STEPS, load)
+    found = displaced(mechanism.layout, loads)
+    pose = np.stack([loads @ C[:, :3], found.motions[:, :3]], axis=1)
+    along = 1 / np.diagonal(found.compliance, axis1=1, axis2=2)[:, :3]
+    warnings = [] if np.all(found.stable) else ["an equilibrium is not stable under dead loads"]
+    values = {"force": loads[:, :3], "pose": pose, "stiffness": along}
+    return answer(MechanismLarge, mechanism, {}, None, values, warnings=warnings)
