@@ -16,7 +16,7 @@ from flexfem.files.refusals import checked_path, place_of, shown, suggestion
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.mechanism import Mechanism, read_mechanism
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_partly
@@ -144,7 +144,7 @@ def view(file: Path, *, output: Path | None = None) -> View:
     source = checked_path(file)
     target = None if output is None else checked_path(output)
     is_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
-    drawing = _of_mechanism(load_mechanism(source)) if is_mechanism else _of_stage(source)
+    drawing = _of_mechanism(read_mechanism(source)) if is_mechanism else _of_stage(source)
     title = f"{source}: missing {', '.join(drawing.missing)}" if drawing.missing else drawing.name
     window, written = target is None and show_window(drawing.plot, title), list[Path]()
     if not window:

@@ -29,6 +29,7 @@ from flexfem.mechanism.profiles import Profile
 from flexfem.refused import ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge
+SLIVER = 1e-12  # mm^2; what remains of coincident edges of two polygons may have no length at all
 STILL = (
     1e-13  # relative to the largest compliance of a mode; smaller ones are round-off, of motions that are no freedom
 )
@@ -245,7 +246,7 @@ def body_moments(layout: Layout, body: int, hinges: bool = True) -> AnyArray:
         whole, shapely.union_all([shapely.Polygon(polygon_points(box)) for box in cuts_of(layout, body)])
     )
     for part in shapely.get_parts(cut):
-        if isinstance(part, shapely.Polygon):
+        if isinstance(part, shapely.Polygon) and part.area > SLIVER:
             part = shapely.orient_polygons(part)
             total -= sum(_loop_moments(_ring(ring.coords)) for ring in (part.exterior, *part.interiors))
     for joint in layout.joints if hinges else ():

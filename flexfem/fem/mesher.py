@@ -30,7 +30,6 @@ from flexfem.sources import CHANGED, child_command, manifest
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
 TRIANGLE, EDGE = 2, 1  # gmsh element types, linear
 QUADRATIC_TRIANGLE, QUADRATIC_EDGE = 9, 8
-REVERSED = [0, 2, 1, 5, 4, 3]  # nodes of a quadratic triangle in the opposite direction
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 STRAIGHT = complex(np.nan)  # centre of a straight edge
@@ -388,9 +387,6 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
         edges = [index[mesh.getElementsByType(QUADRATIC_EDGE, tag)[1].reshape(-1, 3)] for _, tag in curves]
         areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
     nodes, triangles = xyz.reshape(-1, 3)[:, :2], np.concatenate(meshed)
-    a, b, c = nodes[triangles[:, :3]].transpose(1, 0, 2)
-    clockwise = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) < (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    triangles[clockwise] = triangles[clockwise][:, REVERSED]
     used, renumbered = np.unique(triangles, return_inverse=True)  # without the points that set sizes
     new = np.full(len(tags), -1)
     new[used] = np.arange(len(used))

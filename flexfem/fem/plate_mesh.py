@@ -1,4 +1,4 @@
-"""Mesh, contours and solid of any plate mechanism, by OpenCASCADE in the process of `mesher`.
+"""Mesh and contours of any plate mechanism, by OpenCASCADE in the process of `mesher`.
 
 Triangles are as small as `Profile.sizes` asks in a hinge and grow from there at the rate of `mesh` up to a size that
 follows the width of each body.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from flexfem.fem.mesh import (
     jacobians,
     ordered,
 )
-from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, PlateSolid, Region, run_mesher
+from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
 from flexfem.mechanism.layout import Body, Layout
 from flexfem.mechanism.outlines import Segment, area, reverse
 from flexfem.mechanism.plate import check_layout, components, cuts_of, end_corners, end_lines, joint_loop, neck_line
@@ -37,7 +36,6 @@ CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an el
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
 AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
-VOLUME_ERROR = 1e-9  # relative, of a solid that is read back
 
 
 def regions_of(layout: Layout) -> list[Region]:
@@ -168,18 +166,3 @@ def plate_contours(layout: Layout, time_limit: float = TIME_LIMIT) -> list[list[
         contours.append(outer if area(outer) > 0 else reverse(outer))
         contours += [hole if area(hole) < 0 else reverse(hole) for hole in holes]
     return contours
-
-
-def write_plate_step(layout: Layout, path: Path, time_limit: float = TIME_LIMIT) -> None:
-    """Write the plate as a STEP file, extruded from z = 0 to its thickness, and read it back.
-
-    Raises ComputationFailed when what is read is not the plate's volume and height in mm.
-    """
-    check_layout(layout)
-    read = run_mesher(PlateSolid(str(path), regions_of(layout), layout.thickness), time_limit)
-    volume, height = float(read["area"]) * layout.thickness, float(read["box"][1, 2] - read["box"][0, 2])
-    if abs(read["volumes"].sum() / volume - 1) > VOLUME_ERROR or abs(height - layout.thickness) > 1e-6:
-        raise ComputationFailed(
-            f"{path}: read back as {read['volumes'].sum():.12g} mm^3, {height:.6g} mm high, "
-            f"expected {volume:.12g} mm^3, {layout.thickness:g} mm high"
-        )

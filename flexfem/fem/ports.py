@@ -24,6 +24,7 @@ from flexfem.mechanism.layout import Layout, Patch
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
+SLIVER = 1e-9  # of a part of a body that is no more than a point: its second moment, per that about a remote point
 LARGEST = 4_000_000  # stress components computed at once
 
 
@@ -72,7 +73,7 @@ def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
         for force, values in zip(forces, nodal, strict=True):
             np.add.at(force, chosen, values)
     resultants = _resultants(mesh.nodes - point, forces)
-    if not resultants[0, 0] > 0:
+    if not np.linalg.det(resultants) > SLIVER * resultants[0, 0] ** 2 * resultants[2, 2]:
         raise ComputationFailed(f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm")
     return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
 

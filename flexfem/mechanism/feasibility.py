@@ -14,7 +14,7 @@ from flexfem.mechanism.bodies import draw_sector, turn
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of
 from flexfem.refused import BadInput
 
@@ -89,6 +89,8 @@ def check_feasible(stage: StageContent) -> None:
 
 def check_closed_form(stage: StageContent) -> None:
     """Raise BadInput for a stage that violates one of `conditions`; unlike `check_feasible`, draw no outlines."""
+    if isinstance(stage, PlateFile) and not isinstance(stage, StageContent):
+        raise BadInput(f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism")
     if not isinstance(stage, StageContent):
         raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load returns it")
     with located(stage):

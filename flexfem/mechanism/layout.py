@@ -20,7 +20,7 @@ class Body(NamedTuple):
 
     outline : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
     fixed : whether the body is rigid ground.   clamped : segments of the outline that are clamped, of an elastic body.
-    width : of a bar along a path, mm; None for a body with an outline.
+    width : of a bar along a path, mm; None for a body with an outline.   path : its centreline.
     key : key path of the body in the file, for refusals.
     """
 
@@ -31,6 +31,7 @@ class Body(NamedTuple):
     clamped: tuple[int, ...] = ()
     width: float | None = None
     key: str = ""
+    path: tuple[Segment, ...] = ()
 
 
 class Joint(NamedTuple):

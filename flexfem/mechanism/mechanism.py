@@ -96,9 +96,16 @@ class Mechanism(MechanismContent):
         return layout_of(self)
 
 
+def read_mechanism(path: PathLike) -> Mechanism:
+    """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as `load_mechanism`."""
+    mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
+    _ = mechanism.layout
+    return mechanism
+
+
 def load_mechanism(path: PathLike) -> Mechanism:
     """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
-    mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
+    mechanism = read_mechanism(path)
     with located(mechanism):
         check_layout(mechanism.layout)
     return mechanism
@@ -276,7 +283,9 @@ def _body(part: PlacedPart) -> Body:
         clamped.append(segment)
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
-    return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
+    return Body(
+        part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key, outline.path
+    )
 
 
 def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:

@@ -49,10 +49,8 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
     for key in stated:
         name = without_unit(key)
         if not (key.isidentifier() and key.isascii()) or name in keys:
-            expected = (
-                f"another name than {keys[name]}, also without its unit" if name in keys else "letters, digits, _"
-            )
-            raise refusal(f"{expected} as the name of a parameter", "parameters", key)
+            other = f"a name that differs from {keys[name]} without its unit, too" if name in keys else ""
+            raise refusal(other or "a name of letters, digits and _, a letter first", "parameters", key)
         keys[name] = key
     values, pending = dict[str, float](), list[str]()
 
@@ -251,7 +249,7 @@ class PlateHinge(Dimensioned):
     table: Annotated[tuple[Point, ...], Field(max_length=MOST)] | None = Field(
         default=None, alias="table_mm", examples=[[[0.0, 4.0], [2.0, 0.5], [4.0, 4.0]]]
     )
-    """Rows of position along the axis and height of a `profile`, at least three, symmetric about its middle"""
+    """Rows of ascending position along the axis and height of a `profile`, at least three; its middle is the centre"""
     cut: Size | None = Field(default=None, alias="cut_mm", examples=[12.0])
     """Height over which both bodies are cut away along the profile; by default 2 % more than the larger of the height
     of the ends of the profile and the widths of those bodies that are bars"""

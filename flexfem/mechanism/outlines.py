@@ -110,10 +110,14 @@ def polyline(*points: complex) -> list[Segment]:
 
 
 class Outline(NamedTuple):
-    """A closed counter-clockwise loop, and the index of the segment on each edge of the polygon, None without one."""
+    """A closed counter-clockwise loop, and the index of the segment on each edge of the polygon, None without one.
+
+    path : centreline of a bar.
+    """
 
     loop: list[Segment]
     edges: list[int | None]
+    path: tuple[Segment, ...] = ()
 
 
 def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
@@ -124,7 +128,7 @@ def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
     n = len(corners)
     if sum((a.conjugate() * b).imag for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)) < 0:
         try:
-            loop, edges = rounded(corners[::-1], radii[::-1])
+            loop, edges, _ = rounded(corners[::-1], radii[::-1])
         except ValueError as error:
             raise ValueError(n - 1 - error.args[0], error.args[1]) from None
         return Outline(loop, [edges[(n - 2 - k) % n] for k in range(n)])
@@ -186,11 +190,20 @@ def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outli
             if ((flank[k + 1] - flank[k]) / direction).real <= SHORTEST:
                 raise ValueError(k, "a longer way to the next bend, or a smaller width")
     try:
-        loop, edges = rounded(right + left[::-1], of_right + of_left[::-1])
+        loop, edges, _ = rounded(right + left[::-1], of_right + of_left[::-1])
     except ValueError as error:
         k = error.args[0]
         raise ValueError(k if k < n else 2 * n - 1 - k, "a smaller radius, which fits between its neighbours") from None
-    return Outline(loop, [edges[2 * n - 1], edges[n - 1]])
+    path, start = list[Segment](), bends[0]
+    for point, radius, before, after in zip(bends[1:], radii[1:], ahead, ahead[1:], strict=False):
+        turn = cmath.phase(after / before)
+        tangent = radius * math.tan(abs(turn) / 2)
+        path += polyline(start, point - tangent * before)
+        start = point + tangent * after
+        if tangent > SHORTEST:
+            stop = point - tangent * before
+            path.append(Segment(stop, start, stop + 1j * before * math.copysign(radius, turn)))
+    return Outline(loop, [edges[2 * n - 1], edges[n - 1]], (*path, *polyline(start, bends[-1])))
 
 
 def disc(centre: complex, radius: float) -> Outline:

@@ -162,7 +162,7 @@ def _checked_polygon(layout: Layout, index: int) -> Any:
     pieces = [piece for piece in shapely.get_parts(left) if piece.area > SLIVER]
     if len(pieces) != 1:
         what = f"in {len(pieces)} pieces" if pieces else "nothing"
-        raise BadInput(f"{_key(body)}: is {what} after the cuts for its hinges, expected one piece")
+        raise BadInput(f"{_key(body)}: is {what} after the cuts for its hinges, expected one piece from hinge to hinge")
     return pieces[0]
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from flexfem.analytic.bars import bar_bodies
 from flexfem.analytic.finite import displaced
 from flexfem.analytic.plates import body_moments, modes, respond, warmed, weighed
-from flexfem.mechanism.layout import Body, ElasticBody, End, Joint, Layout, LinearActuator, Patch, PayloadMass
-from flexfem.mechanism.outlines import polyline
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.outlines import bar, polyline
 from flexfem.mechanism.profiles import Circular, Leaf
 from flexfem.refused import ComputationFailed
 
@@ -138,18 +139,20 @@ def test_parallelogram_moves_on_a_curve_and_stiffens():
     assert pulled == pytest.approx([26.4, 21.6], rel=0.01)
 
 
-def test_an_elastic_bar_continues_the_leaf():
-    """A bar of the same section, elastic relative to the mean motion of its two ends: one longer cantilever."""
-    bodies = [box("wall", -9 - 9j, 0j, fixed=True), box("bar", SPAN - 0.4j, SPAN + 25 + 0.4j)]
-    tip, slope, whole = Patch(1, SPAN + 25 + 0j, 1.0), 25**2 / (2 * EI), np.zeros((6, 6))
-    C = np.array([[25 / EA, 0, 0], [0, 25**3 / (3 * EI) + SHEAR * 25 / SPAN, slope], [0, slope, 25 / EI]])
-    to_origin = np.array([[1, 0, 0], [0, 1, -SPAN - 25], [0, 0, 1]])
-    whole[3:, 3:] = to_origin @ C @ to_origin.T
-    balanced = np.eye(6) - np.kron(np.ones((2, 2)), np.eye(3)) / 2
-    bar = layout(bodies, [Joint("leaf", (0, 1), SPAN / 2, 0.0, LEAF, T)], (("tip", tip),))
-    found = respond(bar, [ElasticBody(1, (End(0, True), tip), balanced.T @ whole @ balanced)]).compliance
-    assert found[1, 1] == pytest.approx(65**3 / (3 * EI) + SHEAR * 65 / SPAN, rel=1e-12)
-    assert found[0, 0] == pytest.approx(65 / EA, rel=1e-12)
+def test_a_bent_bar_is_a_beam():
+    """A leaf goes on as a bar with a turn: by a moment at the tip, the rotation is s / (E I)."""
+    loop, _, path = bar([SPAN + 0j, SPAN + 35 + 0j, SPAN + 35 + 20j], [0, 10, 0], T)
+    z = np.concatenate([np.linspace(0, SPAN, 4001), *(one.at(np.linspace(0, 1, 4001)) for one in path)])
+    steps, middle = np.diff(z), (z[1:] + z[:-1]) / 2
+    s = np.cumsum(abs(steps))
+    u = np.cumsum(1j * steps * (s - abs(steps) / 2)) / EI
+    of_bar = np.where(s > SPAN + 1e-9, abs(steps), 0)
+    centroid, mean = np.sum(of_bar * middle) / sum(of_bar), np.sum(of_bar * u) / sum(of_bar)
+    bodies = [box("wall", -9 - 9j, 0j, fixed=True), Body("bar", tuple(loop), width=T, path=path)]
+    points = ("tip", Patch(1, z[-1], 0.1)), ("whole", Patch(1, centroid))
+    bent = layout(bodies, [Joint("leaf", (0, 1), SPAN / 2, 0.0, LEAF, T)], points)
+    moved = respond(bent, bar_bodies(bent)).compliance[:5, 2]
+    assert moved == pytest.approx([u[-1].real, u[-1].imag, s[-1] / EI, mean.real, mean.imag], rel=2e-3)
 
 
 def test_a_beam_between_walls_expands():

@@ -67,7 +67,11 @@ def test_closed_forms_of_other_shapes(shape: str):
 
 
 def test_flanks_of_a_v():
-    """Straight flanks from a sharp root: int dx / h^3 = tan(angle / 2) (1 / t^2 - 1 / H^2) / 2 over both halves."""
+    """They meet at the apex r (1 / sin(angle / 2) - 1) below a rounded root.
+
+    From a sharp root int dx / h^3 is tan(angle / 2) (1 / t^2 - 1 / H^2) / 2 over both halves.
+    """
+    assert Vee(0.5, np.deg2rad(60), 1.0, 3.0).length == pytest.approx(8 / 3**0.5)
     C = Vee(0.6, np.deg2rad(70), 1e-6, 2.0).compliance(1.0, 0.3, 1.0)
     assert C[2, 2] == pytest.approx(6 * np.tan(np.deg2rad(35)) * (1 / 0.36 - 1 / 4.6**2), rel=1e-5)
 
@@ -124,15 +128,22 @@ def test_stress_by_hand():
 
 
 def test_stress_is_raised_at_necks_and_fillets():
-    """Norton's fit of Peterson's chart in bending at D = 3 d, 0.9072 (r / d)^(-1/3); Neuber's notch."""
+    """Norton's fit of Peterson's chart in bending at D = 3 d, 0.9072 (r / d)^(-1/3)."""
     for ratio in (4.0, 10.0, 18.0):
         assert shoulder(ratio)[1] == pytest.approx(0.9072 * ratio ** (1 / 3), rel=0.025)
     found = Leaf(0.5, 12.0, 0.05).stress(np.array([0, 0, 1.0]), 2.0)
     assert found == pytest.approx(12 * 0.9072 * 10 ** (1 / 3), rel=0.02)
     assert shoulder(1e-3) == pytest.approx((1, 1), abs=2e-3)
-    for radius, a in ((4.0, 0.05), (0.8, 0.25)):  # Neuber's K of a = t / 2R is 1 + 2 a / 5 for small a
-        notch = Circular(0.4, radius).stress(np.array([0, 0, 1.0]), 2.0)
-        assert notch == pytest.approx((1 + 0.4 * a) * 3 / 0.16, rel=6e-3)
+    for radius, a in ((4.0, 0.05), (0.8, 0.25)):  # Neuber's K of a = t / 2R is 1 + 2 a / 5, in tension 1 + 2 a / 3
+        pull, moment = Circular(0.4, radius).stress(np.array([[1.0, 0, 0], [0, 0, 1.0]]), 2.0)
+        assert (pull * 0.8, moment * 0.16 / 3) == pytest.approx((1 + 2 * a / 3, 1 + 0.4 * a), rel=0.02)
+
+
+@pytest.mark.parametrize("profile", [*EACH[:3], *EACH[5:7], Tabulated(((-1, 2), (0, 0.5), (1, 2), (4, 7)))], ids=repr)
+def test_root_radius(profile: Profile):
+    x = np.array([-1e-3, 0, 1e-3]) if not isinstance(profile, Tabulated) else np.array([-2.5, -1.5, -0.5])
+    curvature = np.polyfit(x, profile.height(x) / 2, 2)[0] * 2
+    assert profile.root_radius == pytest.approx(1 / curvature, rel=1e-3)
 
 
 @pytest.mark.parametrize("profile", EACH, ids=repr)

@@ -1,0 +1,180 @@
+"""Mechanism files: what their expressions, outlines and copies resolve to, and what is refused in which words."""
+
+from __future__ import annotations
+
+import pickle
+import tomllib
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.outlines import area
+from flexfem.refused import BadInput
+from flexfem.workshop import MECHANISMS
+
+from ..conftest import ROOT
+
+TEXT = """\
+name = "an odd one"
+thickness_mm = "2 * height"
+material = {name = "al-6061-t6"}
+output = {body = "hub", at_mm = [0, 1]}
+payload = {mass_g = 250, inertia_kg_mm2 = 8}
+[parameters]
+height_mm = "length / 10 + tan(tilt)"
+length_mm = 40
+tilt_deg = 45
+legs = 3
+[[body]]
+name = "frame"
+outline_mm = [[-5, 60], [5, 60, "length / 20"], [5, 50], [-5, 50]]
+clamped_edges = [1]
+[[body]]
+name = "hub"
+centre_mm = [0, 0]
+radius_mm = 9
+holes = [{centre_mm = [1, 0], radius_mm = 2}, {outline_mm = [[-6, -1], [-3, -1], [-3, 1]]}]
+[[body]]
+name = "crank"
+path_mm = [[0, 48], [0, 35, 10], [30, 35], [30, 25]]
+width_mm = 6
+[[hinge]]
+name = "root"
+between = ["frame", "crank"]
+at_mm = [0, 49]
+direction_deg = "-2 * tilt"
+shape = "circular"
+radius_mm = 1
+neck_mm = 0.5
+[[hinge]]
+name = "tip"
+between = ["crank", "hub"]
+at_mm = [20, 16]
+direction_deg = -90
+shape = "leaf"
+length_mm = 18
+neck_mm = 0.4
+cut_mm = 5
+[[actuator]]
+name = "push"
+between = ["ground", "crank"]
+at_mm = [[33, 55], [33, 30]]
+stroke_um = 20
+blocking_force_n = 400
+mass_g = 5
+[[copy]]
+parts = ["crank", "root", "push"]
+mirror_mm = [[-20, 0], [-20, 7]]
+[[copy]]
+parts = ["frame", "crank", "root"]
+count = "legs"
+about_mm = [10, 0]
+"""
+ODD = Mechanism.model_validate(tomllib.loads(TEXT))  # its parts do not fit together, which its layout does not mind
+
+
+def test_outlines_have_the_areas_of_elementary_geometry_and_numbers_are_in_inside_units():
+    layout = ODD.layout
+    frame, hub, crank, *_ = layout.bodies
+    assert layout.thickness == 10.0
+    assert area(frame.outline) == pytest.approx(100 - (1 - np.pi / 4) * 2**2, rel=1e-13)
+    assert area(hub.outline) == pytest.approx(81 * np.pi, rel=1e-13)
+    assert [area(hole) for hole in hub.holes] == pytest.approx([-4 * np.pi, -3.0], rel=1e-13)
+    centreline = 13 - 10 + 10 * np.pi / 2 + 20 + 10  # an arc and a mitre: area is width times centreline
+    assert area(crank.outline) == pytest.approx(6 * centreline, rel=1e-13)
+    assert all(a.end == b.start for a, b in zip(crank.outline, [*crank.outline[1:], crank.outline[0]], strict=True))
+    edge = frame.outline[frame.clamped[0]]
+    assert {edge.start, edge.end} == {-5 + 60j, 3 + 60j}  # the first edge as stated, though it was stated clockwise
+    assert [joint.cut for joint in layout.joints[:2]] == pytest.approx([1.02 * 6, 5.0])
+    (push, _), (payload,) = layout.actuators, layout.payloads
+    assert (push.contacts[0].body, push.direction, push.stroke, push.stiffness) == (-1, -1j, 0.02, 20000.0)
+    assert (push.mass, payload.mass, payload.inertia) == pytest.approx((5e-6, 250e-6, 8e-3))
+    assert push.contacts[1].radius == pytest.approx(np.hypot(36, 48 - 25) / 20)
+
+
+def test_copies_are_turned_and_mirrored_and_hang_together():
+    layout = ODD.layout
+    names = [body.name for body in layout.bodies]
+    assert names == ["frame", "hub", "crank", "crank 2", "frame 2", "crank 3", "frame 3", "crank 4"]
+    joints = {joint.name: joint for joint in layout.joints}
+    between = {name: tuple(names[k] for k in joint.bodies) for name, joint in joints.items()}
+    assert between == {"root": ("frame", "crank"), "tip": ("crank", "hub"), "root 2": ("frame", "crank 2"),
+        "root 3": ("frame 2", "crank 3"), "root 4": ("frame 3", "crank 4")}  # fmt: skip
+    third = np.exp(2j * np.pi / 3)
+    assert joints["root 2"].place == pytest.approx(-40 + 49j) and joints["root 3"].place == pytest.approx(
+        10 + third * (-10 + 49j)
+    )
+    headings = [np.exp(1j * joints[name].heading) for name in ("root", "root 2", "root 3")]
+    assert headings == pytest.approx([-1j, -1j, -1j * third])
+    areas = [area(layout.bodies[names.index(name)].outline) for name in ("crank", "crank 2", "crank 4")]
+    assert areas == pytest.approx(areas[:1] * 3, rel=1e-13)
+    turned = layout.bodies[names.index("frame 2")]
+    held = turned.outline[turned.clamped[0]]
+    ends = sorted([held.start, held.end], key=lambda z: abs(z - 10 - third * (-15 + 60j)))
+    assert ends == pytest.approx([10 + third * (-15 + 60j), 10 + third * (-7 + 60j)])
+    pushes = {each.name: each for each in layout.actuators}
+    assert pushes["push 2"].contacts[1].point == -73 + 30j and pushes["push 2"].contacts[1].body == 3
+
+
+def test_parameters_are_kept_written_and_changed(tmp_path):
+    shipped = flexfem.load(ROOT / "geometry/parallelogram.toml")
+    shipped.save(tmp_path / "same.toml")
+    again = flexfem.load(tmp_path / "same.toml")
+    assert again == shipped == pickle.loads(pickle.dumps(again)) and again.hash == shipped.hash
+    longer = again.replace(parameters={"length_mm": 60.0}, hinge={"leaf": {"neck": 0.4}})
+    assert [joint.profile.length for joint in longer.layout.joints] == [60.0, 60.0]
+    assert longer.layout.joints[1].profile.neck == 0.4 and longer.layout.points[0][1].point == 65j
+    assert longer.hash != shipped.hash and longer.sources["parameters.length_mm"] == "replaced in Python"
+    assert "parameters.distance_mm" in shipped.assumed and shipped.not_stated == ()
+
+
+def test_a_mechanism_built_in_python_is_that_of_a_file():
+    leaf = {"between": ["ground", "stage"], "direction": np.pi / 2, "shape": "leaf", "length": 50, "neck": 0.5}
+    leaves = [leaf | {"name": f"leaf {k}", "at": [x, 25]} for k, x in enumerate((-20, 20))]
+    bars = [{"name": name, "path": [[-25, y], [25, y]], "width": 10} for name, y in (("ground", -5), ("stage", 55))]
+    bars[0]["fixed"] = True
+    built = Mechanism(
+        name="built", thickness=10, material={"name": "al-7075-t6"}, body=bars, hinge=leaves,
+        output={"body": "stage", "at": [0, 55]},
+    )  # fmt: skip
+    shipped = flexfem.load(ROOT / "geometry/parallelogram.toml").replace(hinge={"leaf": {"fillet": 0.0}})
+    assert [joint.profile for joint in built.layout.joints] == [joint.profile for joint in shipped.layout.joints]
+    assert np.array([joint.place for joint in built.layout.joints]) == pytest.approx([-20 + 25j, 20 + 25j])
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_shipped_mechanisms_can_be_made_and_new_writes_them(name, tmp_path):
+    flexfem.new_stage(tmp_path / "mine.toml", kind=name)
+    assert (tmp_path / "mine.toml").read_bytes() == (ROOT / f"geometry/{name}.toml").read_bytes()
+    assert load_mechanism(tmp_path / "mine.toml").not_stated == ()
+
+
+REFUSED = [  # old and new text, and pieces of the message
+    ('"2 * height"', '"2 * heigth"', 'line 2: thickness_mm = "2 * heigth", ... did you mean height?'),
+    ("length_mm = 40", 'length_mm = "height * 2"', "line 7: ... height = length = height"),
+    ("tilt_deg = 45", 'tilt_deg = "log(0 * legs)"', "line 9: parameters.tilt_deg = ... a finite number"),
+    ("neck_mm = 0.4", 'neck_mm = "legs - 4"', "line 39: hinge.tip.neck_mm = ... > 0; its value is -1"),
+    ("legs = 3", "length_deg = 3", "line 10: parameters.length_deg = 3, ... differs from length_mm"),
+    ("length / 20", "length / 2", "line 13: body.frame.outline_mm[1] = ... a fillet of at most 10 mm"),
+    ("radius_mm = 9", "radius_mm = 9\nwidth_mm = 3", "line 15: body.hub = ... one of outline_mm, or path_mm"),
+    ("width_mm = 6", "width_mm = 6\nclamped_edges = [3]", "line 24: ... clamped_edges[0] = 3, ... of 2 edges"),
+    ('["crank", "hub"]', '["crank", "hup"]', 'line 34: hinge.tip.between[1] = "hup", ... did you mean hub?'),
+    ("radius_mm = 1\n", "\n", "line 24: hinge.root.radius_mm, expected this dimension"),
+    ('["crank", "root", "push"]', '["krank"]', 'line 49: copy[0].parts[0] = "krank", ... did you mean crank?'),
+    ('"legs"', '"legs / 2"', 'line 53: copy[1].count = "legs / 2", ... '),
+    ("[33, 30]]", "[39, 30]]", 'line 44: ... push.at_mm[1] = [39, 30], expected a point of "crank"'),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "said"), REFUSED)
+def test_what_is_wrong_is_refused_with_file_line_key_and_expectation(old, new, said, tmp_path):
+    assert old in TEXT
+    path = tmp_path / "odd.toml"
+    path.write_text(TEXT.replace(old, new, 1))
+    with pytest.raises(BadInput) as caught:
+        load_mechanism(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}, line ") and message.isprintable()
+    assert all(piece in message for piece in said.split(" ... "))
