@@ -268,6 +268,7 @@ class Factoriser:
     def _by_cholmod(self, lower: sp.csr_array) -> Solve:
         from cvxopt import matrix
 
+        lower.sort_indices()
         pattern = lower.indptr, lower.indices
         if self._pattern and all(map(np.array_equal, self._pattern, pattern)):
             self._matrix.V = matrix(lower.data)

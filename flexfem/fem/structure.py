@@ -188,7 +188,8 @@ class Structure:
         free, corner = lower[:first], lower[first:, first:].toarray()
         free.resize(first, first + 3)
         corner = np.tril(rigid.T @ (corner + np.tril(corner, -1).T) @ rigid)
-        pose = sp.hstack([sp.csr_array(rigid.T) @ lower[first:, :first], sp.csr_array(corner)])
+        pose = sp.hstack([sp.csr_array(rigid.T) @ lower[first:, :first], sp.csr_array(corner)], format="csr")
+        pose.sort_indices()  # a product leaves them unsorted
         return sp.vstack([free, pose], format="csr")
 
     def lower(self) -> sp.csr_array:

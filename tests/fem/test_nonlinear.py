@@ -158,6 +158,13 @@ def test_a_matrix_with_another_pattern_is_ordered_anew():
         np.testing.assert_allclose(factorise(lower)(whole @ x), x, rtol=0, atol=1e-12)
 
 
+def test_entries_of_a_row_are_taken_in_any_order():
+    factorise, x = Factoriser(), np.array([[1.0], [-2.0]])
+    for scale in (1.0, 3.0):  # the second has the pattern of the first
+        lower = sp.csr_array((scale * np.array([100.0, 2.0, 1.0]), np.array([0, 1, 0]), np.array([0, 1, 3])))
+        np.testing.assert_allclose(factorise(lower)(scale * np.array([[100.0, 1.0], [1.0, 2.0]]) @ x), x, rtol=1e-12)
+
+
 @pytest.mark.parametrize("load", [1e6 * LOAD, np.array([-1e5, 0.0, 0.0]), np.array([np.nan, 0.0, 0.0])])
 def test_an_absurd_load_is_refused(eccentric, load):
     with pytest.raises(ComputationFailed, match=r"no equilibrium under the load .* % of the way|strain of"):
