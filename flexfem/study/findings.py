@@ -104,8 +104,12 @@ def words(key: str) -> str:
 
 def model_words(loaded: LoadedStudy) -> str:
     """Return a description of the model."""
-    study, plane = loaded.study, loaded.stage.model
-    analytic = f"{study.formula}, mobility {study.mobility or loaded.stage.mobility}{', elastic links' * study.links}"
+    study, plane = loaded.study, loaded.base.model
+    analytic = "rigid bodies and beam integrals of the hinges"
+    if isinstance(loaded.base, Stage):
+        analytic = (
+            f"{study.formula}, mobility {study.mobility or loaded.base.mobility}{', elastic links' * study.links}"
+        )
     meshed = f"{study.resolution} triangles across every neck"
     layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
     model = {
@@ -175,7 +179,7 @@ class Source(NamedTuple):
         loaded, study, table = self.loaded, self.loaded.study, self.table
         counts = table.counts | {"open": loaded.count - len(table.design)}
         text = [
-            f"Study: {study.name}. Base stage: {loaded.stage.name}.",
+            f"Study: {study.name}. Base: {loaded.base.name}.",
             f"{model_words(loaded)}. {thousands(loaded.count)} designs ({sampling_words(loaded)}): {counted(counts)}.",
         ]
         if study.constraint:
