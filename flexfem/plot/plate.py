@@ -150,7 +150,9 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
     key = "; ".join(text for text, there in marks.items() if there)
     lines = [f"thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}", f"{key}; X, Y: output."]
     outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
-    figure, (ax,) = panels((WIDTH, _height(outlines) + 0.5), mechanism.name, lines, 1, assumptions=mechanism)
+    wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
+    height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
+    figure, (ax,) = panels((WIDTH, height), mechanism.name, lines, 1, assumptions=mechanism)
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     plot_mechanism(ax, mechanism)
     return figure
@@ -166,14 +168,7 @@ def load_figure(found: Result) -> Figure:
     parts = ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in load)
     worst = f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
     fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
-    panel = (WIDTH - 0.3, _height(np.concatenate([fields.nodes, fields.nodes + fields.displacement])))
-    return displaced(found.about.name, lines, {"": fields}, 1, found.about, panel)[0]
-
-
-def _height(points: Array) -> float:
-    """Height of a drawing of points (n, 2), in, on a page of the usual width."""
-    wide, high = np.ptp(points, axis=0) + 0.14 * np.ptp(points, axis=0).max()
-    return float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST))
+    return displaced(found.about.name, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]
 
 
 def plane_fields(fields: MeshFields) -> PlateFields:
