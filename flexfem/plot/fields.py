@@ -108,18 +108,21 @@ def displaced(
     fields: Mapping[str, Fields],
     columns: int,
     assumptions: Any = None,
-    panel: tuple[float, float] = (PANEL, 0.92 * PANEL),
+    width: float = PANEL,
 ) -> tuple[Figure, list[Axes], float]:
-    """Draw a panel for each case, of a size in inches, with one exaggeration and stress scale.
+    """Draw a panel for each case, of a width in inches, with one exaggeration and stress scale.
 
     Returns figure, panels and exaggeration.
     """
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
-    size = (columns * panel[0] + 0.3, rows * (panel[1] + 0.6) + 0.8)
+    wide, high = np.ptp(np.concatenate([each.nodes for each in fields.values()]), axis=0)
+    plates = all(isinstance(each, PlateFields) for each in fields.values())
+    share = float(np.clip(1.08 * high / wide, 0.3, 1.2)) if plates else 0.92
+    size = (columns * width + 0.3, rows * (share * width + 0.6) + 0.8)
     key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
     figure, axes = panels(size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields))
     for ax, (label, field) in zip(axes, fields.items(), strict=True):
-        ax.set_title(wrapped(label, panel[0] - 0.3, 11), size=11)
+        ax.set_title(wrapped(label, width - 0.3, 11), size=11)
         plot_displacement(ax, field, factor=factor, norm=norm)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
     return figure, axes, factor
