@@ -265,7 +265,7 @@ def _study_subject(path: Path, folder: Path) -> Subject:
         )
     found = studies.findings_of(parts_on_disk)
     loaded = found.source.loaded
-    texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
+    texts = {f"stage: {key}": text for key, text in loaded.base.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
     rows = [[key, label, texts.get(key) or ""] for kind, label in KINDS.items() for key in status[kind]]
     parts = study_parts(found.source, found.found, status)

@@ -47,22 +47,13 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
     Labels are placed for the size of `ax` at the time of the call.
     """
     ax, layout = ax or new_axes(), mechanism.layout
-    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
-    hinges = [joint_polygon(joint) for joint in layout.joints]
-    for body, polygon in zip(layout.bodies, bodies, strict=True):
-        _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else "")
-        lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
-        ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
-    for polygon in hinges:
-        _fill(ax, polygon, HINGE)
-    plate = shapely.union_all([*bodies, *hinges], grid_size=1e-6)
-    ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
-    rim, output = shapely.get_coordinates(plate), layout.points[0][1].point
+    rim, output = draw_plate(ax, mechanism), layout.points[0][1].point
     visible = [contact.point for _, contact in layout.points] + [z.point for a in layout.actuators for z in a.contacts]
     visible.append(output + CROSS * (1 + 1j) * float(np.max(np.ptp(rim, axis=0))))
     size = fit(ax, np.vstack([rim, *map(xy, visible)]), 0.07)
     scale_bar(ax)
-    obstacles: list[Any] = [plate.boundary]
+    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    obstacles: list[Any] = [_plate(layout).boundary]
     _draw_ports(ax, layout, size, obstacles)
     marks = [*_marks(layout, bodies)]
     obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
@@ -74,6 +65,25 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
             ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
     label_axes(ax)
     return ax
+
+
+def _plate(layout: Layout) -> Any:
+    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=1e-6)
+
+
+def draw_plate(ax: Axes, mechanism: Mechanism) -> Array:
+    """Draw bodies, ground, hinges and clamped edges without names; return the points (n, 2) of the outline, mm."""
+    layout = mechanism.layout
+    for k, body in enumerate(layout.bodies):
+        _fill(ax, body_polygon(layout, k), RIGID if body.fixed else PALE, "////" if body.fixed else "")
+        lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
+        ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
+    for joint in layout.joints:
+        _fill(ax, joint_polygon(joint), HINGE)
+    plate = _plate(layout)
+    ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
+    return np.asarray(shapely.get_coordinates(plate))
 
 
 def _marks(layout: Layout, bodies: list[Any]) -> Iterator[Mark]:
