@@ -11,6 +11,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -207,7 +208,7 @@ class Result:
         fields: Any = None,
     ) -> None:
         self.about, self.settings, self.fields = about, dict(settings or {}), fields
-        self.versions = versions()
+        self.versions = dict(versions())
         self.warnings, self.notes = list(dict.fromkeys(warnings)), list(notes)
         used = {axis for name in values for axis in self.quantities[name].over}
         self.axes = {
@@ -609,7 +610,8 @@ def unsealed(path: PathLike) -> dict[str, Any]:
     return data
 
 
-def versions() -> dict[str, str]:
+@cache
+def versions() -> Mapping[str, str]:
     """Return the versions of the packages that affect numbers."""
     found = dict.fromkeys(PACKAGES, "not installed as a package")
     for package in PACKAGES:

@@ -104,7 +104,11 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
         text = read_data(name).replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
         write_atomically(new, methodcaller("write", text.encode()))
     whose = "flexfem's reference stage" if kind is None else "an example"
-    next_commands = {"stage": ["check", "summary", "stiffness"], "case": ["verify"], "study": ["study run"]}
+    next_commands = {
+        "stage": ["check", "view" if kind else "summary", "stiffness"],
+        "case": ["verify"],
+        "study": ["study run"],
+    }
     return NewFiles(
         [str(new) for new in paths.values()],
         [f"flexfem {name} {shlex.quote(str(new))}" for each, new in paths.items() for name in next_commands[each]],

@@ -94,7 +94,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         scattered=_scattered(model, last),
         history=[record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True))) for k in shown],
         evaluations=dict(sorted(solver.counts.items())),
-        versions=versions(),
+        versions=dict(versions()),
         warnings=_warnings(loaded, rounds, agreed),
         assumed=assumed,
         not_stated=not_stated,
@@ -318,7 +318,7 @@ def share_kept(model: Model, verified: Proof, tolerance: Tolerance) -> float:
     hinges = [(k, name) for k in (1, 2, 3) for name in HINGE_NAMES]
     columns = columns_of(Factor(key=f"override.{k}.{name}.neck_mm", values=(0.5,)) for k, name in hinges)
     necks = off + [stage.hinge(*hinge).neck for hinge in hinges]
-    rows = answer_designs(replace(study, stage=stage, columns=columns), necks)
+    rows = answer_designs(replace(study, base=stage, columns=columns), necks)
     by_name = model.corrected(dict(zip(study.outputs, rows.values.T, strict=True)))
     quantities = model.quantities({n: np.full(SHARED, x) for n, x in verified.columns.items()} | by_name)
     margins = replace(model, guard=0.0).margins(quantities)
@@ -353,7 +353,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
 
 def assumptions_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list[str]]:
     """Return the key paths, of the stage and of the requirements, that are assumed, and those without a source."""
-    required, study = loaded.requirements, replace(loaded.study, stage=stage)
+    required, study = loaded.requirements, replace(loaded.study, base=stage)
     of_file = [key for key, source in required.provenance.items() if is_assumed(source)], required.not_stated
     heat, prefix = study.study.drift is not None, "stage: "
     of_stage = [[key for key in keys if key.startswith(prefix) and (heat or not of_heat(key.removeprefix(prefix)))]

@@ -20,6 +20,7 @@ from flexfem.files.quantities import OF_THE_KEY
 from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
 from flexfem.files.toml import Label, PathLike, Table, bad_key, validate
 from flexfem.mechanism.keys import keys
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.study import plan
@@ -309,6 +310,8 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
     """
     required = validate(Requirements, path)
     stage = base_stage(path, required.study)
+    if isinstance(stage, Mechanism):
+        raise bad_key(path, ("stage",), f"stage = {shown(required.stage)}, expected a stage file, not a mechanism file")
     unused = required.study.unused_keys - required.used - ({DENSITY} if required.used & {*MASS} else set())
     columns = columns_of_file(path, "free", required.free, stage, unused)
     require_key_values(path, required.expressions, columns, stage)

@@ -26,7 +26,7 @@ from flexfem.fem.mesh import (
 )
 from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
 from flexfem.mechanism.layout import Body, Layout
-from flexfem.mechanism.outlines import Segment, area, reverse
+from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, reverse
 from flexfem.mechanism.plate import check_layout, components, cuts_of, end_corners, end_lines, joint_loop, neck_line
 from flexfem.mechanism.profiles import Curve
 from flexfem.refused import ComputationFailed
@@ -35,6 +35,9 @@ PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
 CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an elastic body
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
 AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
+NARROWEST = 0.1  # width of a place in a body, per mean width, below which it sets no triangle size
+MOST_RAYS = 64  # from a side of a body
+FACING = 0.7  # cosine of the angle between two sides that face each other
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 
 
@@ -114,6 +117,30 @@ def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, fl
             turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
             if turn < -SHARP and not body.fixed:
                 yield after.start, coarse / CORNER, 0.0
+    if body.width is None and not body.fixed:
+        for point, width in _narrow_places(body, _width(body)):
+            yield point, coarse * width / _width(body), width
+
+
+def _narrow_places(body: Body, width: float) -> Iterator[tuple[complex, float]]:
+    """Yield points in the middle of places narrower than the mean width of a body, and their width in steps, mm.
+
+    From points of the outlines, rays at right angles meet a side of the body that faces them.
+    """
+    rings = [polygon_points(loop) @ [1, 1j] for loop in (body.outline, *body.holes)]
+    starts, sides = np.concatenate(rings), np.concatenate([np.roll(ring, -1) - ring for ring in rings])
+    for start, side in zip(starts, sides, strict=True):
+        along, count = side / abs(side), min(MOST_RAYS, math.ceil(abs(side) / (NARROWEST * width)))
+        at = start + side * (np.arange(count)[:, None] + 0.5) / count
+        u, v = (starts - at) / along, sides / along  # the ray is the positive imaginary axis
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = -u.real / v.real
+            away = np.where((share >= 0) & (share <= 1), u.imag + share * v.imag, np.inf)
+        away[(away < SHORTEST) | (v.real > -FACING * np.abs(v))] = np.inf
+        for point, gap in zip(at[:, 0], away.min(axis=1), strict=True):
+            if NARROWEST * width < gap < width / 2:
+                step = width * 2 ** -math.ceil(math.log2(width / gap))
+                yield complex(point + 0.5j * along * gap), step
 
 
 def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache, reduce
 from typing import Any
@@ -88,7 +89,9 @@ def _parsed(text: str) -> tuple[ast.expr, tuple[str, ...]]:
         return f" _{names.index(name)} " if name else word["function"]
 
     try:
-        tree = ast.parse(" ".join(_WORD.sub(numbered, text).split()), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", SyntaxWarning)  # of numbers that run into words
+            tree = ast.parse(" ".join(_WORD.sub(numbered, text).split()), mode="eval").body
         with np.errstate(all="ignore"):
             _value(tree, {f"_{k}": np.ones(1) for k in range(len(names))})
     except (SyntaxError, MemoryError, RecursionError, KeyError, TypeError, OverflowError):

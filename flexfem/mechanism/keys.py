@@ -16,10 +16,12 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import ABOUT, KeyPath, key_path, path_of, problem_of, suggestion
 from flexfem.mechanism.actuators import Actuator, ActuatorNumbers
 from flexfem.mechanism.materials import FATIGUE
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
 from flexfem.units import unit_of
 
+PARAMETERS = ("parameters",)  # table of a mechanism file
 LIFE_CONSTANTS = FATIGUE[:3]  # in the order of `Designs.fatigue`
 EXPANDING = ("material", "frame")  # tables in the order of `Designs.expansion`
 # attributes of an actuator that need not be stated, each with the attribute without which it has no effect
@@ -68,11 +70,14 @@ class Key(NamedTuple):
         invalid: AnyArray = np.vectorize(lambda value: self.expected(value) is not None, otypes=[bool])(values)
         return invalid
 
-    def places_in(self, stage: Stage) -> list[tuple[str, tuple[int, ...]]]:
+    def places_in(self, stage: Stage | Mechanism) -> list[tuple[str, tuple[int, ...]]]:
         """Return the fields of `designs.Designs` that the key sets, with indices; empty if no model uses the key.
 
-        A key of a hinge or an actuator does not set the value of one that has its own override of that key.
+        A key of a hinge or an actuator does not set the value of one that has its own override of that key. A key of a
+        mechanism is a place itself.
         """
+        if isinstance(stage, Mechanism) or self.table == PARAMETERS:
+            return [] if self.value_in(stage) is None else [(self.path, ())]
         if self.of_drive:
             return [("actuator", place) for place in self._actuators_in(stage)]
         if self.table[:1] == ("override",):
@@ -110,13 +115,18 @@ class Key(NamedTuple):
             and getattr(actuator, stated) is not None
         ]
 
-    def value_in(self, stage: Stage) -> float | None:
-        """Value of the stage in file units; None where the stage uses a default."""
-        if self.of_drive:
+    def value_in(self, stage: Stage | Mechanism) -> float | None:
+        """Value of the stage in file units; None where the stage uses a default, or has no such key."""
+        value: Any
+        if not self._is_in(stage):
+            return None
+        if isinstance(stage, Mechanism) and self.table == PARAMETERS:
+            return float(stage.parameters[self.attribute])
+        if isinstance(stage, Stage) and self.of_drive:
             row = actuators_of(stage)[int(self.table[1]) - 1] if self.table[0] == "override" else stage.actuator
             named = [actuator for actuator in row if actuator.name == self.table[-1]]
             value = getattr(named[0], self.attribute) if named else None
-        elif self.table[:1] == ("override",):
+        elif isinstance(stage, Stage) and self.table[:1] == ("override",):
             value = getattr(stage.hinge(int(self.table[1]), self.table[2]), self.attribute)
         else:
             table: Any = stage
@@ -126,18 +136,34 @@ class Key(NamedTuple):
         value = value if self.element is None or value is None else value[self.element]
         return None if value is None else value / self.unit
 
+    def _is_in(self, stage: Stage | Mechanism) -> bool:
+        """Return whether files of the kind of a stage or mechanism have the key."""
+        if isinstance(stage, Mechanism):
+            is_stated = self.attribute in stage.parameters
+            return is_stated if self.table == PARAMETERS else self.table in ((), ("material",), ("frame",))
+        return self.table != PARAMETERS
+
 
 class Keys(dict[str, Key]):
     """All keys by path, in the order of the format; keys of actuators, named in the file, exist for look-up only."""
 
     def __missing__(self, path: str) -> Key:
-        key = _actuator_key(path)
+        key = _actuator_key(path) or _parameter_key(path)
         if key is None:
             raise KeyError(path)
         return key
 
     def __contains__(self, path: object) -> bool:
-        return super().__contains__(path) or (isinstance(path, str) and _actuator_key(path) is not None)
+        return super().__contains__(path) or (
+            isinstance(path, str) and (_actuator_key(path) or _parameter_key(path)) is not None
+        )
+
+
+def _parameter_key(path: str) -> Key | None:
+    """Return the key of a parameter of a mechanism file, in the unit of its name; None for other paths."""
+    table, _, name = path.partition(".")
+    is_parameter = (table,) == PARAMETERS and name.isidentifier()
+    return _key((table, name), PARAMETERS, name, None, float) if is_parameter else None
 
 
 @lru_cache(maxsize=256)

@@ -38,6 +38,7 @@ from flexfem.units import DENSITY
 GROUND = "ground"  # carries actuators, also where no body has this name
 CUT = 1.02  # default height of a cut relative to the bodies or the profile
 CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
+MOST = 2000  # parts, copies included
 PARTS = ("body", "hinge", "actuator", "point")
 Named = TypeVar("Named")
 
@@ -243,13 +244,16 @@ def _parts(mechanism: Mechanism) -> list[PlacedPart]:
             if name not in names or name in copies.parts[:place]:
                 expected = f"the name of a part{suggestion(name, names)}" if name not in names else "each part once"
                 raise BadInput(f"copy[{index}].parts[{place}] = {shown(name)}, expected {expected}")
-        originals = [part for name in copies.parts for part in found if part.name == name]
+        originals = [part for part in found if part.name in copies.parts]
+        taken = {(part.kind, part.name) for part in found}
+        if len(found) + len(originals) * (int(copies.count or 2) - 1) > MOST:
+            raise BadInput(f"copy[{index}].parts, expected at most {MOST} parts in all, copies included")
         for move in _moves(copies):
             new = dict[tuple[str, str], str]()
             for part in originals:
                 counts[part.kind, part.original] += 1
                 name = f"{part.original} {counts[part.kind, part.original]}"
-                if (part.kind, name) in {(each.kind, each.name) for each in found}:
+                if (part.kind, name) in taken:
                     raise BadInput(f"copy[{index}].parts, expected no other {part.kind} {shown(name)}, a copy's name")
                 new[part.kind, part.name] = name
             for part in originals:

@@ -36,6 +36,7 @@ from flexfem.mechanism.plate_file import PlateFile
 from flexfem.mechanism.stage_file import Frame
 from flexfem.units import without_unit
 
+MOST_PARAMETERS = 300  # which may each depend on the one before
 STATED = "stated"  # context of a dump: expressions by their texts
 _known: ContextVar[Mapping[str, float]] = ContextVar("values of the parameters by their names without units")
 
@@ -46,6 +47,8 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
     Refuses, at its key path, what is no number, an unknown name, a cycle, or a value that is not finite.
     """
     keys = dict[str, str]()
+    if len(stated) > MOST_PARAMETERS:
+        raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
     for key in stated:
         name = without_unit(key)
         if not (key.isidentifier() and key.isascii()) or name in keys:

@@ -26,7 +26,7 @@ SLIVER = 1e-6  # mm^2; a smaller area is round-off
 ALONG = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 129)) / 2  # positions on the axis of a hinge, per length
 ENDING = np.sin(np.linspace(np.pi / 3, np.pi / 2, 400))  # the same towards its end, per half the length
 HEIGHTS = np.linspace(-1, 1, 9)  # across its end, per half the height
-STEEP = np.tan(np.deg2rad(60.0))
+STEEP = np.tan(np.deg2rad(60.0)) * (1 + 1e-6)  # straight flanks at 60 degrees are not steep, whatever the round-off
 OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
 

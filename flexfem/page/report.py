@@ -1,4 +1,4 @@
-"""HTML pages on a stage, a study, stored results or designs, and figure files of stored results."""
+"""HTML pages on a stage, a mechanism, a study, stored results or designs, and figure files of stored results."""
 
 from __future__ import annotations
 
@@ -23,21 +23,24 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.models import solve
-from flexfem.page.section import PageSection, facts, html_of, notes, shown_figure, table, tables_of
+from flexfem.page.section import PageSection, facts, html_of, notes, sentence, shown_figure, table, tables_of
 from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import stress_figure
+from flexfem.plot.plate import mechanism_figure, plane_fields
 from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
+from flexfem.questions import plates
 from flexfem.questions.budget import budget
-from flexfem.questions.check import StageReport, check_stage
+from flexfem.questions.check import MechanismReport, StageReport, check_mechanism, check_stage
 from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
@@ -46,7 +49,7 @@ from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
-from flexfem.results import Fields, Progress, TextTable, record_parts, versions
+from flexfem.results import ELEMENTS, Fields, Progress, TextTable, record_parts, versions
 from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 
@@ -65,6 +68,16 @@ QUESTIONS: dict[str, Section] = {
     "modes": ("Natural modes", modes, "Shapes of the modes listed in the table."),
     "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
     "life": ("Fatigue life", life, "The S-N curve of the material with the necks."),
+}
+OF_MECHANISMS: dict[str, tuple[Callable[..., Any], ...]] = {  # questions of the sections that a mechanism has
+    "analytic": (partial(stiffness, models="analytic"),),
+    "elements": (partial(stiffness, models="elements"),),
+    "budget": (plates.verification, partial(budget, plane=True)),
+    "stress": (),
+    "drive": (plates.drive, plates.reach),
+    "large": (large,),
+    "modes": (modes,),
+    "drift": (drift,),
 }
 DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # with the function of the figure
     "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),
@@ -113,16 +126,17 @@ def report(
     folder: Path = REPORTS,
     progress: Progress | None = None,
 ) -> PageReport:
-    """Write one self-contained HTML page of a stage, a study or stored results and designs.
+    """Write one self-contained HTML page of a stage, a mechanism, a study or stored results and designs.
 
     Parameters
     ----------
     files : path or sequence of path
-        A stage file, a study file whose designs are done, or results of verify and design as JSON.
+        A stage or mechanism file, a study file whose designs are done, or results of verify and design as JSON.
     output : Path
         Page to write, .html.
     sections : sequence of str
         Sections of a stage, with commas: analytic, elements, budget, stress, drive, large, modes, drift, life; or all.
+        A mechanism has all but life.
     amplitude : tuple of float, optional
         Amplitude of the platform for the section life, fully reversed: mm, mm, rad.
     folder : Path
@@ -230,6 +244,8 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind == "stage file":
         return _stage_subject(files[0], sections, amplitude)
+    if kind == Mechanism.kind:
+        return _mechanism_subject(load_mechanism(files[0]), sections)
     if kind not in ("results", "study file"):
         found = f"{first}: this is a {kind or 'TOML file'}"
         raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
@@ -249,7 +265,7 @@ def _study_subject(path: Path, folder: Path) -> Subject:
         )
     found = studies.findings_of(parts_on_disk)
     loaded = found.source.loaded
-    texts = {f"stage: {key}": text for key, text in loaded.stage.sources.items()}
+    texts = {f"stage: {key}": text for key, text in loaded.base.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
     rows = [[key, label, texts.get(key) or ""] for kind, label in KINDS.items() for key in status[kind]]
     parts = study_parts(found.source, found.found, status)
@@ -290,14 +306,31 @@ def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subje
     return Subject(stage.name, "Stage", assumed, not_stated, parts)
 
 
+def _mechanism_subject(mechanism: Mechanism, sections: Sequence[str]) -> Subject:
+    if others := [name for name in sections if name not in OF_MECHANISMS]:
+        raise BadInput(f"{mechanism.origin}: section {', '.join(others)}, expected some of {', '.join(OF_MECHANISMS)}")
+    with located(mechanism):
+        if "drift" in sections:
+            require_expansion(mechanism)
+    assumed, not_stated = list(mechanism.assumed), list(mechanism.not_stated)
+    parts: list[Part] = [("mechanism", partial(_mechanism_section, mechanism, check_mechanism(mechanism)))]
+    for name in (name for name in SECTIONS if name in sections and name in OF_MECHANISMS):
+        if name == "stress":
+            parts.append((name, partial(_mechanism_stress, mechanism)))
+        elif name != "drive" or mechanism.layout.actuators:
+            parts.append((name, partial(_answers_section, name, mechanism)))
+    parts.append(("sources", partial(_provenance_section, _provenance(mechanism, assumed, not_stated), "source")))
+    return Subject(mechanism.name, "Mechanism", assumed, not_stated, parts)
+
+
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
     """Return the assumed keys of all records, and those without a source."""
     assumed, not_stated = (list(dict.fromkeys(k for each in records for k in getattr(each, kind))) for kind in KINDS)
     return assumed, not_stated
 
 
-def _provenance(stage: Stage, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
-    """Return rows of key, kind and source for all values of a stage, those assumed first."""
+def _provenance(stage: PlateFile, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
+    """Return rows of key, kind and source for all values of a file, those assumed first."""
     values = values_by_key(stage)
     sources = {key: text for key, text in stage.sources.items() if text and key in values}
     all_assumed = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
@@ -319,6 +352,42 @@ def _result_section(name: str, stage: Stage, **options: Any) -> PageSection:
     result = question(stage, **options)
     figure = [shown_figure(f"{name}-figure", lambda: figures_of(result)[""], description)] if description else []
     return _section(name, title, tables_of(result), *figure)
+
+
+def _answers_section(name: str, mechanism: Mechanism) -> PageSection:
+    """Return the tables of the results of all questions of a section."""
+    results = [question(mechanism) for question in OF_MECHANISMS[name]]
+    title = Markup("<p>{}</p>") if results[1:] else Markup("")
+    parts = (title.format(sentence(result.title)) + tables_of(result) for result in results)
+    return _section(name, QUESTIONS[name][0], *parts)
+
+
+def _mechanism_section(mechanism: Mechanism, checked: MechanismReport) -> PageSection:
+    """Return the drawing of a mechanism with its bodies, hinges, points and actuators."""
+    pairs, tables = record_parts(checked._replace(provenance={}), plain=False)
+    text = f"Drawing to scale of the mechanism {mechanism.name}: bodies, hinges, output and actuators."
+    figure = shown_figure("drawing", partial(mechanism_figure, mechanism), text)
+    return _section("mechanism", "The mechanism", figure, facts(pairs), *map(table, tables), notes(checked.warnings))
+
+
+def _mechanism_stress(mechanism: Mechanism) -> PageSection:
+    """Return the von Mises stress of a mechanism by finite elements for each displacement of its output."""
+    drawn, columns = dict[str, Fields](), list[list[str]]()
+    for axis, amplitude in enumerate(STRESS_AMPLITUDES):
+        found = plates.stiffness(mechanism, models="elements", displacement=tuple(amplitude * np.eye(3)[axis]))
+        drawn[_command(axis)] = plane_fields(found.fields)
+        columns.append([significant(float(stress)) for stress in found.at("hinge_stress", model=ELEMENTS)])
+    rows = [[joint.name, *cells] for joint, *cells in zip(mechanism.layout.joints, *columns, strict=True)]
+    data = table(TextTable(["hinge", *(f"{name} ({STRESS})" for name in drawn)], rows, 1))
+    text = "The mechanism displaced in each direction, coloured by von Mises stress."
+    note = "Displacements of the output, with the other directions held; the amplitudes are assumed."
+    figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
+    return _section("stress", "Stress", notes([note], "note"), figure)
+
+
+def _command(axis: int) -> str:
+    """Return the text of a displacement of the stress figure."""
+    return f"{SYMBOLS[axis]} = {STRESS_AMPLITUDES[axis] * COMMANDS[axis].factor:g} {COMMANDS[axis]}"
 
 
 def _design_section(design: Designed, name: str, number: int) -> PageSection:
@@ -373,9 +442,8 @@ def _stress_section(stage: Stage) -> PageSection:
     """Return the von Mises stress of a stage by finite elements at 50 um in X and at 1 mrad."""
     model, fields, necks = solve(stage), dict[str, Fields](), {}
     for axis in (0, 2):
-        amplitude, unit = STRESS_AMPLITUDES[axis], COMMANDS[axis]
-        name = f"{SYMBOLS[axis]} = {amplitude * unit.factor:g} {unit}"
-        fields[name] = model.fields(model.force(amplitude * np.eye(3)[axis]))
+        name = _command(axis)
+        fields[name] = model.fields(model.force(STRESS_AMPLITUDES[axis] * np.eye(3)[axis]))
         necks[name] = neck_maxima(stage, model.mesh, fields[name].stress)
     rows = [[f"{hinge} hinge, chain {k + 1}", *(significant(float(stress[k, n])) for stress in necks.values())]
             for k in range(3) for n, hinge in enumerate(HINGE_NAMES)]  # fmt: skip

@@ -85,7 +85,7 @@ def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
 def _settings_of(loaded: LoadedStudy) -> Iterator[tuple[str, str]]:
     study, pairs = loaded.study, len(loaded.study.correlation)
     yield "study", f"{study.name} ({loaded.path.name})"
-    yield "base stage", f"{loaded.stage.name} ({study.stage})"
+    yield "base stage", f"{loaded.base.name} ({study.stage})"
     yield "model", model_words(loaded)
     correlated = f", {pairs} rank correlations" if pairs else ""
     yield "sample", f"{sampling_words(loaded)}, {thousands(loaded.count)} designs{correlated}"

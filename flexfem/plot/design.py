@@ -13,7 +13,7 @@ from flexfem.design.result import Designed, FrontDesign, Goal, Requirement
 from flexfem.files.refusals import shown
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
-from flexfem.plot.stage import draw_to_one_scale, plot_stage
+from flexfem.plot.stage import draw_outline, fit_to_one_scale, plot_stage
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
@@ -135,7 +135,8 @@ def front_figure(found: Designed) -> Figure:
     size, title = (CELL_WIDTH * COLUMNS, (CELL_WIDTH + 0.9) * rows), f"{found.name}: front"
     figure, (plane, *drawings) = panels(size, title, [FRONT_NOTE], rows, COLUMNS, found, count)
     plot_tradeoff(plane, found)
-    draw_to_one_scale(drawings, [_stage(point.stage) for point in found.front])
+    outlines = [draw_outline(ax, _stage(point.stage)) for ax, point in zip(drawings, found.front, strict=True)]
+    fit_to_one_scale(drawings, np.vstack(outlines))
     for number, (ax, point) in enumerate(zip(drawings, found.front, strict=True), 1):
         ax.set_title(f"{number}:  {_objectives(found, point)}", loc="left", size=FONT_SIZE)
         ax.set(xticks=[], yticks=[])

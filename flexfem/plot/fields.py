@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import LogNorm, Normalize
+from matplotlib.colors import ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
@@ -28,6 +28,7 @@ EQUAL_STRESS = 1e-6  # relative difference of stresses equal by symmetry: above 
 ROUND_OFF = 1e-9  # of the largest component of a pose; smaller components are zero by symmetry
 COLOURS = "viridis"
 PANEL = 5.0  # in, width
+RIGID = "#C3C9D0"
 WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # title, divisor of the stress unit, arrow in axes fractions
     "uniform": ("1 K everywhere", "K", (0.0, 0.0)),
     "gradient in x": ("1 K/mm along X", "K/mm", (0.1, 0.0)),
@@ -54,12 +55,23 @@ def plot_displacement(
     """
     ax = ax or new_axes()
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
-    moved = fields.nodes + factor * fields.displacement
-    draw_field(ax, fields.nodes, fields.triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
-    if not isinstance(fields, PlateFields):
+    moved, triangles = fields.nodes + factor * fields.displacement, fields.triangles
+    if isinstance(fields, PlateFields):
+        elastic = np.any(fields.stress[triangles] > 0, axis=1)
+        _fill(ax, fields.nodes, triangles[~elastic])
+        triangles = triangles[elastic]
+    else:
         draw_hub(ax, fields.nodes, moved)
+    draw_field(ax, fields.nodes, triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
     fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
+
+
+def _fill(ax: Axes, nodes: Array, triangles: AnyArray) -> None:
+    """Fill rigid bodies."""
+    grid = Triangulation(nodes[:, 0], nodes[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
+    ax.tripcolor(grid, np.zeros(len(nodes)), shading="gouraud", cmap=ListedColormap([RIGID]), rasterized=True, zorder=1)
+    draw_boundary(ax, nodes, boundary_of(triangles), INK, 0.5)
 
 
 def exaggeration(*fields: Fields) -> float:
@@ -91,15 +103,26 @@ def stress_figure(fields: Mapping[str, Fields]) -> Figure:
 
 
 def displaced(
-    title: str, lines: list[str], fields: Mapping[str, Fields], columns: int, assumptions: Any = None
+    title: str,
+    lines: list[str],
+    fields: Mapping[str, Fields],
+    columns: int,
+    assumptions: Any = None,
+    width: float = PANEL,
 ) -> tuple[Figure, list[Axes], float]:
-    """Draw a panel per case with a common exaggeration and stress scale; return figure, panels and exaggeration."""
+    """Draw a panel for each case, of a width in inches, with one exaggeration and stress scale.
+
+    Returns figure, panels and exaggeration.
+    """
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
-    size = (columns * PANEL + 0.3, rows * (0.92 * PANEL + 0.6) + 0.8)
+    wide, high = np.ptp(np.concatenate([each.nodes for each in fields.values()]), axis=0)
+    plates = all(isinstance(each, PlateFields) for each in fields.values())
+    share = float(np.clip(1.08 * high / wide, 0.3, 1.2)) if plates else 0.92
+    size = (columns * width + 0.3, rows * (share * width + 0.6) + 0.8)
     key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
     figure, axes = panels(size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields))
     for ax, (label, field) in zip(axes, fields.items(), strict=True):
-        ax.set_title(wrapped(label, PANEL - 0.3, 11), size=11)
+        ax.set_title(wrapped(label, width - 0.3, 11), size=11)
         plot_displacement(ax, field, factor=factor, norm=norm)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
     return figure, axes, factor

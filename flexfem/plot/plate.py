@@ -17,16 +17,17 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, joint_polygon
-from flexfem.plot.fields import displaced
+from flexfem.plot.fields import RIGID, displaced
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
-from flexfem.plot.style import INK, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
+from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
 from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
 from flexfem.results import PlateFields, Result
 from flexfem.units import LENGTH, STRESS
 
-GROUND, HINGE, DRIVE, MASS = "#C3C9D0", "#C25500", "#0072B2", "#007A58"
+HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
+CROSS = 0.07  # length of the axes at the output relative to the size
 MANY = 40  # labels above which they are small
 WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
 
@@ -46,20 +47,13 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
     Labels are placed for the size of `ax` at the time of the call.
     """
     ax, layout = ax or new_axes(), mechanism.layout
-    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
-    hinges = [joint_polygon(joint) for joint in layout.joints]
-    for body, polygon in zip(layout.bodies, bodies, strict=True):
-        _fill(ax, polygon, GROUND if body.fixed else PALE, "////" if body.fixed else "")
-        lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
-        ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
-    for polygon in hinges:
-        _fill(ax, polygon, HINGE)
-    plate = shapely.union_all([*bodies, *hinges], grid_size=1e-6)
-    ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
-    contacts = [contact for _, contact in layout.points] + [each for a in layout.actuators for each in a.contacts]
-    size = fit(ax, np.vstack([shapely.get_coordinates(plate), *(xy(contact.point) for contact in contacts)]), 0.07)
+    rim, output = draw_plate(ax, mechanism), layout.points[0][1].point
+    visible = [contact.point for _, contact in layout.points] + [z.point for a in layout.actuators for z in a.contacts]
+    visible.append(output + CROSS * (1 + 1j) * float(np.max(np.ptp(rim, axis=0))))
+    size = fit(ax, np.vstack([rim, *map(xy, visible)]), 0.07)
     scale_bar(ax)
-    obstacles: list[Any] = [plate.boundary]
+    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    obstacles: list[Any] = [_plate(layout).boundary]
     _draw_ports(ax, layout, size, obstacles)
     marks = [*_marks(layout, bodies)]
     obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
@@ -71,6 +65,25 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
             ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
     label_axes(ax)
     return ax
+
+
+def _plate(layout: Layout) -> Any:
+    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=1e-6)
+
+
+def draw_plate(ax: Axes, mechanism: Mechanism) -> Array:
+    """Draw bodies, ground, hinges and clamped edges without names; return the points (n, 2) of the outline, mm."""
+    layout = mechanism.layout
+    for k, body in enumerate(layout.bodies):
+        _fill(ax, body_polygon(layout, k), RIGID if body.fixed else PALE, "////" if body.fixed else "")
+        lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
+        ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
+    for joint in layout.joints:
+        _fill(ax, joint_polygon(joint), HINGE)
+    plate = _plate(layout)
+    ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
+    return np.asarray(shapely.get_coordinates(plate))
 
 
 def _marks(layout: Layout, bodies: list[Any]) -> Iterator[Mark]:
@@ -110,7 +123,7 @@ def _draw_ports(ax: Axes, layout: Layout, size: float, obstacles: list[Any]) -> 
     for _, contact in layout.points[1:]:
         ax.plot(*xy(contact.point), "+", color=NOTE_COLOUR, markersize=9, markeredgewidth=1.5, zorder=6)
     output = layout.points[0][1].point
-    frame_cross(ax, 0.07 * size, output)
+    frame_cross(ax, CROSS * size, output)
     obstacles.append(shapely.LineString([xy(output + 0.09j * size), xy(output), xy(output + 0.09 * size)]))
 
 
@@ -137,9 +150,9 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
     key = "; ".join(text for text, there in marks.items() if there)
     lines = [f"thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}", f"{key}; X, Y: output."]
     outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
-    wide, high = np.ptp(outlines, axis=0)
-    height = float(np.clip((WIDTH - 0.6) * (high + 0.14 * max(wide, high)) / (1.14 * max(wide, high)), LOWEST, HIGHEST))
-    figure, (ax,) = panels((WIDTH, height + 0.5), mechanism.name, lines, 1, assumptions=mechanism)
+    wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
+    height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
+    figure, (ax,) = panels((WIDTH, height), mechanism.name, lines, 1, assumptions=mechanism)
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     plot_mechanism(ax, mechanism)
     return figure
@@ -151,12 +164,11 @@ def load_figure(found: Result) -> Figure:
     assert isinstance(found.fields, MeshFields)
     model = found.axes["model"][-1]
     force, stress = found.at("force", model=model), found.at("hinge_stress", model=model)
-    parts = (f"{significant(float(value))} {unit}" for value, unit in zip(force, ("N", "N", "N mm"), strict=True))
-    highest = (
-        f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
-    )
-    lines = [f"Under {', '.join(parts)} on the output in X, Y, \N{GREEK SMALL LETTER THETA}; {highest}. Displacements"]
-    return displaced(found.about.name, lines, {"": plane_fields(found.fields)}, 1, found.about)[0]
+    load = zip(NAMES.values(), force.tolist(), ("N", "N", "N mm"), strict=True)
+    parts = ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in load)
+    worst = f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
+    fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
+    return displaced(found.about.name, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]
 
 
 def plane_fields(fields: MeshFields) -> PlateFields:

@@ -156,9 +156,8 @@ def draw_outline(axes: Axes, stage: Stage) -> Array:
     return rim
 
 
-def draw_to_one_scale(axes: Sequence[Axes], stages: Sequence[Stage]) -> None:
-    """Draw each stage on its own axes, all to one scale, with a scale bar of a round length on the first."""
-    points = np.vstack([draw_outline(ax, stage) for ax, stage in zip(axes, stages, strict=True)])
+def fit_to_one_scale(axes: Sequence[Axes], points: Array) -> None:
+    """Set all axes to one scale for drawings through points (n, 2), with a scale bar of a round length on the first."""
     low, high, room = points.min(axis=0), points.max(axis=0), 0.02 * np.ptp(points)
     for ax in axes:
         ax.set(xlim=(low[0] - room, high[0] + room), ylim=(low[1] - 5 * room, high[1] + room), aspect="equal")

@@ -17,8 +17,10 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from flexfem.arrays import Array, is_wide
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.plot import style
-from flexfem.plot.stage import draw_to_one_scale
+from flexfem.plot.plate import draw_plate
+from flexfem.plot.stage import draw_outline, fit_to_one_scale
 from flexfem.plot.style import GREY, INK, NOTE_COLOUR, below_header, in_house_style, panels
 from flexfem.plot.text import minus, significant
 from flexfem.plot.write import write_each
@@ -220,7 +222,11 @@ def pareto_figure(shown: ParetoFront) -> Figure:
         axes[letter].set_axis_off()
         axes[letter].set_title(text, loc="left", size=FONT_SIZE, y=0.0, pad=-2, va="top", linespacing=1.3)
     if names:
-        draw_to_one_scale([axes[letter] for letter in names], [design.stage for design in shown.chosen])
+        drawn = [
+            draw_plate(axes[letter], base) if isinstance(base, Mechanism) else draw_outline(axes[letter], base)
+            for letter, base in zip(names, (design.stage for design in shown.chosen), strict=True)
+        ]
+        fit_to_one_scale([axes[letter] for letter in names], np.vstack(drawn))
     return figure
 
 

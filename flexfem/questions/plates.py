@@ -15,7 +15,7 @@ from scipy.optimize import linprog
 from flexfem import arguments
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, free_stiffness
-from flexfem.fem.elements import mirrored
+from flexfem.fem.elements import mirrored, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.plate_bodies import body_compliances
 from flexfem.fem.plate_mesh import mesh_layout
@@ -170,6 +170,7 @@ class MechanismStiffness(Result):
     """Stiffness, stress per displacement, range at yield and inputs of a mechanism at rest; response to one load."""
 
     title = "mechanism at rest"
+    figure, drawn_from_fields = "plate.load_figure", True
     stiffness = Quantity("stiffness matrix", "stiffness matrix", ("model", "component", "direction"), COARSER, "matrix")
     compliance = Quantity(
         "compliance matrix", "compliance matrix", ("model", "component", "direction"), COARSER, "matrix", shown=False
@@ -230,8 +231,24 @@ def stiffness(
         along = each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])
         return found | {"compliance": C, "stiffness": K @ C @ K, "free": along}
 
-    found = of_models(mechanism, mesh, models, values, progress, bands)
-    return answer(MechanismStiffness, mechanism, found.models, mesh)
+    found, fields = of_models(mechanism, mesh, models, values, progress, bands), None
+    reference = list(found.models.values())[-1].values
+    if mesh is not None and "force" in reference:
+        fields = fields_under(mechanism, mesh, reference["force"])
+    return answer(MechanismStiffness, mechanism, found.models, mesh, fields=fields)
+
+
+def fields_under(mechanism: Mechanism, mesh: setup.Mesh, force: Array) -> setup.MeshFields:
+    """Return displacement and von Mises stress by finite elements under a load (3,) on the output, N and N mm."""
+    response = solved(mechanism, mesh.resolution, mesh.layers)
+    field, whole = np.tensordot(force, response.fields[:3], axes=1), response.model.structure
+
+    def made() -> dict[str, Array]:
+        stress = nodal_stress(whole.mesh, whole.plate, field, layers=whole.layers)
+        stress = von_mises(stress, mechanism.layout.out_of_plane).reshape(field.shape[:-1])
+        return {"displacement": field, "von_mises": np.nan_to_num(stress)}  # fixed bodies have none
+
+    return setup.MeshFields(response.model.mesh, made, whole.layers.heights if whole.layers else None)
 
 
 def answer(

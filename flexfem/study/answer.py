@@ -38,6 +38,7 @@ from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.batch import LOWEST, Clock, batch_at_rest, solved_design
@@ -46,7 +47,7 @@ from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, failed_row, row_of, sizes_of, values_of
-from flexfem.study.loaded import LoadedStudy, designs_of, judge, refusals_of, sample, stage_of
+from flexfem.study.loaded import LoadedStudy, designs_of, judge, mechanism_of, refusals_of, sample, stage_of
 from flexfem.study.plan import Study, expanded_names
 from flexfem.units import DENSITY
 
@@ -102,7 +103,7 @@ STAGES_BATCH = 512  # the same where every design needs a stage, which takes 60 
 
 def answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
     """Return the rows of the designs from `start` up to `stop`."""
-    if loaded.study.model == "analytic":
+    if loaded.study.model == "analytic" and not loaded.study.on_mechanism:
         ends = [*range(start, stop, STAGES_BATCH if needs_stages(loaded.study) else BATCH), stop]
         batches = [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
     else:
@@ -173,14 +174,14 @@ class NoSuchNumber(BadInput):
     """A study requests a number that no result about the stage has."""
 
 
-def extra_numbers(loaded: LoadedStudy, stage: Stage) -> list[float]:
+def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> list[float]:
     """Return the numbers about one stage at the paths `study.ask`. Raises BadInput, ComputationFailed."""
     from flexfem.questions.setup import Analytic
 
     study, numbers = loaded.study, dict[str, float]()
     models = {"analytic": "analytic", "verify": "both"}.get(study.model, "elements")
     settings: dict[str, Any] = {"models": models}
-    if models != "elements":
+    if models != "elements" and not study.on_mechanism:
         settings["analytic"] = Analytic(study.mobility, study.formula, study.links)
     if models != "analytic":
         settings["resolution"] = study.resolution
@@ -202,7 +203,7 @@ def require_extra_numbers(loaded: LoadedStudy) -> None:
     """Raise BadInput where a study requests a number that its model does not give for the base stage."""
     try:
         if loaded.study.ask:
-            extra_numbers(loaded, loaded.stage)
+            extra_numbers(loaded, loaded.base)
     except NoSuchNumber as error:
         raise bad_key(loaded.path, ("ask",), str(error)) from None
     except (BadInput, ComputationFailed):  # designs may have what the base stage lacks
@@ -237,6 +238,8 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     try:
         if reason:
             raise BadInput(reason)
+        if isinstance(loaded.base, Mechanism):
+            return row_of("ok", "", extra_numbers(loaded, mechanism_of(loaded, loaded.base, values)))
         stage = stage_of(loaded, values)
         check_feasible(stage)
         return with_warnings(loaded, values[None], row_of("ok", "", solved_values(stage, loaded)))
@@ -288,7 +291,8 @@ def nominal(loaded: LoadedStudy) -> dict[str, float]:
     """Return outputs and factor values of the base stage by column; no outputs where they cannot be computed."""
     study = loaded.study.model_copy(update={"bands": False, "constraint": ()})
     base, no_factors = replace(loaded, study=study, columns=()), np.empty((1, 0))
-    rows = answer_designs(base, no_factors) if study.model == "analytic" else _solved_row(base, no_factors[0])
+    solve = _solved_row if study.model != "analytic" or isinstance(loaded.base, Mechanism) else None
+    rows = solve(base, no_factors[0]) if solve else answer_designs(base, no_factors)
     values = base_factor_values(loaded)
     if rows.status[0] == "ok":
         values |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))
@@ -300,7 +304,7 @@ def nominal(loaded: LoadedStudy) -> dict[str, float]:
 
 def base_factor_values(loaded: LoadedStudy) -> dict[str, float]:
     """Return the factor values of the base stage by column, file units, without factors whose keys differ there."""
-    values = {c.name: {keys()[path].value_in(loaded.stage) for path in c.keys} for c in loaded.columns}
+    values = {c.name: {keys()[path].value_in(loaded.base) for path in c.keys} for c in loaded.columns}
     return {name: value for name, (value, *others) in values.items() if not others and value is not None}
 
 
@@ -311,7 +315,7 @@ def factor_warnings(loaded: LoadedStudy) -> list[str]:
     because each of their designs has its own mesh.
     """
     study = loaded.study
-    if study.model != "analytic":
+    if study.model != "analytic" or study.on_mechanism:
         return []
     figured = {name for figure in study.figure for name, _ in figure.columns.values()}
     constrained = {name for constraint in study.constraint for name in names_in(constraint.value)}

@@ -216,7 +216,8 @@ def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:
 
     columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y also refers to that of the rotation at 1 mm.
     """
-    sizes = {name: np.sqrt(np.abs(columns[first] * columns[second])) for name, (first, second) in CROSS.items()}
+    crossed = {name: pair for name, pair in CROSS.items() if {*pair} <= columns.keys()}
+    sizes = {name: np.sqrt(np.abs(columns[first] * columns[second])) for name, (first, second) in crossed.items()}
     sizes |= {name: np.asarray(scale) for name, scale in SCALES.items()}
     if DRIFTS[0] in columns:
         x, y, theta = (np.abs(columns[name]) for name in DRIFTS)

@@ -11,7 +11,8 @@ from flexfem.files import quantities
 from flexfem.files.quantities import OF_THE_KEY, Keywords, keywords
 from flexfem.files.refusals import refusal, shown
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import key_suggestion, keys, matching_keys
+from flexfem.mechanism.keys import PARAMETERS, key_suggestion, keys, matching_keys
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -176,7 +177,7 @@ def columns_of(factors: Iterable[Factor]) -> tuple[Column, ...]:
     return tuple(columns)
 
 
-def columns_on(stage: Stage, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
+def columns_on(stage: Stage | Mechanism, factor: Factor, unused_keys: frozenset[str]) -> Iterator[Column]:
     """Yield the columns of a factor; a normal distribution without a mean takes the value of the base stage.
 
     unused_keys : key paths that no output depends on.   Raises BadInput: the stage has no value for the mean, or
@@ -190,7 +191,10 @@ def columns_on(stage: Stage, factor: Factor, unused_keys: frozenset[str]) -> Ite
                 raise BadInput(f"mean is missing, and the stage has no single value of {names}")
             column = column._replace(factor=factor.model_copy(update={"mean": means.pop()}))
         for key in column_keys:
-            if key.of_drive and not key.places_in(stage):
+            if isinstance(stage, Mechanism) and not key.places_in(stage):
+                known = ", ".join(f"{PARAMETERS[0]}.{name}" for name in stage.parameters) or "it has none"
+                raise BadInput(f"key = {key.path}, expected a parameter of the mechanism ({known})")
+            if isinstance(stage, Stage) and key.of_drive and not key.places_in(stage):
                 actuators = ", ".join(actuator.name for actuator in stage.actuator) or "it has none"
                 expected = f"a number that an actuator of the stage ({actuators}) states and that no override replaces"
                 raise BadInput(f"key = {key.path}, expected {expected}")

@@ -14,12 +14,14 @@ from pydantic import ValidationError
 from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
-from flexfem.study.loaded import LoadedStudy, stage_of
+from flexfem.study.loaded import LoadedStudy, mechanism_of, stage_of
 from flexfem.study.plan import Figure, Study, expanded_names
 from flexfem.units import unit_of, without_unit
 
@@ -104,8 +106,12 @@ def words(key: str) -> str:
 
 def model_words(loaded: LoadedStudy) -> str:
     """Return a description of the model."""
-    study, plane = loaded.study, loaded.stage.model
-    analytic = f"{study.formula}, mobility {study.mobility or loaded.stage.mobility}{', elastic links' * study.links}"
+    study, plane = loaded.study, loaded.base.model
+    analytic = "rigid bodies and beam integrals of the hinges"
+    if isinstance(loaded.base, Stage):
+        analytic = (
+            f"{study.formula}, mobility {study.mobility or loaded.base.mobility}{', elastic links' * study.links}"
+        )
     meshed = f"{study.resolution} triangles across every neck"
     layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
     model = {
@@ -175,7 +181,7 @@ class Source(NamedTuple):
         loaded, study, table = self.loaded, self.loaded.study, self.table
         counts = table.counts | {"open": loaded.count - len(table.design)}
         text = [
-            f"Study: {study.name}. Base stage: {loaded.stage.name}.",
+            f"Study: {study.name}. Base: {loaded.base.name}.",
             f"{model_words(loaded)}. {thousands(loaded.count)} designs ({sampling_words(loaded)}): {counted(counts)}.",
         ]
         if study.constraint:
@@ -303,7 +309,7 @@ class Chosen(NamedTuple):
     """A drawn design of a front: its `place` among the points, its stage, and the numbers below it."""
 
     place: int
-    stage: Stage
+    stage: Stage | Mechanism
     numbers: Sequence[tuple[AxisText, float]]
 
 
@@ -460,7 +466,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         raise source.refusal("pareto", y, "no design satisfies all constraints, expected some")
     points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
-    def stages_at(places: Index) -> Iterator[Stage | None]:
+    def stages_at(places: Index) -> Iterator[Stage | Mechanism | None]:
         values = np.column_stack([table.columns[column.name][rows[places]] for column in loaded.columns])
         return (drawable(loaded, row) for row in values)
 
@@ -550,9 +556,13 @@ def spread(points: Array, count: int) -> Index:
     return np.unique(np.abs(along[:, None] - targets).argmin(axis=0))
 
 
-def drawable(loaded: LoadedStudy, values: Array) -> Stage | None:
-    """Return the stage of factor values (columns,), None where it cannot be made."""
+def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
+    """Return the stage or mechanism of factor values (columns,), None where it cannot be made."""
     with suppress(BadInput, ValidationError):
+        if isinstance(loaded.base, Mechanism):
+            mechanism = mechanism_of(loaded, loaded.base, values)
+            check_layout(mechanism.layout)
+            return mechanism
         stage = stage_of(loaded, values)
         check_feasible(stage)
         return stage
@@ -568,12 +578,16 @@ def power_of(points: Array) -> float | None:
 
 
 def _gain(
-    source: Source, figure: Figure, rows: Index, undrawable: Index, stages_at: Callable[[Index], Iterable[Stage | None]]
+    source: Source,
+    figure: Figure,
+    rows: Index,
+    undrawable: Index,
+    stages_at: Callable[[Index], Iterable[object]],
 ) -> float | None:
     """Return y over that of the base stage for the best drawable design that is no worse in x and no larger."""
     x, y, sign = figure.x or "", figure.y or "", {"larger": 1.0, "smaller": -1.0}
     base_x, base_y, base_size = map(source.base_value, (x, y, SIZE))
-    if base_x is None or base_size is None or not base_y:
+    if SIZE not in source.table.columns or base_x is None or base_size is None or not base_y:
         return None
     x_values, y_values, size = (source.column(name)[rows] for name in (x, y, SIZE))
     eligible = (sign[figure.x_better] * (x_values - base_x) >= 0) & (size <= base_size)

@@ -24,8 +24,9 @@ from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.keys import Key, keys
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.keys import PARAMETERS, Key, keys
+from flexfem.mechanism.mechanism import Mechanism, load_plate
+from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of, merged_changes
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
@@ -35,17 +36,23 @@ from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, normal_correla
 
 @dataclass(frozen=True)
 class LoadedStudy:
-    """A study with its feasible base stage and its columns; `stem` names its results.
+    """A study with its feasible base stage or mechanism and its columns; `stem` names its results.
 
     `table` : the user's own table of designs, where the study has one.
     """
 
     path: Path
     study: Study
-    stage: Stage
+    base: Stage | Mechanism
     columns: tuple[Column, ...]
     stem: str
     table: DesignTable | None = None
+
+    @property
+    def stage(self) -> Stage:
+        """The base stage of a study that is not of a mechanism."""
+        assert isinstance(self.base, Stage)
+        return self.base
 
     @property
     def count(self) -> int:
@@ -61,9 +68,9 @@ class LoadedStudy:
     def assumptions(self) -> Assumptions:
         """Key paths of the numbers of stage and study that are assumed or not stated, with those of drive and expansion
         where the study uses them."""
-        study, stage = self.study, self.stage
-        used = [stage.drive_assumptions] if study.driven else []
-        used += [stage.heat_assumptions] if study.drift is not None else []
+        study, stage = self.study, self.base
+        used = [stage.drive_assumptions] if isinstance(stage, Stage) and study.driven else []
+        used += [stage.heat_assumptions] if isinstance(stage, Stage) and study.drift is not None else []
         used = used or [Assumptions([*stage.assumed], [*stage.not_stated])]
         of_stage = [dict.fromkeys(chain(*paths)) for paths in zip(*used, strict=True)]
         of_study = [key for key, source in study.provenance.items() if is_assumed(source)], study.not_stated
@@ -73,7 +80,9 @@ class LoadedStudy:
     @property
     def stress_accuracy(self) -> str:
         """Text on the error of the highest neck stress and of quantities computed from it."""
-        study, plane = self.study, self.stage.model
+        study, plane = self.study, self.base.model
+        if study.on_mechanism:
+            return "bands and the other models of each number: the command of its question, for one mechanism"
         if study.model != "analytic":
             return f"neck stress by finite elements of resolution {study.resolution} is {study.stress_below}"
         stress = accuracy.stress_accuracy(study.formula, study.links, plane)
@@ -87,7 +96,7 @@ class LoadedStudy:
         The number of designs counts only where it changes the first designs too. Derived outputs, and constraints on
         outputs, are computed from the rows and do not count.
         """
-        study, stage = self.study, self.stage
+        study, stage = self.study, self.base
         unneeded = {"name", "stage", "factor", "figure", "provenance", "check", "time_limit", "output", "constraint"}
         content = study.model_dump(mode="json", exclude=unneeded)
         if self.table is not None:
@@ -95,13 +104,13 @@ class LoadedStudy:
         if study.sampling.method in EXTENSIBLE:
             content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its kind, even if its numbers are those of the others
-        overrides = (o for o in stage.override if o.hinge or study.driven)
+        overrides = (o for o in getattr(stage, "override", ()) if o.hinge or study.driven)
         refusing = [constraint for constraint in study.constraint if study.uses_no_output(constraint.value)]
         used = expanded_names((name for constraint in refusing for name in names_in(constraint.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         content |= {
-            "stage": stage.drive_hash if study.driven else stage.hash,
-            "heat": stage.heat_hash if study.drift is not None else None,
+            "stage": stage.drive_hash if isinstance(stage, Stage) and study.driven else stage.hash,
+            "heat": stage.heat_hash if isinstance(stage, Stage) and study.drift is not None else None,
             "draws": study.draws,
             "override": sorted((*o.place, sorted(o.changes)) for o in overrides),
             "columns": [
@@ -132,12 +141,17 @@ def load_study(path: PathLike) -> LoadedStudy:
     return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, table)
 
 
-def base_stage(path: PathLike, study: Study) -> Stage:
+def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
     """Return the base stage that a study or requirements file names. Raises BadInput where it does not fit."""
     try:
-        stage = load_feasible(os.path.normpath(Path(path).parent / study.stage))
+        stage = load_plate(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
         raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
+    if isinstance(stage, Mechanism) != study.on_mechanism:
+        expected = "a mechanism file" if study.on_mechanism else "factors with keys parameters.NAME for a mechanism"
+        raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}, expected {expected}")
+    if isinstance(stage, Mechanism):
+        return stage
     problem = f"model = {shown(study.model)} on a stage with model = {shown(stage.model)}, expected"
     if study.model in ("fe", "verify") and stage.model == "corrected":
         raise bad_key(path, ("model",), f'{problem} "analytic": the finite elements are plane')
@@ -160,7 +174,7 @@ def base_stage(path: PathLike, study: Study) -> Stage:
 
 
 def columns_of_file(
-    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage, unused_keys: frozenset[str]
+    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage | Mechanism, unused_keys: frozenset[str]
 ) -> tuple[Column, ...]:
     """Return the columns of the factors in an array of a file, as `columns_on`. BadInput names file, line and key."""
     columns = list[Column]()
@@ -173,7 +187,7 @@ def columns_of_file(
 
 
 def require_key_values(
-    path: PathLike, expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage
+    path: PathLike, expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage | Mechanism
 ) -> None:
     """Raise BadInput where an expression of a file uses a key that the stage leaves to a default."""
     for place, expression in expressions.items():
@@ -182,7 +196,7 @@ def require_key_values(
                 raise bad_key(path, place, f"{key_path(place)}: the stage does not state {name}")
 
 
-def is_fixed(name: str, columns: Sequence[Column], stage: Stage) -> bool:
+def is_fixed(name: str, columns: Sequence[Column], stage: Stage | Mechanism) -> bool:
     """Return whether a name is a key that no column sets, directly or, for one chain, by the key of all chains."""
     set_by = [path for column in columns for path in column.keys]
     if name not in keys() or name in set_by:
@@ -400,6 +414,15 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     return designs
 
 
+def mechanism_of(loaded: LoadedStudy, base: Mechanism, values: Array) -> Mechanism:
+    """Return the mechanism of the design with factor values (columns,), file units. Raises BadInput."""
+    changes: dict[str, Any] = {}
+    for key, column in _settings(loaded):
+        table = changes if key.table == () else changes.setdefault(key.table[0], {})
+        table[key.attribute] = float(values[column]) * (1.0 if key.table == PARAMETERS else key.unit)
+    return base.replace(**changes)
+
+
 def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
     """Return the stage of the design with factor values (columns,), file units.
 
@@ -502,8 +525,8 @@ def _key_values(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) ->
         if path in column.keys:
             return columns[column.name]
     key = keys()[path]
-    if is_fixed(path, loaded.columns, loaded.stage):
-        return np.full(1, key.value_in(loaded.stage), dtype=np.float64)
+    if is_fixed(path, loaded.columns, loaded.base):
+        return np.full(1, key.value_in(loaded.base), dtype=np.float64)
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, place),) = key.places_in(loaded.stage)
     return np.asarray(getattr(designs, field)[:, *place] / key.unit)

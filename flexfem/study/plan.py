@@ -18,7 +18,7 @@ from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import COUNT, OF_THE_KEY, keywords
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.toml import Label, Table
-from flexfem.mechanism.keys import LIFE_CONSTANTS, key_suggestion, keys
+from flexfem.mechanism.keys import LIFE_CONSTANTS, PARAMETERS, key_suggestion, keys
 from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
@@ -309,6 +309,8 @@ class LifeTable(Table):
 
 
 QUESTIONS = ("budget", "converge", "drift", "gravity", "large", "modes", "reach", "stiffness", "summary")  # of a stage
+OF_MECHANISM = ("name", "stage", "model", "resolution", "layers", "time_limit_s", "sampling", "factor", "correlation",
+                "ask", "output", "constraint", "figure", "provenance")  # keys of a study on a mechanism  # fmt: skip
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",
     "grid": "a grid contains all combinations of values",
@@ -406,11 +408,25 @@ class Study(Sourced):
     def _asks_questions(cls, paths: tuple[str, ...]) -> tuple[str, ...]:
         for index, path in enumerate(paths):
             name, _, number = path.partition(".")
-            if name not in QUESTIONS or not number:
+            if name not in (*QUESTIONS, "drive") or not number:
                 raise refusal(f"question.quantity.labels with a question of {', '.join(QUESTIONS)}", "ask", index)
             if path in paths[:index]:
                 raise refusal("each path once", "ask", index)
         return paths
+
+    @model_validator(mode="after")
+    def _keys_fit_mechanism(self) -> Study:
+        if self.on_mechanism:
+            for name, field in type(self).model_fields.items():
+                if name in self.model_fields_set and (key := field.alias or name) not in OF_MECHANISM:
+                    raise refusal(f"no {key} in a study of a mechanism, whose numbers are those of ask", key)
+            if self.model == "verify":
+                raise refusal("analytic, fe or three_dimensional in a study of a mechanism", "model")
+            if not self.ask:
+                raise refusal("ask = [...]: the numbers that a study of a mechanism computes")
+        elif any(path.startswith("drive.") for path in self.ask):
+            raise refusal(f"a question of {', '.join(QUESTIONS)} about a stage", "ask")
+        return self
 
     @model_validator(mode="after")
     def _drive_fits_model(self) -> Study:
@@ -517,6 +533,11 @@ class Study(Sourced):
         return None if self.drive is None else self.drive.rotation
 
     @property
+    def on_mechanism(self) -> bool:
+        """Whether factors set parameters of a mechanism file."""
+        return any(keys()[path].table == PARAMETERS for factor in self.factor for path in factor.paths)
+
+    @property
     def driven(self) -> bool:
         """Whether the actuators of the base stage drive the designs."""
         return self.drive is not None and self.drive.actuators
@@ -524,6 +545,8 @@ class Study(Sourced):
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the requested output columns, without numbers of other questions."""
+        if self.on_mechanism:
+            return ()
         requested = {
             "travel": self.rotation is not None,
             "drive": self.driven,

@@ -143,3 +143,13 @@ def test_grounds_apart_are_two_pieces_and_bodies_that_touch_are_found_in_the_mes
     monkeypatch.setattr(flexfem.fem.plate_mesh, "check_layout", lambda layout: None)
     with pytest.raises(ComputationFailed, match=r"joined without a hinge|connected to nothing|overlap"):
         mesh_layout(layout_of([GROUND, STAGE._replace(outline=box(10, -5, 33, 5))], [LEAF]), 3)
+
+
+def test_triangles_in_an_arm_follow_its_width_and_not_that_of_its_body():
+    corners = (0, 50, 50 + 23.5j, 80 + 23.5j, 80 + 26.5j, 50 + 26.5j, 50 + 50j, 50j, 0)
+    tip = Body("tip", box(90, 20, 99, 30), fixed=True)
+    hinge = LEAF._replace(place=85 + 25j, heading=np.pi)
+    mesh = mesh_layout(layout_of([Body("arm", tuple(polyline(*corners))), tip], [hinge._replace(bodies=(1, 0))]), 8)
+    x = mesh.nodes[mesh.triangles[:, :3], 0]
+    arm = (mesh.bodies == 0) & (x.min(axis=1) > 55) & (x.max(axis=1) < 75)
+    assert area_of(mesh._replace(triangles=mesh.triangles[arm], bodies=mesh.bodies[arm]), 0) / arm.sum() < 0.5  # mm^2

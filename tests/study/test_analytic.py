@@ -58,7 +58,7 @@ def test_the_kernel_is_the_scalar_model(studies: Any) -> None:
     pairs += [(formula, mobilities[place % len(mobilities)]) for place, formula in enumerate(FORMULAS)]
     for turn, (formula, mobility) in enumerate(pairs):
         loaded = study(studies, GENTLE, formula, mobility, 4)
-        loaded = replace(loaded, stage=loaded.stage.model_copy(update={"model": PLANES[turn % len(PLANES)]}))
+        loaded = replace(loaded, base=loaded.stage.model_copy(update={"model": PLANES[turn % len(PLANES)]}))
         rows = answer(loaded, 0, loaded.count)
         assert set(rows.status) == {"ok"}, rows.reason
         for found, values in zip(rows.values, sample(loaded, 0, loaded.count), strict=True):

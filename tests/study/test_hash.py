@@ -98,11 +98,11 @@ def test_every_key_of_a_factor_and_its_column_changes_the_hash(studies: Any) -> 
 def test_every_key_of_the_stage_counts_in_the_hash_of_its_study(studies: Any) -> None:
     loaded: LoadedStudy = studies.load()
     places = set(leaves(loaded.stage)) - OF_THE_DRIVE - {("override", 0, "hinge")}
-    found = unseen(loaded.stage, lambda stage: replace(loaded, stage=stage).hash, places)
+    found = unseen(loaded.stage, lambda stage: replace(loaded, base=stage).hash, places)
     assert found == NOT_OF_A_STAGE
     own = Override.model_validate({"chain": 3, "hinge": "base", "neck_mm": 0.53})  # that of its like, but it
     repeated = loaded.stage.model_copy(update={"override": (*loaded.stage.override, own)})  # follows no factor
-    assert repeated.hash == loaded.stage.hash and replace(loaded, stage=repeated).hash != loaded.hash
+    assert repeated.hash == loaded.stage.hash and replace(loaded, base=repeated).hash != loaded.hash
 
 
 def test_a_number_of_the_stage_counts_where_a_constraint_refuses_by_it(studies: Any) -> None:

@@ -66,7 +66,7 @@ def test_travel_agrees_with_the_analytic_rotation_of_the_base_hinges(stage: Stag
     """The hinges' own compliances in both; at the travel the first base hinge has turned by stroke over lever arm."""
     found = columns(studies.of(*ONE, head='model = "fe"', tail=DRIVE), stage)
     head = 'model = "analytic"\nformula = "calibrated"\nmobility = 21\nlinks = true'
-    beside = replace(studies.of(*ONE, head=head, tail=DRIVE), stage=stage)
+    beside = replace(studies.of(*ONE, head=head, tail=DRIVE), base=stage)
     expected = answer(beside, 0, 1).values[0, [beside.outputs.index(name) for name in TRAVELS]]
     np.testing.assert_allclose(of(found, TRAVELS), expected, rtol=MODELS)
 
