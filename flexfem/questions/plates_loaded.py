@@ -11,6 +11,7 @@ from flexfem.analytic import plates as network
 from flexfem.analytic.finite import displaced
 from flexfem.arrays import Array
 from flexfem.fem import ports as fem
+from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
 from flexfem.questions.plates import ELASTIC, Parts, answer, model_of, parts_of, stress_by
@@ -176,18 +177,28 @@ def drift(
 
 
 STEPS = (0.25, 0.5, 0.75, 1.0)
+THEORIES = ("linear", "beams", "finite elements")
+AMPLITUDE, LARGE_RESOLUTION = 0.5, 4  # mm, and triangles across a neck: as for stages
 
 
 class MechanismLarge(Result):
-    """Displacement of the output under growing loads, with finite rotations: co-rotational beams against linear."""
+    """Displacement of the output under growing dead loads: linear, and with finite rotations by both models."""
 
     title = "large displacements"
-    labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS), "theory": ("linear", "finite")}
+    labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS)}
+    reading = (
+        "linear: the analytic network with rigid bodies; beams: the same with hinges as co-rotational beams; finite "
+        "elements: plane, with finite rotations and elastic bodies",
+        "the rotation is that of the rigid motion nearest to the motion of the contact",
+    )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
     pose = Quantity(
         "displacement of the output", "motion", ("load", "theory", "direction"), SOLVED, "pose", prefixed=True
     )
-    stiffness = Quantity("tangent stiffness, other directions free", "stiffness", ("load", "direction"), SOLVED, "axis")
+    stiffness = Quantity(
+        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), SOLVED
+    )
+    strain = Quantity("largest strain of finite elements", "", ("load",), STRESS, "all", shown=False)
 
 
 def large(
@@ -195,12 +206,19 @@ def large(
     *,
     force: tuple[float, float, float] | None = None,
     amplitude: float | None = None,
+    models: Literal["both", "analytic"] = "both",
+    resolution: int | None = None,
     progress: Progress | None = None,
 ) -> MechanismLarge:
     """See `flexfem.large`."""
-    C = network.respond(mechanism.layout).compliance
+    mesh, layout, bands = (
+        mesh_of(models, resolution, None, usual=LARGE_RESOLUTION),
+        mechanism.layout,
+        dict[str, Array](),
+    )
+    C = network.respond(layout).compliance
     if force is None:
-        size = arguments.between("amplitude", 1.0 if amplitude is None else amplitude, 1e-6, 1e4, " mm")
+        size = arguments.between("amplitude", AMPLITUDE if amplitude is None else amplitude, 1e-6, 1e4, " mm")
         softest = int(np.argmax(np.diag(C)[:2]))
         load = np.zeros(3)
         load[softest] = size / C[softest, softest]
@@ -208,9 +226,27 @@ def large(
         load = arguments.forces("force", force, 1)
     loads = np.zeros((len(STEPS), len(C)))
     loads[:, :3] = np.outer(STEPS, load)
-    found = displaced(mechanism.layout, loads)
-    pose = np.stack([loads @ C[:, :3], found.motions[:, :3]], axis=1)
-    along = 1 / np.diagonal(found.compliance, axis1=1, axis2=2)[:, :3]
+    found = displaced(layout, loads)
+    poses = [loads @ C[:, :3], found.motions[:, :3]]
+    tangents = [np.broadcast_to(C, found.compliance.shape), found.compliance]
+    values: dict[str, Any] = {"force": loads[:, :3]}
+    if mesh is not None:
+        steps = levels(mesh.resolution)
+        each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
+        poses.append(each[-1].pose[:, :3])
+        tangents.append(each[-1].compliance)
+        values["strain"] = each[-1].strain
+        sizes = np.array(steps, dtype=float)
+        alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
+        for name, parts in alike.items():
+            bands[name] = np.full((len(STEPS), len(THEORIES), 3), np.nan)
+            bands[name][:, -1] = corner_bands(sizes, np.array(parts))
+    values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
     warnings = [] if np.all(found.stable) else ["an equilibrium is not stable under dead loads"]
-    values = {"force": loads[:, :3], "pose": pose, "stiffness": along}
-    return answer(MechanismLarge, mechanism, {}, None, values, warnings=warnings)
+    labels = {"theory": THEORIES[: len(poses)]}
+    return answer(MechanismLarge, mechanism, {}, mesh, values, labels, bands, warnings=warnings)
+
+
+def _along(compliance: Array) -> Array:
+    """Stiffness (s, 3) along every direction of the output, the others free."""
+    return np.asarray(1 / np.diagonal(compliance, axis1=1, axis2=2)[:, :3])
