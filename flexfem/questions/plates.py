@@ -69,7 +69,7 @@ def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateRespo
     return model.response(model.port_forces)
 
 
-class Parts(NamedTuple):
+class ElasticParts(NamedTuple):
     """Elastic bodies and compliances (h, 3, 3) of hinges; without them bodies are rigid, and hinges beam integrals."""
 
     bodies: tuple[ElasticBody, ...] = ()
@@ -77,10 +77,10 @@ class Parts(NamedTuple):
 
 
 @once
-def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> Parts:
+def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> ElasticParts:
     """Return the compliance of every moving body and every hinge by finite elements of it alone."""
     layout, mesh = mechanism.layout, meshed(mechanism, resolution)
-    return Parts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
+    return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
@@ -93,7 +93,7 @@ def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     """Return the response of the analytic network with rigid bodies or with elastic parts."""
-    parts = parts_of(mechanism) if elastic else Parts()
+    parts = parts_of(mechanism) if elastic else ElasticParts()
     found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
 
     def stress(loads: Array) -> Array:
@@ -342,7 +342,7 @@ def budget(
     parts = parts_of(mechanism, mesh.resolution)
     rigid, *changed = (
         respond(mechanism.layout, one.bodies, hinges=one.hinges).compliance[:3, :3]
-        for one in (Parts(), Parts(parts.bodies), parts)
+        for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
     )
     K = np.asarray(np.linalg.inv(rigid))
     C = np.array([one.compliance[:3, :3] for one in on_meshes(steps, lambda n: elements(mechanism, n), progress)])
