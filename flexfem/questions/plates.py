@@ -1,7 +1,7 @@
 """Questions about any plate mechanism: at rest, errors of the analytic model, error budget, convergence, drive, reach.
 
 Every number follows from the compliance between the ports of the mechanism and from the stress in its hinges, by the
-analytic network with rigid bodies, the network with elastic bodies, and finite elements in the plane or extruded.
+analytic network with rigid bodies, the network of elastic parts, and finite elements in the plane or extruded.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, free_stiffness
 from flexfem.fem.elements import mirrored, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.plate_bodies import body_compliances
+from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
 from flexfem.mechanism.dimensioned import once
@@ -30,8 +30,9 @@ from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
-ELASTIC = "elastic bodies"  # label of the network whose bodies have the compliance of finite elements of each body
-BODY_RESOLUTION = 4  # of the finite elements of single bodies
+ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
+ELASTIC_READ = f"{ELASTIC}: bodies and hinges by plane finite elements of each part, joined at rigid sections"
+PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
 POINTS = Gate(COARSER.relative, absolute=100 * COARSER.relative)  # percentage points of a command
 
@@ -68,10 +69,18 @@ def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateRespo
     return model.response(model.port_forces)
 
 
+class ElasticParts(NamedTuple):
+    """Elastic bodies and compliances (h, 3, 3) of hinges; without them bodies are rigid, and hinges beam integrals."""
+
+    bodies: tuple[ElasticBody, ...] = ()
+    hinges: Array | None = None
+
+
 @once
-def bodies_of(mechanism: Mechanism) -> tuple[ElasticBody, ...]:
-    """Return the compliance of every moving body by finite elements of it alone."""
-    return body_compliances(mechanism.layout, meshed(mechanism, BODY_RESOLUTION))
+def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> ElasticParts:
+    """Return the compliance of every moving body and every hinge by finite elements of it alone."""
+    layout, mesh = mechanism.layout, meshed(mechanism, resolution)
+    return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
@@ -83,8 +92,9 @@ def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
 
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
-    """Return the response of the analytic network with rigid or with elastic bodies."""
-    found = respond(mechanism.layout, bodies_of(mechanism) if elastic else ())
+    """Return the response of the analytic network with rigid bodies or with elastic parts."""
+    parts = parts_of(mechanism) if elastic else ElasticParts()
+    found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
 
     def stress(loads: Array) -> Array:
         return stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads))
@@ -274,6 +284,7 @@ def answer(
     stacked, widths = setup.stack_models(kind, models, labels) if models else ({}, {})
     values, widths = stacked | dict(values or {}), widths | dict(bands or {})
     settings = setup.meshed(mesh) | dict(settings or {})
+    texts["notes"] = [*texts.get("notes", ()), *([ELASTIC_READ] if ELASTIC in models else [])]
     return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
 
 
@@ -304,7 +315,7 @@ def verification(
     return answer(MechanismErrors, mechanism, models, mesh, {"lever": lever})
 
 
-SHARES = ("rigid bodies", "hinge formulas", "three dimensions", "total")
+SHARES = ("rigid bodies", "hinge formulas", "joining of parts", "three dimensions", "total")
 
 
 class MechanismBudget(Result):
@@ -313,8 +324,11 @@ class MechanismBudget(Result):
     title = "error budget"
     labels: ClassVar = {"share": SHARES}
     reading = (
-        "per cent of the command in its direction, under the force of the network with rigid bodies; rigid bodies: "
-        "change by elastic bodies; hinge formulas: from there to plane finite elements",
+        "per cent of the command in its direction, under the force of the network with rigid bodies",
+        "rigid bodies: change by elastic bodies, each by plane finite elements of it alone",
+        "hinge formulas: change from beam integrals of the hinges to plane finite elements of each hinge alone",
+        "joining of parts: from these parts, joined at sections that move rigidly, to plane finite elements of the "
+        "whole, whose sections warp",
     )
     share = Quantity("share of the error", "percents", ("share", "direction"), POINTS)
 
@@ -326,20 +340,22 @@ def budget(
     mesh = mesh_of("both", resolution, None)
     assert mesh is not None
     steps, lever = levels(mesh.resolution), mechanism.layout.lever
-    rigid, elastic = (network(mechanism, each).compliance[:3, :3] for each in (False, True))
+    parts = parts_of(mechanism, mesh.resolution)
+    rigid, *changed = (
+        respond(mechanism.layout, one.bodies, hinges=one.hinges).compliance[:3, :3]
+        for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
+    )
     K = np.asarray(np.linalg.inv(rigid))
     C = np.array([one.compliance[:3, :3] for one in on_meshes(steps, lambda n: elements(mechanism, n), progress)])
     errors, bands = (np.diag(part) for part in error_bands(K, C, steps, lever))
-    by_bodies = np.diag(error_matrix(K, elastic, lever))
-    shares = np.full((4, 3), np.nan)
-    shares[0], shares[1], shares[3] = by_bodies, errors - by_bodies, errors
+    shares, widths = np.full((2, len(SHARES), 3), np.nan)
+    reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
+    shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
     if not plane:
         coarse = steps[0]
         solid, flat = (elements(mechanism, coarse, n).compliance[:3, :3] for n in (3, 0))
-        shares[2] = np.diag(error_matrix(K, solid, lever) - error_matrix(K, flat, lever))
-        shares[3] += shares[2]
-    widths = np.full((4, 3), np.nan)
-    widths[1] = widths[3] = bands
+        shares[3] = np.diag(error_matrix(K, solid, lever) - error_matrix(K, flat, lever))
+        shares[-1] += shares[3]
     return answer(MechanismBudget, mechanism, {}, mesh, {"share": shares}, bands={"share": widths})
 
 
