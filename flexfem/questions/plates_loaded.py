@@ -14,7 +14,7 @@ from flexfem.fem import ports as fem
 from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
-from flexfem.questions.plates import ELASTIC, answer, bodies_of, model_of, stress_by
+from flexfem.questions.plates import ELASTIC, ElasticParts, answer, model_of, parts_of, stress_by
 from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
@@ -31,14 +31,14 @@ def of_loads(
     by_elements: Any,
     progress: Progress | None,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all models: functions of elastic bodies and of a factorised plate; bands from three meshes.
+    """Return the values of all models: functions of elastic parts and of a factorised plate; bands from three meshes.
 
     In three dimensions the bands are those of the plane problem on the same meshes.
     """
     found = dict[str, ModelAnswer]()
     if models != "elements":
         for label in (ANALYTIC, ELASTIC)[: 1 if models == "analytic" else 2]:
-            found[label] = ModelAnswer(by_network(bodies_of(mechanism) if label == ELASTIC else ()))
+            found[label] = ModelAnswer(by_network(parts_of(mechanism) if label == ELASTIC else ElasticParts()))
     if mesh is not None:
         steps = levels(mesh.resolution)
         each = on_meshes(steps, lambda level: by_elements(model_of(mechanism, level)), progress)
@@ -81,8 +81,8 @@ def modes(
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     count, scale = arguments.integer("count", count, 100), np.array([1.0, 1.0, mechanism.layout.lever])
 
-    def by_network(bodies: Any) -> dict[str, Array]:
-        found = network.modes(mechanism.layout, bodies, engaged).frequencies[:count]
+    def by_network(parts: ElasticParts) -> dict[str, Array]:
+        found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
     def by_elements(model: fem.PlateModel) -> dict[str, Array]:
@@ -121,8 +121,8 @@ def gravity(
     field = GRAVITY * np.array([[np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]])
     points = 3 * len(mechanism.layout.points)
 
-    def by_network(bodies: Any) -> dict[str, Array]:
-        motions, wrenches = network.weighed(mechanism.layout, field, bodies)
+    def by_network(parts: ElasticParts) -> dict[str, Array]:
+        motions, wrenches = network.weighed(mechanism.layout, field, parts.bodies, hinges=parts.hinges)
         return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
 
     def by_elements(model: fem.PlateModel) -> dict[str, Array]:
@@ -163,8 +163,8 @@ def drift(
         ground = plate
         warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
 
-    def by_network(bodies: Any) -> dict[str, Array]:
-        motions, wrenches = network.warmed(mechanism.layout, plate, ground, bodies)
+    def by_network(parts: ElasticParts) -> dict[str, Array]:
+        motions, wrenches = network.warmed(mechanism.layout, plate, ground, parts.bodies, hinges=parts.hinges)
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
         return {"pose": motions[:points].T.reshape(3, -1, 3), "stress": stress}
 
