@@ -183,7 +183,7 @@ def results() -> dict[str, type[Result]]:
 
 def schema_of(name: str) -> dict[str, Any]:
     """Return the JSON schema of an input file or result. Raises BadInput for an unknown kind."""
-    if name not in FORMATS and name not in results():
+    if not isinstance(name, str) or (name not in FORMATS and name not in results()):
         expected = f"one of: {', '.join(FORMATS)}, or a kind of result, which `flexfem schema` lists"
         raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected {expected}")
     if name not in FORMATS:

@@ -119,8 +119,12 @@ def moving_bodies(layout: Layout) -> tuple[int, ...]:
     return tuple(i for i in range(len(layout.bodies)) if i not in ground)
 
 
-def network_of_plate(layout: Layout, ports: Sequence[Port], bodies: Sequence[ElasticBody] = ()) -> PlateNetwork:
+def network_of_plate(
+    layout: Layout, ports: Sequence[Port], bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
+) -> PlateNetwork:
     """Return the network of a layout with loads on `ports`; other than `bodies` are rigid.
+
+    hinges : (h, 3, 3), compliances at their centres in their axes; by default `Profile.compliance`.
 
     Raises ComputationFailed as `moving_bodies`.
     """
@@ -132,7 +136,7 @@ def network_of_plate(layout: Layout, ports: Sequence[Port], bodies: Sequence[Ela
     axes = [to_axes(joint.place, joint.heading) for joint in layout.joints]
     for row, joint in enumerate(layout.joints):
         at = slice(3 * row, 3 * row + 3)
-        A[at, at] = hinge_compliance_of(joint.profile, *material)
+        A[at, at] = hinge_compliance_of(joint.profile, *material) if hinges is None else hinges[row]
         for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
             if body in column:
                 G[at, column[body] : column[body] + 3] += sign * axes[row]
@@ -155,18 +159,28 @@ def network_of_plate(layout: Layout, ports: Sequence[Port], bodies: Sequence[Ela
     return PlateNetwork(moving, G, A, P, B, D)
 
 
-def respond(layout: Layout, bodies: Sequence[ElasticBody] = (), ports: Sequence[Port] | None = None) -> NetworkResponse:
-    """Return the response of a layout to unit loads on its ports, or on other ones; other than `bodies` are rigid.
+def respond(
+    layout: Layout,
+    bodies: Sequence[ElasticBody] = (),
+    ports: Sequence[Port] | None = None,
+    hinges: Array | None = None,
+) -> NetworkResponse:
+    """Return the response of a layout to unit loads on its ports, or on other ones; parts as of `network_of_plate`.
 
     Raises ComputationFailed for bodies that can move without load.
     """
-    net = network_of_plate(layout, layout.ports if ports is None else ports, bodies)
+    net = network_of_plate(layout, layout.ports if ports is None else ports, bodies, hinges)
     U, w = net.solve(net.P, net.B)
     return NetworkResponse(net.P.T @ U + net.B.T @ w + net.D, w.reshape(len(layout.joints), 3, -1))
 
 
 def warmed(
-    layout: Layout, expansion: float, ground: float, bodies: Sequence[ElasticBody] = (), engaged: bool = False
+    layout: Layout,
+    expansion: float,
+    ground: float,
+    bodies: Sequence[ElasticBody] = (),
+    engaged: bool = False,
+    hinges: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
 
@@ -179,7 +193,7 @@ def warmed(
     ground, or the clamped edges of a body at their middle, do not follow, and hinges open by the difference.
     """
     ports, turned = layout.ports, np.array([0.0, 1.0, -1.0j])
-    net = network_of_plate(layout, ports, bodies)
+    net = network_of_plate(layout, ports, bodies, hinges)
 
     def free(point: complex) -> Array:
         z = np.array([point, point**2 / 2, -1j * point**2 / 2])
@@ -213,7 +227,7 @@ def warmed(
             motions[j] += np.array(wrench) @ mean
     wrenches = w.reshape(-1, 3, 3)
     if engaged and layout.actuators:
-        response = respond(layout, bodies)
+        response = respond(layout, bodies, hinges=hinges)
         whole = NetworkResponse(
             *(np.concatenate(parts, axis=-1) for parts in zip(response, (motions, wrenches), strict=True))
         )
@@ -307,22 +321,24 @@ def inertia(layout: Layout) -> tuple[tuple[Port, ...], Array]:
 
 
 def _with_masses(
-    layout: Layout, bodies: Sequence[ElasticBody], engaged: bool
+    layout: Layout, bodies: Sequence[ElasticBody], engaged: bool, hinges: Array | None
 ) -> tuple[NetworkResponse, tuple[Port, ...], Array]:
     """Response to loads on the k ports of the layout, then on those of its masses; `inertia` of the layout."""
     ports, M = inertia(layout)
-    response = respond(layout, bodies, (*layout.ports, *ports))
+    response = respond(layout, bodies, (*layout.ports, *ports), hinges)
     if engaged and layout.actuators:
         response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
     return response, ports, M
 
 
-def modes(layout: Layout, bodies: Sequence[ElasticBody] = (), engaged: bool = False) -> PlateModes:
+def modes(
+    layout: Layout, bodies: Sequence[ElasticBody] = (), engaged: bool = False, hinges: Array | None = None
+) -> PlateModes:
     """Return natural frequencies and modes; with `engaged`, the actuators act as springs of their stiffness.
 
     The mass of elastic bodies moves with their mean motion; that of clamped bodies is neglected.
     """
-    response, _, M = _with_masses(layout, bodies, engaged)
+    response, _, M = _with_masses(layout, bodies, engaged, hinges)
     k, L = len(layout.ports), np.linalg.cholesky(M)
     values, vectors = np.linalg.eigh(L.T @ response.compliance[k:, k:] @ L)
     values, vectors = values[::-1], vectors[:, ::-1]
@@ -333,10 +349,14 @@ def modes(layout: Layout, bodies: Sequence[ElasticBody] = (), engaged: bool = Fa
 
 
 def weighed(
-    layout: Layout, accelerations: Array, bodies: Sequence[ElasticBody] = (), engaged: bool = False
+    layout: Layout,
+    accelerations: Array,
+    bodies: Sequence[ElasticBody] = (),
+    engaged: bool = False,
+    hinges: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return motions (k, c) of the ports and wrenches (h, 3, c) of the hinges by accelerations (c, 2), mm/s^2."""
-    response, ports, M = _with_masses(layout, bodies, engaged)
+    response, ports, M = _with_masses(layout, bodies, engaged, hinges)
     k = len(layout.ports)
     forces = M @ np.array([port.parts[0][1][:2] for port in ports]) @ np.asarray(accelerations).T
     return response.compliance[:k, k:] @ forces, response.wrenches[:, :, k:] @ forces

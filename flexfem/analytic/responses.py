@@ -30,6 +30,7 @@ from flexfem.mechanism import bodies as drawn
 from flexfem.mechanism.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
 from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, lower, stage_frames
 from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.plate_file import PlateFile
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput
 
@@ -290,11 +291,11 @@ class DriftRates(NamedTuple):
     gradient: Array
 
 
-def require_expansion(stage: Stage, frame: bool = False) -> None:
-    """Raise BadInput for a stage without an expansion or, if `frame`, for a frame without one."""
+def require_expansion(stage: PlateFile, frame: bool = False) -> None:
+    """Raise BadInput for a stage or mechanism without an expansion or, if `frame`, for a frame without one."""
     if stage.material.expansion is None:
         raise BadInput(f"material.expansion_um_per_m_k {MISSING} (aluminium 23.6)")
-    if frame and stage.frame.expansion is None:
+    if frame and isinstance(stage, Stage) and stage.frame.expansion is None:
         reason = "with the expansion of the stage it does not move the platform"
         raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {reason}")
 

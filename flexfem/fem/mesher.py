@@ -293,11 +293,9 @@ def write_extruded(solid: Extruded) -> NamedArrays:
 
 
 def write_plate(solid: PlateSolid) -> NamedArrays:
-    """Write a plate as `write_extruded`, with its drawn area (), mm^2, as well."""
+    """Write a plate as `write_extruded`."""
     with gmsh_session() as gmsh:
-        union = _union(gmsh.model.occ, solid.regions)
-        area = sum(gmsh.model.occ.getMass(*face) for face in union)
-        return {"area": np.array(area), **_extrude(gmsh, union, solid.thickness, solid.path)}
+        return _extrude(gmsh, _union(gmsh.model.occ, solid.regions), solid.thickness, solid.path)
 
 
 def _extrude(gmsh: Any, faces: list[tuple[int, int]], thickness: float, path: str) -> NamedArrays:

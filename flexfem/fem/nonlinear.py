@@ -1,4 +1,8 @@
-"""Large displacements of a plane stage: total-Lagrangian plane stress, finite rotation of the hub, Newton's method."""
+"""Large displacements in the plane: total-Lagrangian finite elements, finite rotations, Newton's method.
+
+Loads are dead: forces keep their direction and act at points that move with the bodies, moments do work on rotations.
+They act on the rigid hub of a stage, or on the ports of a plate, where bodies move by their `Contacts`.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +10,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import block_diag
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.fem.elements import ElementBatch, Plate, assembled, stress_tensor
 from flexfem.fem.factor import Factoriser, Solve
 from flexfem.fem.mesh import StageMesh
+from flexfem.fem.ports import PlateModel, contact_forces
 from flexfem.fem.structure import Structure, structure
 from flexfem.refused import ComputationFailed
 
@@ -73,11 +79,110 @@ class InternalForces(NamedTuple):
     strain: float
 
 
-class LargeStructure:
-    """A plane structure whose hub rotates by any angle: `u = U + (R(theta) - 1) r`."""
+class Contacts(NamedTuple):
+    """Contacts of a plate with c parts of bodies, whose motion is the rigid motion nearest to that of the part.
 
-    def __init__(self, structure: Structure) -> None:
+    The motion of the part is linear in four numbers: displacements x and y of the point and rotation of small motions,
+    and stretch. With the rotation b and the stretch s, the nearest rotation is `theta = arg(1 + s + i b)`: the polar
+    decomposition of `int (r + u) r' dA` in the plane, r from the centroid of the part.
+
+    gather : (4 c, size), rows of these numbers, from the unknowns.
+    arm : (c,), mm, from the centroid of the part to the point, complex.
+    wrenches : (k, c, 3), on the contacts by a unit load on every port.
+    """
+
+    gather: sp.csr_array
+    arm: AnyArray
+    wrenches: Array
+
+    def _motion(self, unknowns: Array) -> tuple[Array, AnyArray, AnyArray, Array]:
+        """Numbers (c, 4), turned part `1 + s + i b` and turned arm (c,), and the rates (c, 2) of theta by b and s."""
+        numbers = np.reshape(self.gather @ unknowns, (-1, 4))
+        turned = 1 + numbers[:, 3] + 1j * numbers[:, 2]
+        rates = 1 / turned
+        return numbers, turned, self.arm * turned / np.abs(turned), np.stack([rates.real, rates.imag], axis=1)
+
+    def motions(self, unknowns: Array) -> Array:
+        """Displacements and rotations (k,) of the ports, mm and rad."""
+        numbers, turned, arm, _ = self._motion(unknowns)
+        moved = numbers[:, 0] + 1j * numbers[:, 1] + arm - self.arm * (1 + 1j * numbers[:, 2])
+        motion = np.stack([moved.real, moved.imag, np.angle(turned)], axis=1)
+        return np.asarray(np.einsum("kca,ca->k", self.wrenches, motion))
+
+    def loads(self, unknowns: Array) -> Array:
+        """Loads (size, k) of unit loads on the ports: derivatives of the motions."""
+        _, _, arm, rates = self._motion(unknowns)
+        slopes = np.zeros((len(arm), 3, 4))  # of the motion by the numbers
+        slopes[:, 0, 0] = slopes[:, 1, 1] = 1.0
+        swing = np.stack([-arm.imag, arm.real, np.ones_like(arm.real)], axis=1)
+        slopes[:, :, 2:] = swing[:, :, None] * rates[:, None]
+        slopes[:, 0, 2] += self.arm.imag
+        slopes[:, 1, 2] -= self.arm.real
+        onto = np.einsum("kca,can->cnk", self.wrenches, slopes)
+        return np.asarray(self.gather.T @ onto.reshape(-1, len(self.wrenches)))
+
+    def softened(self, solve: Solve, unknowns: Array, load: Array) -> Solve:
+        """Solver of a tangent less the derivative of the loads (k,) by the unknowns, a matrix of rank 2 c."""
+        _, _, arm, rates = self._motion(unknowns)
+        fx, fy, moment = np.einsum("k,kca->ac", load, self.wrenches)
+        first, second = moment - fx * arm.imag + fy * arm.real, -fx * arm.real - fy * arm.imag
+        squared = (rates[:, 0] + 1j * rates[:, 1]) ** 2  # theta'' = Im(-dz dz / z^2), z' = i db + ds
+        bb, bs = squared.imag, -squared.real
+        H = first[:, None, None] * np.stack([np.stack([bb, bs], 1), np.stack([bs, -bb], 1)], 1)
+        H += second[:, None, None] * rates[:, :, None] * rates[:, None]
+        at = (4 * np.arange(len(arm))[:, None] + [2, 3]).ravel()
+        Y, whole = self.gather[at].T.toarray(), block_diag(*H)
+        soft = solve(Y)
+        inner = np.eye(len(at)) - whole @ (Y.T @ soft)
+
+        def solved(b: Array) -> Array:
+            x = solve(b)
+            return x + soft @ np.linalg.solve(inner, whole @ (Y.T @ x))
+
+        return solved
+
+
+def contacts(model: PlateModel) -> Contacts:
+    """Return the contacts of the ports of a plane plate, less those with ground that does not move."""
+    layout, structure = model.layout, model.structure
+    parts = [patch for port in layout.ports for patch, _ in port.parts]
+    moving = [at for at in dict.fromkeys(parts) if at.body >= 0 and not layout.bodies[at.body].fixed]
+    rows, arms, wrenches = list[Array](), list[complex](), np.zeros((len(layout.ports), len(moving), 3))
+    for patch in moving:
+        along_x, along_y, moment = contact_forces(model.mesh, patch)
+        x, y = moment.T  # a force at the point is one at the centroid with a moment
+        arms.append(complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y)))
+        rows.append(structure.loads(np.stack([along_x, along_y, moment, np.column_stack([y, -x])])).T)
+    for k, port in enumerate(layout.ports):
+        for patch, wrench in port.parts:
+            if patch in moving:
+                wrenches[k, moving.index(patch)] += wrench
+    return Contacts(sp.csr_array(np.concatenate(rows)), np.array(arms), wrenches)
+
+
+class LargeStructure:
+    """A plane structure, and the contacts where it is loaded or a hub that rotates: `u = U + (R(theta) - 1) r`."""
+
+    def __init__(self, structure: Structure, contacts: Contacts | None = None) -> None:
         self.structure, self.pairs, self.factorise = structure, structure.pairs, Factoriser(structure.block)
+        self.contacts, self.free = contacts, 2 * len(structure.free)
+
+    def motions(self, state: State) -> Array:
+        """Displacements and rotations (k,) where loads act, mm and rad: the pose of the hub or those of the ports."""
+        return self.contacts.motions(self._unknowns(state)) if self.contacts else state.pose
+
+    def loads(self, state: State) -> Array:
+        """Loads (size, k) on the unknowns by unit loads."""
+        size = self.structure.size
+        return self.contacts.loads(self._unknowns(state)) if self.contacts else np.eye(size, 3, 3 - size)
+
+    def solver(self, state: State, load: Array) -> Solve:
+        """Inverse of the derivative of internal forces less loads (k,)."""
+        solve = self.factorise(self.tangent(state))
+        return self.contacts.softened(solve, self._unknowns(state), load) if self.contacts else solve
+
+    def _unknowns(self, state: State) -> Array:
+        return state.field[self.structure.free].ravel()
 
     def hub_motion(self, pose: Array) -> tuple[Array, Array]:
         """Displacements (h, 2), mm, and rotated moment arms (h, 2), mm, of the hub nodes at a pose (3,), mm and rad."""
@@ -117,7 +222,8 @@ class LargeStructure:
         parts = zip(strains, consistent.stress, structure.batches, strict=True)
         energy = sum(float(np.sum(e * s * b.weights[:, None, None])) for e, s, b in parts) * structure.plate.thickness
         largest = max(float(np.max(np.abs(strain))) for strain in strains)
-        return InternalForces(np.append(forces[structure.free].ravel(), on_hub), energy / 2, largest)
+        on_free = forces[structure.free].ravel()
+        return InternalForces(np.append(on_free, on_hub[: structure.poses]), energy / 2, largest)
 
     def tangent(self, state: State) -> sp.csr_array:
         """Lower triangle (2f + 3, 2f + 3) of the derivative of the internal forces, with the stress of the state."""
@@ -125,19 +231,20 @@ class LargeStructure:
         parts = zip(structure.batches, slopes, state.stress, strict=True)
         blocks = (tangent_blocks(batch, structure.plate, H, stress) for batch, H, stress in parts)
         K = structure.tie_hub(assembled(self.pairs, blocks, structure.line), self.hub_jacobian(state.pose))
-        hub_forces, arms = self.nodal(state, slopes)[structure.hub], self.hub_motion(state.pose)[1]
-        K.data[-1] -= np.sum(hub_forces * arms)
+        if structure.poses:
+            hub_forces, arms = self.nodal(state, slopes)[structure.hub], self.hub_motion(state.pose)[1]
+            K.data[-1] -= np.sum(hub_forces * arms)
         return K
 
 
 class Equilibria(NamedTuple):
-    """Equilibria of the stage at k loads or poses, computed one after the other from rest.
+    """Equilibria at s loads or poses, computed one after the other from rest, with k = 3 for a hub, or k ports.
 
-    load : (k, 3), on the hub, N and N mm.   pose : (k, 3), displacement of the hub, mm and rad.
-    fields : (k, n, 2), mm, displacement of every node.
-    energy : (k,), N mm, stored in the material.
-    compliance : (k, 3, 3), tangent: derivative of the pose by the load, mm and rad per N and N mm.
-    strain : (k,), largest magnitude of a Green-Lagrange strain component; the material law assumes it small.
+    load : (s, k), on the hub or the ports, N and N mm.   pose : (s, k), displacement of these, mm and rad.
+    fields : (s, n, 2), mm, displacement of every node.
+    energy : (s,), N mm, stored in the material.
+    compliance : (s, k, k), tangent: derivative of the pose by the load, mm and rad per N and N mm.
+    strain : (s,), largest magnitude of a Green-Lagrange strain component; the material law assumes it small.
     """
 
     load: Array
@@ -163,29 +270,35 @@ def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
     order, instead of the stress of its displacements, whose quadratic part is a spurious tension in rotating slender
     bodies. Both agree in equilibrium; this saves about half of the iterations.
     """
-    return _equilibria(mesh, plate, loads, False)
+    return _equilibria(LargeStructure(structure(mesh, plate)), loads, 3, False)
+
+
+def equilibria(model: PlateModel, loads: Array) -> Equilibria:
+    """Compute equilibria of a plane plate under dead loads (s, k) on its ports, N and N mm, as `equilibrium`."""
+    return _equilibria(LargeStructure(model.structure, contacts(model)), loads, len(model.layout.ports), False)
 
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
     """Compute equilibria with the hub held at poses (k, 3) or (3,), mm and rad, by `load`, as `equilibrium`."""
-    return _equilibria(mesh, plate, poses, True)
+    return _equilibria(LargeStructure(structure(mesh, plate)), poses, 3, True)
 
 
 class _Step(NamedTuple):
     """A Newton step: the state after it, its size as root of energy, the energy before it, the largest change of a
-    displacement gradient, the responses (2f + 3, 3) to unit loads on the hub, and the solver of the tangent."""
+    displacement gradient, the responses (size, k) to unit loads, the compliance (k, k), and the solver."""
 
     state: State
     size: float
     energy: float
     change: float
     unit: Array
+    compliance: Array
     solve: Solve
 
 
-def _equilibria(mesh: StageMesh, plate: Plate, targets: Array, hold: bool) -> Equilibria:
-    model, start, scale, rows = LargeStructure(structure(mesh, plate)), np.zeros(3), 0.0, []
-    state = model.at(start, np.zeros_like(mesh.nodes))
+def _equilibria(model: LargeStructure, targets: Array, count: int, hold: bool) -> Equilibria:
+    start, scale, rows = np.zeros(count), 0.0, []
+    state = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
     for target in np.atleast_2d(np.asarray(targets, dtype=float)):
         step, scale = _advance(model, state, start, target, hold, scale)
         state, start = step.state, target
@@ -212,7 +325,7 @@ def _advance(
     condition = "holding the hub at" if hold else "under the load"
     raise ComputationFailed(
         f"no equilibrium {condition} {target.tolist()}: Newton's method fails beyond {100 * done:.3g} % of the way "
-        f"after {iterations} iterations: the stage buckles, or the load is far too large"
+        f"after {iterations} iterations: it buckles, or the load is far too large"
     )
 
 
@@ -233,19 +346,27 @@ def _newton(model: LargeStructure, state: State, goal: Array, hold: bool, scale:
 
 def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step:
     """Take a Newton step towards a load or (hold) a pose; to hold it, the load on the hub is solved for."""
-    structure, internal, solve = model.structure, model.internal(state), model.factorise(model.tangent(state))
+    structure, internal, loads, solve = (
+        model.structure,
+        model.internal(state),
+        model.loads(state),
+        model.solver(state, goal),
+    )
     residual = -internal.forces
-    residual[-3:] = 0.0 if hold else residual[-3:] + goal
-    solution = solve(np.column_stack([residual, np.eye(structure.size, 3, 3 - structure.size)]))
+    if hold:
+        residual[-3:] = 0.0
+    else:
+        residual = residual + loads @ goal
+    solution = solve(np.column_stack([residual, loads]))
     change, unit = solution[:, 0], solution[:, 1:]
     if hold:
         residual[-3:] = np.linalg.solve(unit[-3:], goal - state.pose - change[-3:])
         change = change + unit @ residual[-3:]
     linear = np.zeros_like(state.field)
-    linear[structure.free] = change[:-3].reshape(-1, 2)
-    moved = state.field + linear
-    linear[structure.hub] = (model.hub_jacobian(state.pose) @ change[-3:]).reshape(-1, 2)
-    pose = goal if hold else state.pose + change[-3:]
+    linear[structure.free] = change[: model.free].reshape(-1, 2)
+    moved, turned = state.field + linear, change[model.free :] if structure.poses else np.zeros(3)
+    linear[structure.hub] = (model.hub_jacobian(state.pose) @ turned).reshape(-1, 2)
+    pose = goal if hold else state.pose + turned
     moved[structure.hub] = model.hub_motion(pose)[0]
     stress, largest = [], 0.0  # stress to first order in the change
     for batch in structure.batches:
@@ -255,12 +376,13 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
         rate = (half + np.swapaxes(half, -3, -2)) / 2
         stress.append(stress_tensor(structure.plate, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
-    return _Step(State(pose, moved, stress), size, internal.energy, float(largest), unit, solve)
+    state = State(pose, moved, stress)
+    return _Step(state, size, internal.energy, float(largest), unit, loads.T @ unit, solve)
 
 
 def _entries(model: LargeStructure, step: _Step, load: Array | None) -> tuple[Any, ...]:
     """Return a row of `Equilibria` in the order of its fields; `load` None computes the load that holds the hub."""
-    internal, state, compliance = model.internal(step.state), step.state, step.unit[-3:]
+    internal, state, compliance = model.internal(step.state), step.state, step.compliance
     if internal.strain > LARGEST_STRAIN:
         raise ComputationFailed(
             f"equilibrium refused: strain of {internal.strain:.2g}, expected at most {LARGEST_STRAIN:g}, above which "
@@ -269,4 +391,4 @@ def _entries(model: LargeStructure, step: _Step, load: Array | None) -> tuple[An
     if load is None:  # the nodal residual corrects the hub force for the round-off of stiff bodies
         residual = np.append(-internal.forces[:-3], np.zeros(3))
         load = internal.forces[-3:] - np.linalg.solve(compliance, step.solve(residual[:, None])[-3:, 0])
-    return load, state.pose, state.field, internal.energy, compliance, internal.strain
+    return load, model.motions(state), state.field, internal.energy, compliance, internal.strain

@@ -1,11 +1,12 @@
-"""Compliances of the bodies of a plate by finite elements, for the analytic network: each body alone, plane.
+"""Compliances of the bodies and hinges of a plate by finite elements, for the analytic network: each alone, plane.
 
 The end sections of hinges move rigidly, and each contact as the motion conjugate to its load. With the loads B, the
 conjugate loads F of the mean motion of the body, and the stiffness K of the body held at the end of one hinge,
 
     C = (B - F)' K^-1 (B - F),
 
-as every load of B is balanced by F, and the mean motion F' u is subtracted. With clamped edges F is left out.
+as every load of B is balanced by F, and the mean motion F' u is subtracted. With clamped edges F is left out. A hinge
+is held at its first body and loaded at its second, both of which leave their section of it plane.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.ports import contact_forces, plate_of_layout
-from flexfem.fem.structure import NONE, structure
+from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.mechanism.layout import ElasticBody, End, Layout, Patch, interfaces
 
 SOLVES = 3  # refinements remove the round-off of the factorisation
@@ -31,6 +32,24 @@ def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]
     """
     moving = [number for number, body in enumerate(layout.bodies) if not body.fixed]
     return tuple(_elastic_body(layout, mesh, number) for number in moving)
+
+
+def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
+    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`; mesh : as for `body_compliances`."""
+    first = {joint.profile: number for number, joint in reversed([*enumerate(layout.joints)])}
+    found = {profile: _hinge(layout, mesh, number) for profile, number in first.items()}
+    return np.array([found[joint.profile] for joint in layout.joints]).reshape(-1, 3, 3)
+
+
+def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
+    joint, part = layout.joints[number], body_mesh(mesh, len(layout.bodies) + number)
+    z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
+    part = part._replace(nodes=np.column_stack([z.real, z.imag]))
+    far = nodes_on(part, f"end {number} far")
+    whole = structure(part, plate_of_layout(layout), held=nodes_on(part, f"end {number} near"))
+    centre = complex(*part.nodes[far].mean(axis=0))
+    T, first = _tied(part, whole.free, [far], [centre])
+    return _compliance(whole, T, np.eye(T.shape[1], 3, -first) @ _at(centre))
 
 
 def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
@@ -57,15 +76,20 @@ def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
     balanced = np.hstack(B)
     if not clamped:
         balanced = balanced - np.tile(loads(Patch(body, 0j)), len(at))
-    free = np.delete(np.arange(T.shape[1]), [] if clamped else np.arange(first, first + 3))
+    return ElasticBody(body, at, _compliance(whole, T, balanced, None if clamped else first))
+
+
+def _compliance(whole: Structure, T: sp.csr_array, loads: Array, held: int | None = None) -> Array:
+    """Compliance (k, k) to loads (n, k) on the unknowns of T, three of which, from `held`, do not move."""
+    free = np.delete(np.arange(T.shape[1]), [] if held is None else np.arange(held, held + 3))
     lower = whole.lower()
     K = sp.csr_array(T.T @ (lower + sp.tril(lower, -1).T) @ T)
-    solve, motion = factorise(sp.csr_array(sp.tril(K[free][:, free]))), np.zeros_like(balanced)
+    solve, motion = factorise(sp.csr_array(sp.tril(K[free][:, free]))), np.zeros_like(loads)
     for _ in range(SOLVES):
-        residual = balanced - T.T @ whole.loads(whole.forces(whole.fields(T @ motion)))
+        residual = loads - T.T @ whole.loads(whole.forces(whole.fields(T @ motion)))
         motion[free] += solve(residual[free])
-    C = balanced.T @ motion
-    return ElasticBody(body, at, (C + C.T) / 2)
+    C = loads.T @ motion
+    return np.asarray((C + C.T) / 2)
 
 
 def _tied(part: StageMesh, nodes: Index, sections: list[Index], centres: list[complex]) -> tuple[sp.csr_array, int]:

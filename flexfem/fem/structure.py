@@ -185,8 +185,8 @@ class Structure:
         first = lower.shape[0] - len(rigid)
         if not len(rigid):
             return lower
-        free, corner = lower[:first], lower[first:, first:].toarray()
-        free.resize(first, first + 3)
+        rows, corner = lower.indptr[: first + 1], lower[first:, first:].toarray()
+        free = sp.csr_array((lower.data[: rows[-1]], lower.indices[: rows[-1]], rows), shape=(first, first + 3))
         corner = np.tril(rigid.T @ (corner + np.tril(corner, -1).T) @ rigid)
         pose = sp.hstack([sp.csr_array(rigid.T) @ lower[first:, :first], sp.csr_array(corner)], format="csr")
         pose.sort_indices()  # a product leaves them unsorted

@@ -29,7 +29,7 @@ class Sourced(Table):
 
     @model_validator(mode="after")
     def _provenance_names_keys(self) -> Sourced:
-        known = key_paths(self)
+        known = key_paths(self) if self.provenance else ()
         for key in self.provenance:
             if key not in known:
                 try:
@@ -39,6 +39,11 @@ class Sourced(Table):
                 close = f", did you mean {now}?" if now in known else suggestion(key, known)
                 raise refusal(f"a key path of this file{close}", "provenance", key)
         return self
+
+    @property
+    def entries(self) -> tuple[tuple[str, Any], ...]:
+        """All tables and values except provenance with their key paths; an array counts as one."""
+        return tuple((key_path(path, self), value) for path, value in _members(self, ()))
 
     @property
     def numbers(self) -> tuple[str, ...]:
@@ -60,11 +65,12 @@ class Sourced(Table):
     @property
     def sources(self) -> dict[str, str | None]:
         """Source of every table and value by key path: its own, or that of its nearest table."""
+        stated = {path_of(key): source for key, source in self.provenance.items()}
         found = dict[str, str | None]()
         for path in key_paths(self):
             parts = path_of(path)
-            ways_up = (key_path(parts[:length]) for length in range(len(parts), 0, -1))
-            found[path] = next((self.provenance[way] for way in ways_up if way in self.provenance), None)
+            ways_up = (parts[:length] for length in range(len(parts), 0, -1))
+            found[path] = next((stated[way] for way in ways_up if way in stated), None)
         return found
 
 
@@ -87,23 +93,19 @@ def is_assumed(source: str) -> bool:
     return source.strip().lower().startswith("assumed")
 
 
-def key_paths(file: Table) -> tuple[str, ...]:
+def key_paths(file: Sourced) -> tuple[str, ...]:
     """Return the key paths of all tables and values in the file except provenance; an array counts as one."""
-    return tuple(path for path, _ in _walk(file))
+    return tuple(path for path, _ in file.entries)
 
 
-def values_by_key(file: Table) -> dict[str, Any]:
+def values_by_key(file: Sourced) -> dict[str, Any]:
     """Return all values in the file that are not tables, by key path."""
-    return {path: value for path, value in _walk(file) if not _is_table(value)}
+    return {path: value for path, value in file.entries if not _is_table(value)}
 
 
-def numeric_key_paths(file: Table) -> tuple[str, ...]:
+def numeric_key_paths(file: Sourced) -> tuple[str, ...]:
     """Return the key paths of all physical numbers in the file; integers such as a chain are none."""
-    return tuple(path for path, value in _walk(file) if _is_number(value))
-
-
-def _walk(file: BaseModel) -> Iterator[tuple[str, Any]]:
-    return ((key_path(path, file), value) for path, value in _members(file, ()))
+    return tuple(path for path, value in file.entries if _is_number(value))
 
 
 def _members(table: BaseModel, above: KeyPath) -> Iterator[tuple[KeyPath, Any]]:

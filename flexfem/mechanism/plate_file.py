@@ -9,13 +9,13 @@ from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
-from pydantic import model_validator
+from pydantic import BaseModel, model_validator
 
 from flexfem.files.provenance import Sourced, key_paths, values_by_key
 from flexfem.files.refusals import checked_path, path_of, place_of
 from flexfem.files.toml import PathLike, read_toml, validate
 from flexfem.files.writing import check_file, toml_text, write_atomically
-from flexfem.mechanism.dimensioned import KEPT, Dimensioned
+from flexfem.mechanism.dimensioned import KEPT, Dimensioned, once
 from flexfem.mechanism.materials import Material, sources_of
 from flexfem.refused import BadInput
 
@@ -52,6 +52,21 @@ class PlateFile(Dimensioned, Sourced):
         return Origin()
 
     @property
+    @once
+    def entries(self) -> tuple[tuple[str, Any], ...]:
+        return super().entries
+
+    @property
+    @once
+    def assumed(self) -> tuple[str, ...]:
+        return super().assumed
+
+    @property
+    @once
+    def not_stated(self) -> tuple[str, ...]:
+        return super().not_stated
+
+    @property
     def hash(self) -> str:
         """SHA-256 of the physical content."""
         raise NotImplementedError
@@ -64,9 +79,17 @@ class PlateFile(Dimensioned, Sourced):
         """Return a table of this content, without the provenance of keys of this one that no longer exist."""
         sources = content.pop("provenance", {})
         table = type(self)(**content)
-        removed = {key for key in sources if key in self.provenance} - set(key_paths(table))
+        removed = {key for key in sources if key in self.provenance} - {*key_paths(table)} if sources else ()
         kept = {key: source for key, source in sources.items() if key not in removed}
-        return type(self)(**content, provenance=kept) if kept else table
+        if kept.items() <= self.provenance.items():
+            return table._with_provenance({**table.provenance, **kept})
+        return type(self)(**content, provenance=kept)
+
+    def _with_provenance(self, sources: Mapping[str, str]) -> Self:
+        """Return this table with sources by its own key paths, which are not checked."""
+        changed = BaseModel.model_copy(self, update={"provenance": sources})
+        changed.__dict__.pop(KEPT, None)
+        return changed
 
     def _sources_of(self, changed: Self) -> dict[str, str]:
         """Return the provenance of a changed table, in which changed values lose the sources of this one."""
@@ -84,7 +107,7 @@ class PlateFile(Dimensioned, Sourced):
         try:
             changed = self._with_content(content)
             if "provenance" not in changes:
-                changed = changed.model_copy(update={"provenance": self._sources_of(changed)})
+                changed = changed._with_provenance(self._sources_of(changed))
         except BadInput as refusal:
             raise BadInput(refusal.reason.removeprefix(f"{type(self).__name__}: "), str(origin)) from None
         changed.__dict__["origin"] = origin

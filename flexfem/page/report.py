@@ -307,6 +307,11 @@ def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subje
 
 
 def _mechanism_subject(mechanism: Mechanism, sections: Sequence[str]) -> Subject:
+    if others := [name for name in sections if name not in OF_MECHANISMS]:
+        raise BadInput(f"{mechanism.origin}: section {', '.join(others)}, expected some of {', '.join(OF_MECHANISMS)}")
+    with located(mechanism):
+        if "drift" in sections:
+            require_expansion(mechanism)
     assumed, not_stated = list(mechanism.assumed), list(mechanism.not_stated)
     parts: list[Part] = [("mechanism", partial(_mechanism_section, mechanism, check_mechanism(mechanism)))]
     for name in (name for name in SECTIONS if name in sections and name in OF_MECHANISMS):

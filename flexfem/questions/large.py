@@ -26,6 +26,7 @@ from flexfem.questions import plates_loaded
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import percentages
 from flexfem.questions.setup import about, for_mechanisms, mesh_of, meshed, question, solved
+from flexfem.refused import BadInput
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
@@ -84,6 +85,7 @@ def large(
     stage: Stage,
     *,
     amplitude: float = AMPLITUDE,
+    force: tuple[float, float, float] | None = None,
     models: Literal["both", "analytic"] = "both",
     resolution: int | None = None,
     progress: Progress | None = None,
@@ -94,6 +96,8 @@ def large(
     ----------
     amplitude : float
         Largest displacement in X and Y, mm; in theta 0.02 rad for every mm.
+    force : tuple of float, optional
+        Largest load on the output of a mechanism, N and N mm, instead of one that moves it by the amplitude.
     models : {"both", "analytic"}
         "both" adds nonlinear finite elements to the pseudo-rigid stage.
     resolution : int, optional
@@ -107,6 +111,8 @@ def large(
     >>> round(float(found.at("error", direction="x", at="+100 %", theory="exact")), 3)  # per cent
     0.36
     """
+    if force is not None:
+        raise BadInput(f"force {force}: an option for a mechanism, not for the nine-hinge stage")
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2, usual=RESOLUTION)
     largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
@@ -114,8 +120,8 @@ def large(
     elements = None if mesh is None else solved(stage, mesh.resolution)
     warnings = warning.of_result(stage, model)
     if elements is not None:
-        for direction, force in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True):
-            highest = float(np.max(neck_stresses(stage, elements, force[None]).highest))
+        for direction, load in zip(DIRECTIONS, np.linalg.solve(elements.compliance, np.diag(largest)).T, strict=True):
+            highest = float(np.max(neck_stresses(stage, elements, load[None]).highest))
             warnings += warning.of_yield(highest, stage.material.yield_strength, f"largest command in {direction}")
     boxes = [linear_errors(paper, share * largest, lever) for share in (STATED[2] / STEPS, 1.0)]
     paths = []

@@ -25,11 +25,24 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
+from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, answer, mesh_of, on_meshes, question, solved
+from flexfem.questions.setup import (
+    DEFAULT,
+    Analytic,
+    ModelAnswer,
+    Models,
+    answer,
+    for_mechanisms,
+    mesh_of,
+    on_meshes,
+    question,
+    solved,
+)
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS
@@ -37,7 +50,7 @@ from flexfem.units import COMMANDS
 LARGEST_FACTOR = 1e9  # largest multiple of the amplitude in the search for a life
 LARGEST_POSE = 1e2  # mm, rad
 LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
-NECK = ("model", "chain", "hinge")
+NECK, HINGE = ("model", "chain", "hinge"), ("model", "hinge")
 COLUMNS = ["stress_mpa", "cycles"]
 LEFT_OUT = (
     "life: median of polished specimens; it excludes scatter, surface, size, residual stress, corrosion and stress "
@@ -184,6 +197,60 @@ class Life(Result):
     yield_strength: float
 
 
+class MechanismLife(Life):
+    """Cycles to failure of the hinges of a mechanism, and the amplitude for a wanted life."""
+
+    equivalent = Quantity("equivalent fully reversed stress", "mpa", HINGE, STRESS, "all", largest=("hinge",))
+    peak = Quantity("largest magnitude of the stress", "mpa", HINGE, STRESS, "all", largest=("hinge",))
+    amplitude = Quantity("amplitude of the stress", "mpa", HINGE, STRESS, "all", shown=False)
+    mean = Quantity("mean of the stress", "mpa", HINGE, STRESS, "all", shown=False)
+    cycles = Quantity("cycles to failure of each hinge", "", HINGE, Gate(0.05), shown=False)
+    reading = ("the highest stress of a hinge in the mean pose counts as tension, which is conservative",)
+
+
+def life_of_mechanism(
+    mechanism: Mechanism,
+    *,
+    amplitude: tuple[float, float, float],
+    mean: tuple[float, float, float] | None = None,
+    ratio: float | None = None,
+    cycles: float = 1e6,
+    fit: Path | None = None,
+    law: Basquin | BasquinFit | None = None,
+    models: Models = "both",
+    resolution: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismLife:
+    """See `flexfem.life`."""
+    mesh, motion = mesh_of(models, resolution, None), _motion(amplitude, mean, ratio, cycles)
+    chosen, notes = _law(mechanism, fit, law)
+    material, poses = mechanism.material, np.array([motion.amplitude, motion.mean])
+
+    def values(response: plates.Responses) -> dict[str, Any]:
+        loads = np.zeros((2, len(response.compliance)))
+        loads[:, :3] = poses @ np.linalg.inv(response.compliance[:3, :3])
+        varying, constant = response.stress(loads)
+        stress = StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying)))
+        found = _values_of_model(material.yield_strength, stress, motion, chosen, (math.nan, math.nan))
+        return {name: value for name, value in found.items() if name not in ("fewest", "most")}
+
+    def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.Ends | None) -> dict[str, Any]:
+        return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
+
+    found = plates.of_models(mechanism, mesh, models, values, progress, bands)
+    warnings = [
+        text
+        for model, modelled in found.items()
+        for text in _warnings(material.yield_strength, motion, chosen, model, modelled.values)
+    ]
+    settings = {"material": material.name, **_said(motion)}
+    notes.append(LEFT_OUT)
+    result = plates.answer(MechanismLife, mechanism, found, mesh, settings=settings, warnings=warnings, notes=notes)
+    result.law, result.yield_strength = chosen, material.yield_strength
+    return result
+
+
+@for_mechanisms(life_of_mechanism)
 @question
 def life(
     stage: Stage,
@@ -232,16 +299,9 @@ def life(
     """
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None)
-    pose = checked_amplitude(amplitude)
-    mean_pose = None if mean is None else arguments.vectors("mean", mean, 1, LARGEST_POSE)
-    if ratio is not None:
-        arguments.between("ratio", ratio, -1, 0.99, ": least over greatest displacement")
-    if mean_pose is not None and ratio is not None:
-        raise BadInput("mean and ratio, expected one of the two")
-    wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
     chosen_law, notes = _law(stage, fit, law)
-    motion = cyclic_motion(pose, mean_pose, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
+    motion = _motion(amplitude, mean, ratio, cycles, sensitivity)
     assumed = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
     results, analytic_name = dict[str, ModelAnswer](), None
@@ -252,31 +312,49 @@ def life(
         if stress_error is not None and chosen.formula == CALIBRATED:  # outside its chart no comparison was made
             error = 1 / (1 + stress_error[1] / 100) - 1, 1 / (1 + stress_error[0] / 100) - 1
         stress, analytic_name = by_model(chosen.stage, analyse(*chosen), motion), chosen.name
-        results[ANALYTIC] = ModelAnswer(_values_of_model(stage, stress, motion, chosen_law, error))
+        results[ANALYTIC] = ModelAnswer(_of_necks(stage, stress, motion, chosen_law, error))
     if mesh is not None:
         meshes = levels(mesh.resolution)
         stresses = on_meshes(meshes, lambda level: by_elements(stage, solved(stage, level), motion), progress)
         highest = np.array([float(np.max(stress.equivalent(chosen_law.walker))) for stress in stresses])
         band = float(stress_bands(np.array(meshes, dtype=float), highest))
         share = band / highest[-1] if highest[-1] > 0 else 0.0
-        values = _values_of_model(stage, stresses[-1], motion, chosen_law, (-share, share))
+        values = _of_necks(stage, stresses[-1], motion, chosen_law, (-share, share))
         bands = np.where(is_largest(values["equivalent"]), band, np.nan)
         results[ELEMENTS] = ModelAnswer(values, {"equivalent": bands})
     for model, modelled in results.items():
-        warnings += _warnings(stage, motion, chosen_law, model, modelled.values)
+        warnings += _warnings(stage.material.yield_strength, motion, chosen_law, model, modelled.values)
     farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
     warnings += [*warning.of_motion(stage, farthest, "farthest pose"), *preload_warnings(stage)]
     settings = {
         "material": stage.material.name,
-        "amplitude": _with_units(motion.amplitude),
-        "about": _with_units(motion.mean),
-        "wanted cycles": f"{wanted:g}",
+        **_said(motion),
         "notch sensitivity": sensitivity,
         "analytic model": analytic_name,
     }
     result = answer(Life, stage, results, mesh, settings, warnings=warnings, notes=[*notes, LEFT_OUT])
     result.law, result.yield_strength = chosen_law, stage.material.yield_strength
     return result
+
+
+def _said(motion: CyclicMotion) -> dict[str, str]:
+    """Return a cyclic motion as settings."""
+    about = {"amplitude": _with_units(motion.amplitude), "about": _with_units(motion.mean)}
+    return about | {"wanted cycles": f"{motion.cycles:g}"}
+
+
+def _motion(
+    amplitude: ArrayLike, mean: ArrayLike | None, ratio: float | None, cycles: float, sensitivity: float = 1.0
+) -> CyclicMotion:
+    """Return a checked cyclic motion. Raises BadInput."""
+    pose = checked_amplitude(amplitude)
+    mean_pose = None if mean is None else arguments.vectors("mean", mean, 1, LARGEST_POSE)
+    if ratio is not None:
+        arguments.between("ratio", ratio, -1, 0.99, ": least over greatest displacement")
+    if mean_pose is not None and ratio is not None:
+        raise BadInput("mean and ratio, expected one of the two")
+    wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
+    return cyclic_motion(pose, mean_pose, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
 
 
 def checked_amplitude(amplitude: ArrayLike) -> Array:
@@ -287,7 +365,7 @@ def checked_amplitude(amplitude: ArrayLike) -> Array:
     return pose
 
 
-def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tuple[Basquin, list[str]]:
+def _law(stage: Stage | Mechanism, fit: Path | None, law: Basquin | BasquinFit | None) -> tuple[Basquin, list[str]]:
     """Return Basquin's law, and notes on its source and on the fit. Raises BadInput."""
     if fit is not None and law is not None:
         raise BadInput("fit and law, expected one of the two")
@@ -317,12 +395,20 @@ def _law(stage: Stage, fit: Path | None, law: Basquin | BasquinFit | None) -> tu
     return chosen, [description, *notes]
 
 
-def _values_of_model(
+def _of_necks(
     stage: Stage, cycles: StressCycles, motion: CyclicMotion, law: Basquin, error: tuple[float, float]
+) -> dict[str, Any]:
+    """Return `_values_of_model` with necks by chain and hinge."""
+    values = _values_of_model(stage.material.yield_strength, cycles, motion, law, error)
+    return {name: value.reshape(3, 3) if np.size(value) == 9 else value for name, value in values.items()}
+
+
+def _values_of_model(
+    yield_strength: float, cycles: StressCycles, motion: CyclicMotion, law: Basquin, error: tuple[float, float]
 ) -> dict[str, Any]:
     """Return the values of one model; error: relative error of the stress, from and to."""
     equivalent, peaks = cycles.equivalent(law.walker), cycles.peak
-    necks = [np.flatnonzero(cycles.neck == neck) for neck in range(9)]
+    necks = [np.flatnonzero(cycles.neck == neck) for neck in range(int(cycles.neck.max()) + 1)]
     critical = np.array([points[int(np.argmax(equivalent[points]))] for points in necks])
     at_necks, peak = equivalent[critical], np.array([np.max(peaks[points]) for points in necks])
     highest, proportional = float(np.max(at_necks)), motion.proportional
@@ -331,20 +417,20 @@ def _values_of_model(
     by_neck = {"amplitude": cycles.amplitude[critical], "mean": cycles.mean[critical], "peak": peak}
     by_neck |= {"equivalent": at_necks, "cycles": law.cycles(at_necks)}
     most, fewest = (float(law.cycles(np.maximum(1 + share, 0.0) * highest)) for share in error)
-    return {name: values.reshape(3, 3) for name, values in by_neck.items()} | {
+    return by_neck | {
         "life": float(law.cycles(highest)),
         "fewest": fewest,
         "most": most,
-        "safety": stage.material.yield_strength / float(np.max(peak)),
+        "safety": yield_strength / float(np.max(peak)),
         "factor": factor,
         "peak_at_largest": math.nan if unlimited else float(np.max(cycles.times(factor, proportional).peak)),
         "largest": np.full(3, math.inf) if unlimited else factor * motion.amplitude,
     }
 
 
-def _warnings(stage: Stage, motion: CyclicMotion, law: Basquin, model: str, values: dict[str, Any]) -> list[str]:
+def _warnings(limit: float, motion: CyclicMotion, law: Basquin, model: str, values: dict[str, Any]) -> list[str]:
     """Warn of lives outside the range of Basquin's law: above yield, or outside the fitted range of cycles."""
-    (low, high), limit, messages = law.range, stage.material.yield_strength, list[str]()
+    (low, high), messages = law.range, list[str]()
     beyond = f"beyond the yield strength of {limit:.4g} MPa"
     if values["safety"] < 1.0:
         highest = f"{model}: the largest stress is {limit / values['safety']:.4g} MPa, {beyond}"

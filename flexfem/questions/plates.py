@@ -1,7 +1,7 @@
 """Questions about any plate mechanism: at rest, errors of the analytic model, error budget, convergence, drive, reach.
 
 Every number follows from the compliance between the ports of the mechanism and from the stress in its hinges, by the
-analytic network with rigid bodies, the network with elastic bodies, and finite elements in the plane or extruded.
+analytic network with rigid bodies, the network of elastic parts, and finite elements in the plane or extruded.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, free_stiffness
 from flexfem.fem.elements import Layers, mirrored, nodal_stress, von_mises
 from flexfem.fem.mesh import LAYERS, StageMesh
-from flexfem.fem.plate_bodies import body_compliances
+from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
 from flexfem.mechanism.dimensioned import once
-from flexfem.mechanism.layout import ElasticBody
+from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.profiles import Leaf
 from flexfem.questions import setup
 from flexfem.questions.bands import (
     SAFETY,
@@ -41,9 +42,10 @@ from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
-ELASTIC = "elastic bodies"  # label of the network whose bodies have the compliance of finite elements of each body
+ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
+ELASTIC_READ = f"{ELASTIC}: bodies and hinges by plane finite elements of each part, joined at rigid sections"
 SOLID_RESOLUTION = 4  # in three dimensions; the plane compliance of leaf springs and notches is within 0.05 %
-BODY_RESOLUTION = 4  # of the finite elements of single bodies
+PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
 POINTS = Gate(COARSER.relative, absolute=100 * COARSER.relative)  # percentage points of a command
 
@@ -91,10 +93,18 @@ def solved(mechanism: Mechanism, resolution: int) -> PlateResponse:
     return model.response(model.port_forces)
 
 
+class ElasticParts(NamedTuple):
+    """Elastic bodies and compliances (h, 3, 3) of hinges; without them bodies are rigid, and hinges beam integrals."""
+
+    bodies: tuple[ElasticBody, ...] = ()
+    hinges: Array | None = None
+
+
 @once
-def bodies_of(mechanism: Mechanism) -> tuple[ElasticBody, ...]:
-    """Return the compliance of every moving body by finite elements of it alone."""
-    return body_compliances(mechanism.layout, meshed(mechanism, BODY_RESOLUTION))
+def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> ElasticParts:
+    """Return the compliance of every moving body and every hinge by finite elements of it alone."""
+    layout, mesh = mechanism.layout, meshed(mechanism, resolution)
+    return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
@@ -106,8 +116,9 @@ def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
 
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
-    """Return the response of the analytic network with rigid or with elastic bodies."""
-    found = respond(mechanism.layout, bodies_of(mechanism) if elastic else ())
+    """Return the response of the analytic network with rigid bodies or with elastic parts."""
+    parts = parts_of(mechanism) if elastic else ElasticParts()
+    found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
 
     def stress(loads: Array) -> Array:
         return stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads))
@@ -277,9 +288,7 @@ def stiffness(
         if ends is not None:
             plane, through = solid_bands(SolidLevels(solutions, *(one["compliance"] for one in ends)), int(sizes[-1]))
             C = plane + through
-        K = np.abs(each[-1]["stiffness"])
-        along = each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])
-        return found | {"compliance": C, "stiffness": K @ C @ K, "free": along}
+        return found | {"compliance": C, "free": each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])}
 
     found, fields = of_models(mechanism, mesh, models, values, progress, bands), None
     reference = list(found.values())[-1].values
@@ -299,9 +308,10 @@ def fields_under(mechanism: Mechanism, mesh: setup.Mesh, force: Array) -> setup.
     def made() -> dict[str, Array]:
         response = solid_response(mechanism, level, mesh.layers) if layers else solved(mechanism, level)
         field, whole = np.tensordot(force, response.fields[:3], axes=1), response.model.structure
-        stress = nodal_stress(whole.mesh, whole.plate, field, layers=whole.layers)
-        stress = von_mises(stress, mechanism.layout.out_of_plane).reshape(field.shape[:-1])
-        return {"displacement": field, "von_mises": np.nan_to_num(stress)}  # fixed bodies have none
+        moving, stress = np.unique(whole.mesh.triangles), np.zeros(field.shape[:-1])  # fixed bodies have none
+        found = nodal_stress(whole.mesh, whole.plate, field, moving, whole.layers)
+        stress[moving] = von_mises(found, mechanism.layout.out_of_plane).reshape(stress[moving].shape)
+        return {"displacement": field, "von_mises": stress}
 
     return setup.MeshFields(meshed(mechanism, level), made, layers.heights if layers else None)
 
@@ -328,7 +338,20 @@ def answer(
     stacked, widths = setup.stack_models(kind, models, labels) if models else ({}, {})
     values, widths = stacked | dict(values or {}), widths | dict(bands or {})
     settings = setup.meshed(mesh) | dict(settings or {})
+    if {ELEMENTS, SOLID} & models.keys() and any("stress" in name for name in stacked):
+        texts["warnings"] = [*texts.get("warnings", ()), *sharp_roots(layout)]
+    texts["notes"] = [*texts.get("notes", ()), *([ELASTIC_READ] if ELASTIC in models else [])]
     return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
+
+
+def sharp_roots(layout: Layout) -> list[str]:
+    """Warn of leaves without fillets, whose stress by finite elements is singular."""
+    sharp = [joint.name for joint in layout.joints if isinstance(joint.profile, Leaf) and not joint.profile.fillet]
+    named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
+    return [
+        f"hinges without fillets ({named}): the stress of finite elements at their roots grows without limit as the "
+        "mesh is refined, and the range at yield falls with it; state fillet_mm"
+    ] * bool(sharp)
 
 
 class MechanismErrors(Result):
@@ -358,7 +381,7 @@ def verification(
     return answer(MechanismErrors, mechanism, models, mesh, {"lever": lever})
 
 
-SHARES = ("rigid bodies", "hinge formulas", "three dimensions", "total")
+SHARES = ("rigid bodies", "hinge formulas", "joining of parts", "three dimensions", "total")
 
 
 class MechanismBudget(Result):
@@ -367,8 +390,11 @@ class MechanismBudget(Result):
     title = "error budget"
     labels: ClassVar = {"share": SHARES}
     reading = (
-        "per cent of the command in its direction, under the force of the network with rigid bodies; rigid bodies: "
-        "change by elastic bodies; hinge formulas: from there to plane finite elements",
+        "per cent of the command in its direction, under the force of the network with rigid bodies",
+        "rigid bodies: change by elastic bodies, each by plane finite elements of it alone",
+        "hinge formulas: change from beam integrals of the hinges to plane finite elements of each hinge alone",
+        "joining of parts: from these parts, joined at sections that move rigidly, to plane finite elements of the "
+        "whole, whose sections warp",
     )
     share = Quantity("share of the error", "percents", ("share", "direction"), POINTS)
 
@@ -380,21 +406,23 @@ def budget(
     mesh = mesh_of("both", resolution, None)
     assert mesh is not None
     steps, lever = levels(mesh.resolution), mechanism.layout.lever
-    rigid, elastic = (network(mechanism, each).compliance[:3, :3] for each in (False, True))
+    parts = parts_of(mechanism, mesh.resolution)
+    rigid, *changed = (
+        respond(mechanism.layout, one.bodies, hinges=one.hinges).compliance[:3, :3]
+        for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
+    )
     K = np.asarray(np.linalg.inv(rigid))
     C = np.array([one.compliance[:3, :3] for one in on_meshes(steps, lambda n: elements(mechanism, n), progress)])
     errors, bands = (np.diag(part) for part in error_bands(K, C, steps, lever))
-    by_bodies = np.diag(error_matrix(K, elastic, lever))
-    shares = np.full((4, 3), np.nan)
-    shares[0], shares[1], shares[3] = by_bodies, errors - by_bodies, errors
-    widths = np.full((4, 3), np.nan)
-    widths[1] = widths[3] = bands
+    shares, widths = np.full((2, len(SHARES), 3), np.nan)
+    reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
+    shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
     if not plane:
         coarse, (_, few, many) = levels(SOLID_RESOLUTION)[0], levels(LAYERS)
         by_layers = (elements(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many))
         flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
-        shares[2], widths[2] = solid - flat, SAFETY * np.abs(solid - less)
-        shares[3], widths[3] = shares[3] + shares[2], widths[3] + widths[2]
+        shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
+        shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
     return answer(MechanismBudget, mechanism, {}, mesh, {"share": shares}, bands={"share": widths})
 
 

@@ -11,9 +11,21 @@ from flexfem.analytic import plates as network
 from flexfem.analytic.finite import displaced
 from flexfem.arrays import Array
 from flexfem.fem import ports as fem
+from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.questions.plates import ELASTIC, SOLID_RESOLUTION, answer, bodies_of, by_elements, factorised, stress_by
-from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of
+from flexfem.questions.bands import corner_bands, levels
+from flexfem.questions.plates import (
+    ELASTIC,
+    SOLID_RESOLUTION,
+    ElasticParts,
+    answer,
+    by_elements,
+    factorised,
+    model_of,
+    parts_of,
+    stress_by,
+)
+from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Progress, Quantity, Result
 
@@ -29,11 +41,11 @@ def of_loads(
     of_elements: Any,
     progress: Progress | None,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all models: functions of elastic bodies and of a factorised plate; bands from meshes."""
+    """Return the values of all models: functions of elastic parts and of a factorised plate; bands from meshes."""
     found = dict[str, ModelAnswer]()
     if models != "elements":
         for label in (ANALYTIC, ELASTIC)[: 1 if models == "analytic" else 2]:
-            found[label] = ModelAnswer(by_network(bodies_of(mechanism) if label == ELASTIC else ()))
+            found[label] = ModelAnswer(by_network(parts_of(mechanism) if label == ELASTIC else ElasticParts()))
     if mesh is not None:
         found |= by_elements(mesh, lambda *size: of_elements(factorised(mechanism, *size)), progress)
     return found
@@ -70,8 +82,8 @@ def modes(
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     count, scale = arguments.integer("count", count, 100), np.array([1.0, 1.0, mechanism.layout.lever])
 
-    def by_network(bodies: Any) -> dict[str, Array]:
-        found = network.modes(mechanism.layout, bodies, engaged).frequencies[:count]
+    def by_network(parts: ElasticParts) -> dict[str, Array]:
+        found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
     def of_elements(model: fem.PlateModel) -> dict[str, Array]:
@@ -110,8 +122,8 @@ def gravity(
     field = GRAVITY * np.array([[np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]])
     points = 3 * len(mechanism.layout.points)
 
-    def by_network(bodies: Any) -> dict[str, Array]:
-        motions, wrenches = network.weighed(mechanism.layout, field, bodies)
+    def by_network(parts: ElasticParts) -> dict[str, Array]:
+        motions, wrenches = network.weighed(mechanism.layout, field, parts.bodies, hinges=parts.hinges)
         return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
 
     def of_elements(model: fem.PlateModel) -> dict[str, Array]:
@@ -152,8 +164,8 @@ def drift(
         ground = plate
         warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
 
-    def by_network(bodies: Any) -> dict[str, Array]:
-        motions, wrenches = network.warmed(mechanism.layout, plate, ground, bodies)
+    def by_network(parts: ElasticParts) -> dict[str, Array]:
+        motions, wrenches = network.warmed(mechanism.layout, plate, ground, parts.bodies, hinges=parts.hinges)
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
         return {"pose": motions[:points].T.reshape(3, -1, 3), "stress": stress}
 
@@ -166,18 +178,28 @@ def drift(
 
 
 STEPS = (0.25, 0.5, 0.75, 1.0)
+THEORIES = ("linear", "beams", "finite elements")
+AMPLITUDE, LARGE_RESOLUTION = 0.5, 4  # mm, and triangles across a neck: as for stages
 
 
 class MechanismLarge(Result):
-    """Displacement of the output under growing loads, with finite rotations: co-rotational beams against linear."""
+    """Displacement of the output under growing dead loads: linear, and with finite rotations by both models."""
 
     title = "large displacements"
-    labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS), "theory": ("linear", "finite")}
+    labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS)}
+    reading = (
+        "linear: the analytic network with rigid bodies; beams: the same with hinges as co-rotational beams; finite "
+        "elements: plane, with finite rotations and elastic bodies",
+        "the rotation is that of the rigid motion nearest to the motion of the contact",
+    )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
     pose = Quantity(
         "displacement of the output", "motion", ("load", "theory", "direction"), SOLVED, "pose", prefixed=True
     )
-    stiffness = Quantity("tangent stiffness, other directions free", "stiffness", ("load", "direction"), SOLVED, "axis")
+    stiffness = Quantity(
+        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), SOLVED
+    )
+    strain = Quantity("largest strain of finite elements", "", ("load",), STRESS, "all", shown=False)
 
 
 def large(
@@ -185,12 +207,19 @@ def large(
     *,
     force: tuple[float, float, float] | None = None,
     amplitude: float | None = None,
+    models: Literal["both", "analytic"] = "both",
+    resolution: int | None = None,
     progress: Progress | None = None,
 ) -> MechanismLarge:
     """See `flexfem.large`."""
-    C = network.respond(mechanism.layout).compliance
+    mesh, layout, bands = (
+        mesh_of(models, resolution, None, usual=LARGE_RESOLUTION),
+        mechanism.layout,
+        dict[str, Array](),
+    )
+    C = network.respond(layout).compliance
     if force is None:
-        size = arguments.between("amplitude", 1.0 if amplitude is None else amplitude, 1e-6, 1e4, " mm")
+        size = arguments.between("amplitude", AMPLITUDE if amplitude is None else amplitude, 1e-6, 1e4, " mm")
         softest = int(np.argmax(np.diag(C)[:2]))
         load = np.zeros(3)
         load[softest] = size / C[softest, softest]
@@ -198,9 +227,27 @@ def large(
         load = arguments.forces("force", force, 1)
     loads = np.zeros((len(STEPS), len(C)))
     loads[:, :3] = np.outer(STEPS, load)
-    found = displaced(mechanism.layout, loads)
-    pose = np.stack([loads @ C[:, :3], found.motions[:, :3]], axis=1)
-    along = 1 / np.diagonal(found.compliance, axis1=1, axis2=2)[:, :3]
+    found = displaced(layout, loads)
+    poses = [loads @ C[:, :3], found.motions[:, :3]]
+    tangents = [np.broadcast_to(C, found.compliance.shape), found.compliance]
+    values: dict[str, Any] = {"force": loads[:, :3]}
+    if mesh is not None:
+        steps = levels(mesh.resolution)
+        each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
+        poses.append(each[-1].pose[:, :3])
+        tangents.append(each[-1].compliance)
+        values["strain"] = each[-1].strain
+        sizes = np.array(steps, dtype=float)
+        alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
+        for name, parts in alike.items():
+            bands[name] = np.full((len(STEPS), len(THEORIES), 3), np.nan)
+            bands[name][:, -1] = corner_bands(sizes, np.array(parts))
+    values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
     warnings = [] if np.all(found.stable) else ["an equilibrium is not stable under dead loads"]
-    values = {"force": loads[:, :3], "pose": pose, "stiffness": along}
-    return answer(MechanismLarge, mechanism, {}, None, values, warnings=warnings)
+    labels = {"theory": THEORIES[: len(poses)]}
+    return answer(MechanismLarge, mechanism, {}, mesh, values, labels, bands, warnings=warnings)
+
+
+def _along(compliance: Array) -> Array:
+    """Stiffness (s, 3) along every direction of the output, the others free."""
+    return np.asarray(1 / np.diagonal(compliance, axis1=1, axis2=2)[:, :3])

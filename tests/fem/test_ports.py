@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from flexfem.fem import ports
 from flexfem.fem.elements import layered
 from flexfem.fem.mesh import mapped
-from flexfem.fem.plate_bodies import body_compliances
+from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.ports import contact_forces, hinge_stress, plate_model, plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.profiles import Leaf
@@ -108,6 +108,19 @@ def test_free_body_bends_as_a_beam_between_its_hinges():
     np.testing.assert_allclose(
         to_end @ body.compliance[:3, :3] @ to_end.T, beam_compliance(30.0), rtol=2e-3, atol=1e-12
     )
+
+
+def test_hinge_alone_is_a_beam_in_its_own_axes():
+    """A straight one between rigid sections with nu = 0, turned: `L / E A`, `L^3 / 12 E I` with shear, `L / E I`."""
+    mesh, turn = mapped(60, 6, lambda u, v: np.stack([40 * (u - 0.5), H * (v - 0.5)], axis=-1)), np.exp(0.7j)
+    z = 3 - 8j + mesh.nodes @ [1, 1j] * turn
+    edges = {"end 0 near": mesh.edges["left"], "end 0 far": mesh.edges["right"]}
+    mesh = mesh._replace(nodes=np.column_stack([z.real, z.imag]), bodies=mesh.bodies + 2, edges=edges)
+    of = layout()
+    turned = of._replace(joints=(of.joints[0]._replace(place=3 - 8j, heading=0.7),))
+    bending = 40 / (E * INERTIA)
+    expected = np.diag([40 / (E * B * H), bending * 40**2 / 12 + 2.4 * 40 / (E * B * H), bending])
+    np.testing.assert_allclose(hinge_compliances(turned, mesh), [expected], rtol=2e-3, atol=1e-12)
 
 
 @pytest.mark.parametrize(("payload", "spring"), [(0.0, 0.0), (3e-6, 0.0), (1e-6, 2.0)])

@@ -66,6 +66,7 @@ displaced = cache(lambda: flexfem.large(plain(), models="analytic"))
 vibrating = cache(lambda: flexfem.modes(plain(), count=2, models="elements", resolution=4))
 tiring = {"amplitude": (0.05, 0.02, 3e-4), "ratio": 0, "resolution": 4}
 DRAWN: dict[str, Any] = {
+    "plot_mechanism": lambda made: (flexfem.load("geometry/parallelogram.toml"),),
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displacement": lambda made: (made.fields(),),

@@ -110,7 +110,7 @@ def test_a_number_of_the_stage_counts_where_a_constraint_refuses_by_it(studies: 
     limit = "sd = 1.5\n[[constraint]]\nvalue = 'E * material.expansion_um_per_m_k'\nmost = 9\n"
     loaded = studies.load(("sd = 1.5\n", limit))
     other = loaded.stage.replace(material={"expansion": 1e-5})
-    assert other.hash == loaded.stage.hash and replace(loaded, stage=other).hash != loaded.hash
+    assert other.hash == loaded.stage.hash and replace(loaded, base=other).hash != loaded.hash
 
 
 def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
@@ -120,7 +120,7 @@ def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
     stages = [first, first.replace(actuator=[first.actuator[0].model_copy(update={"arm": 10.5})])]
     stages += [first.replace(override={(2, "actuator", "base"): {"preload": force}}) for force in (41.0, 42.0)]
     asked = driven.study.model_copy(update={"drive": driven.study.drive.model_copy(update={"actuators": True})})
-    assert len({replace(driven, study=asked, stage=stage).hash for stage in stages}) == len(stages)
-    assert {replace(driven, stage=stage).hash for stage in stages} == {driven.hash}
+    assert len({replace(driven, study=asked, base=stage).hash for stage in stages}) == len(stages)
+    assert {replace(driven, base=stage).hash for stage in stages} == {driven.hash}
     renamed = first.replace(actuator=[first.actuator[0].model_copy(update={"name": "other"})])
-    assert replace(driven, study=asked, stage=renamed).hash == replace(driven, study=asked, stage=first).hash
+    assert replace(driven, study=asked, base=renamed).hash == replace(driven, study=asked, base=first).hash

@@ -156,7 +156,7 @@ HOSTILE: dict[str, tuple[list[tuple[str, str]], list[str]]] = {
     "a key that drift has not": ([more("[drift]\nkelvin = 3.0")], ["drift.kelvin", "unknown key"]),
     "life at no amplitude": ([more("[life]\ncycles = 1e6")], ["amplitude_x_um, amplitude_y_um or"]),
     "life at a ratio of one": ([more("[life]\namplitude_x_um = 3.0\nratio = 1.0")], ["ratio = 1.0"]),
-    "question that needs more than a stage": ([("= 21", '= 21\nask = ["drive.x"]')], ["ask[0]", "a question of b"]),
+    "question that needs more than a stage": ([("= 21", '= 21\nask = ["drive.x"]')], ["ask", "a question of b"]),
     "payload below zero": ([more("[frequencies]\npayload_kg = -1.0")], ["payload_kg = -1.0"]),
 }  # fmt: skip
 
