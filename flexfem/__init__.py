@@ -1,4 +1,4 @@
-"""Verification and design of planar flexure-hinge stages: an analytic model against finite elements.
+"""Verification and design of planar flexure mechanisms: an analytic model against finite elements.
 
     import flexfem
     stage = flexfem.load("geometry/mobility6.toml")    # validated and feasible, or BadInput with file, line and key

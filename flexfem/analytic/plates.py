@@ -73,9 +73,13 @@ class PlateNetwork(NamedTuple):
 
     def solve(self, F: Array, openings: Array) -> tuple[Array, Array]:
         """Return twists (3 m, n) and wrenches (3 h, n) under loads (3 m, n) on bodies and openings (3 h, n)."""
-        by_motion, by_opening = np.split(np.linalg.solve(self.A, np.hstack([self.G, openings])), [self.G.shape[1]], 1)
-        U = np.linalg.solve(self.G.T @ by_motion, F + self.G.T @ by_opening)
-        return U, by_motion @ U - by_opening
+        U, w = np.zeros((self.G.shape[1], F.shape[1])), np.zeros((len(self.G), F.shape[1]))
+        by_motion = np.linalg.solve(self.A, self.G)
+        for _ in range(2):  # the second removes the round-off of stiff hinges in series with compliant ones
+            by_opening = np.linalg.solve(self.A, openings - self.G @ U + self.A @ w)
+            more = np.linalg.solve(self.G.T @ by_motion, F - self.G.T @ (w - by_opening))
+            U, w = U + more, w + by_motion @ more - by_opening
+        return U, w
 
 
 class PlateModes(NamedTuple):

@@ -34,7 +34,7 @@ from flexfem.study import MOST_WORKERS
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
-    "Analyse a stage": ("stiffness", "formulas"),
+    "Stiffness and hinges": ("stiffness", "formulas"),
     "Compare with finite elements": ("verify", "plot", "budget", "converge"),
     "Drive and reach": ("drive", "reach", "large"),
     "Vibration, heat, weight and life": ("modes", "drift", "gravity", "life"),
@@ -56,10 +56,10 @@ MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in gr
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
 PYTHON_ONLY = ("progress", "law")  # parameters without an option
 TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
-STAGE = {"stage": "Stage or mechanism file, see flexfem schema stage."}
+STAGE = {"stage": "Stage or mechanism file, see flexfem schema stage and flexfem schema mechanism."}
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer bundles click, or uses the installed one
 CLOSED_PIPE = 141  # 128 + SIGPIPE, the exit code of a program that does not handle that signal
-ABOUT = "Verification and design of planar flexure-hinge stages."
+ABOUT = "Verification and design of planar flexure mechanisms."
 
 
 class Commands(TyperGroup):

@@ -198,11 +198,12 @@ class Profile:
         """Return the stress concentration at positions x (n,), (n,) or (), of Neuber's notch with the root radius."""
         return concentration(np.asarray(max(self.neck / self.root_radius, SLIGHTEST)))
 
-    def stress(self, wrench: Array, thickness: ArrayLike) -> Array:
+    def stress(self, wrench: Array, thickness: ArrayLike, out_of_plane: float = 0.0) -> Array:
         """Largest von Mises stress (...), MPa, of the hinge under wrenches (..., 3) on its far end.
 
         wrench : axial force, transverse force, N, and counter-clockwise moment, N mm, which act on the far end (the
             second body) at the centre of the hinge and in its frame.   thickness : (...), mm.
+        out_of_plane : ratio of the stress out of the plane to that along the axis, Poisson's ratio in plane strain.
 
         Notes
         -----
@@ -221,7 +222,9 @@ class Profile:
         neck = self._neck_place
         bending = (M - V * neck) * K.bending - V * (x - neck) * K.shear
         surface = np.abs(N) * K.tension + 6 * np.abs(bending) / self.height(x)
-        return np.asarray(np.max(np.maximum(surface, np.hypot(N, MIDPLANE_SHEAR * V)) / area, axis=-1))
+        uniaxial = math.sqrt(1 - out_of_plane + out_of_plane**2)  # von Mises stress per stress along the axis
+        highest = np.maximum(uniaxial * surface, np.hypot(uniaxial * N, MIDPLANE_SHEAR * V))
+        return np.asarray(np.max(highest / area, axis=-1))
 
     def sizes(self, resolution: float) -> list[Refinement]:
         """Return points (complex, mm), triangle size, mm, there, and distance from the points up to which it holds, mm.

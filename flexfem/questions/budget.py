@@ -74,7 +74,7 @@ def budget(
     plane: bool = False,
     progress: Progress | None = None,
 ) -> Budget:
-    """Split the error of the stage's own analytic model into named shares that add up to it.
+    """Split the error of the analytic model of a stage or mechanism into named shares that add up to it.
 
     Parameters
     ----------

@@ -53,7 +53,7 @@ class MeshConvergence(Result):
 def converge(
     stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MeshConvergence:
-    """Solve a stage on increasingly fine meshes; compute observed order, extrapolated compliance and mesh band.
+    """Solve a stage or mechanism on finer and finer meshes: observed order, extrapolated compliance and mesh band.
 
     Parameters
     ----------

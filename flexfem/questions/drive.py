@@ -161,7 +161,7 @@ def drive(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
 ) -> Drive:
-    """Strokes and forces of every stack for a pose, by every criterion, and the finite-element pose with these strokes.
+    """Strokes and forces of the stacks of a stage for a pose, or the motion of a mechanism by its actuators.
 
     Parameters
     ----------

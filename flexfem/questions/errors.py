@@ -202,7 +202,7 @@ class CurveElements(NamedTuple):
 
 @question
 def verification(*cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None) -> list[Result]:
-    """Apply the analytic force of (18), or joint commands, to finite elements; compute the errors of Figures 5 to 7.
+    """Apply the analytic force for a displacement, or joint commands, to finite elements: errors of cases, mechanisms.
 
     Parameters
     ----------

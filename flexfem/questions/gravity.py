@@ -63,7 +63,7 @@ def gravity(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Gravity:
-    """Displacement of the platform and neck stress of a stage under its own weight and that of a payload.
+    """Displacement and hinge stress of a stage or mechanism under its own weight and that of a payload.
 
     Parameters
     ----------

@@ -111,7 +111,7 @@ def drift(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Drift:
-    """Displacement and stress of a stage per kelvin, and per kelvin per mm along X and Y.
+    """Displacement and stress of a stage or mechanism per kelvin, and per kelvin per mm along X and Y.
 
     Parameters
     ----------

@@ -90,7 +90,7 @@ def large(
     resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Large:
-    """Change of the tangent stiffness and error of the linear position at large displacements.
+    """Change of the tangent stiffness and error of the linear position of a stage or mechanism at large displacements.
 
     Parameters
     ----------

@@ -267,7 +267,7 @@ def life(
     resolution: int | None = None,
     progress: Progress | None = None,
 ) -> Life:
-    """Cycles to failure of the necks at an amplitude of the platform, and the amplitude for a wanted life.
+    """Cycles to failure of the hinges of a stage or mechanism at an amplitude, and the amplitude for a wanted life.
 
     Parameters
     ----------

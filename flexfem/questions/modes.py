@@ -244,7 +244,7 @@ def modes(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> NaturalModes:
-    """Natural frequencies and modes of a stage with a payload, in the plane or in three dimensions.
+    """Natural frequencies and modes of a stage or mechanism with a payload, in the plane or in three dimensions.
 
     Parameters
     ----------

@@ -110,8 +110,8 @@ def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> Elastic
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
     layout = mechanism.layout
-    parts = [joint.profile.stress(wrenches[..., h, :], layout.thickness) for h, joint in enumerate(layout.joints)]
-    return np.stack(parts, axis=-1)
+    plate = layout.thickness, layout.out_of_plane
+    return np.stack([one.profile.stress(wrenches[..., h, :], *plate) for h, one in enumerate(layout.joints)], axis=-1)
 
 
 @once

@@ -147,7 +147,7 @@ def reach(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
 ) -> Reach:
-    """The poses that a drive reaches within its limits: strokes, contacts that only push, blocking forces, yield.
+    """The poses that the drive of a stage reaches within all limits, or a mechanism within its strokes.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache, wraps
 from itertools import chain
@@ -86,11 +87,15 @@ def question(function: Function) -> Function:
 def for_mechanisms(answer: Callable[..., Any]) -> Callable[[Function], Function]:
     """Let a question about stages also take a mechanism, with an answer that has the same options or fewer.
 
-    The function raises BadInput for a mechanism with an option that the answer lacks.
+    The function raises BadInput for a mechanism with an option that the answer lacks; its docstring says so.
     """
 
     def decorate(function: Function) -> Function:
         signature, known = inspect.signature(function), inspect.signature(answer).parameters
+        text = (function.__doc__ or "").replace("stage : Stage\n", "stage : Stage or Mechanism\n")
+        for key in signature.parameters.keys() - known.keys() - {"stage"}:
+            text = re.sub(rf"(?m)^({key} : .*(?:\n    .*)*)", r"\1 Not for a mechanism.", text)
+        function.__doc__ = text
 
         @wraps(function)
         def either(*positional: Any, **named: Any) -> Any:
@@ -100,7 +105,8 @@ def for_mechanisms(answer: Callable[..., Any]) -> Callable[[Function], Function]
             given = {key: value for key, value in bound.items() if value != signature.parameters[key].default}
             mechanism = given.pop("stage")
             for key in given.keys() - known.keys():
-                raise BadInput(f"{key} {given[key]!r}: an option for the nine-hinge stage, not for a mechanism")
+                option = "mobility, formula or links" if key == "analytic" else f"{key} {given[key]!r}"
+                raise BadInput(f"{option}: an option for the nine-hinge stage, not for a mechanism")
             return answer(mechanism, **given)
 
         return cast(Function, either)

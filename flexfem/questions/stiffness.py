@@ -102,7 +102,7 @@ def stiffness(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Stiffness:
-    """Stiffness, neck stress per displacement and range at yield of a stage, and response to a load or displacement.
+    """Stiffness, stress and range at yield of a stage or mechanism, and response to a load or displacement.
 
     Parameters
     ----------

@@ -122,6 +122,8 @@ def test_stress_by_hand():
     load = np.array([0, 1.0, 5.0])  # the moment vanishes at the far end
     assert Tabulated(TAPER).stress(load, 1.0) == pytest.approx(60)
     assert Tabulated(tuple((-x, h) for x, h in TAPER[::-1])).stress(load, 1.0) < 20
+    held = Leaf(0.5, 0.2).stress(np.array([[3.0, 0, 1], [3, 4, 0]]), b, out_of_plane=0.3)  # plane strain
+    assert held == pytest.approx([0.79**0.5 * (0.6 + 6 / 2.5), (0.79 * 9 + 3 * 36) ** 0.5 / 5])
     assert leaf.stress(np.ones((2, 1, 3)), np.array([1.0, 2, 4])) == pytest.approx(
         np.broadcast_to(leaf.stress(np.ones(3), 1.0) / [1, 2, 4], (2, 3))
     )
