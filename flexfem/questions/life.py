@@ -234,7 +234,7 @@ def life_of_mechanism(
         found = _values_of_model(material.yield_strength, stress, motion, chosen, (math.nan, math.nan))
         return {name: value for name, value in found.items() if name not in ("fewest", "most")}
 
-    def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.Ends | None) -> dict[str, Any]:
+    def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.FewAndMany | None) -> dict[str, Any]:
         return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
 
     found = plates.of_models(mechanism, mesh, models, values, progress, bands)

@@ -138,14 +138,14 @@ def solid_response(mechanism: Mechanism, resolution: int, layers: int) -> PlateR
     return model.response(model.port_forces)
 
 
-class Ends(NamedTuple):
+class FewAndMany(NamedTuple):
     """Values on the coarsest mesh with few and with many layers."""
 
     few: dict[str, Any]
     many: dict[str, Any]
 
 
-def value_bands(sizes: Array, each: list[dict[str, Any]], ends: Ends | None = None) -> dict[str, Any]:
+def value_bands(sizes: Array, each: list[dict[str, Any]], ends: FewAndMany | None = None) -> dict[str, Any]:
     """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with those of layers."""
     found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
     if ends is None:
@@ -157,7 +157,7 @@ def by_elements(
     mesh: setup.Mesh,
     solve: Callable[[int, int], dict[str, Any]],
     progress: Progress | None = None,
-    bands: Callable[[Array, list[dict[str, Any]], Ends | None], Mapping[str, Any]] = value_bands,
+    bands: Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]] = value_bands,
 ) -> dict[str, ModelAnswer]:
     """Return the values of plane finite elements, of three dimensions if they are asked for, and their bands.
 
@@ -175,7 +175,7 @@ def by_elements(
     if mesh.layers:
         planes, (few, many) = coarser(solve, *mesh, progress)
         values = {name: planes[-1][name] + many[name] - planes[0][name] for name in many}
-        found[SOLID] = ModelAnswer(values, bands(sizes, planes, Ends(few, many)))
+        found[SOLID] = ModelAnswer(values, bands(sizes, planes, FewAndMany(few, many)))
     return found
 
 
@@ -185,7 +185,7 @@ def of_models(
     models: Models,
     values: Callable[[Responses], dict[str, Any]],
     progress: Progress | None = None,
-    bands: Callable[[Array, list[dict[str, Any]], Ends | None], Mapping[str, Any]] = value_bands,
+    bands: Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]] = value_bands,
 ) -> dict[str, ModelAnswer]:
     """Compute values of all requested models, and their bands by finite elements."""
     found = dict[str, ModelAnswer]()
@@ -282,7 +282,7 @@ def stiffness(
             found |= {"force": F, "pose": poses, "energy": F @ poses[0] / 2, "hinge_stress": response.stress(loads)}
         return found
 
-    def bands(sizes: Array, each: list[dict[str, Any]], ends: Ends | None) -> dict[str, Any]:
+    def bands(sizes: Array, each: list[dict[str, Any]], ends: FewAndMany | None) -> dict[str, Any]:
         found, solutions = value_bands(sizes, each, ends), np.array([one["compliance"] for one in each])
         C = compliance_bands(sizes, solutions)
         if ends is not None:
@@ -572,7 +572,7 @@ def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> list[s
 
 
 class MechanismReach(Result):
-    """Ends of the motion of the output by the strokes of all actuators, by direction."""
+    """FewAndMany of the motion of the output by the strokes of all actuators, by direction."""
 
     title = "reach of the drive"
     labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}
