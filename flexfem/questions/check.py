@@ -229,7 +229,7 @@ def check_mechanism(mechanism: Mechanism) -> MechanismReport:
             )
             for each in layout.actuators
         ],
-        provenance={key: text for key, text in mechanism.sources.items() if text},
+        provenance=dict(mechanism.provenance),
         warnings=warning.of_plate(material, float(np.max(extent)), "mechanism"),
     )
 
