@@ -184,7 +184,8 @@ def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
             raise BadInput(f"{_key(joint)}: ends {np.min(gaps):.3g} mm before {name}, expected to reach it")
         if np.max(gaps) > REACHED:
             high = 2 * _corner(joint, side).imag
-            raise BadInput(f"{_key(joint)}: is {high:.6g} mm high at {name}, expected no higher than this body there")
+            where = f"is {high:.6g} mm high at {name}"
+            raise BadInput(f"{_key(joint)}: {where}, expected an end that lies on this body over its whole height")
 
 
 def _check_grounded(layout: Layout) -> None:

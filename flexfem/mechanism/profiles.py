@@ -376,9 +376,9 @@ class Leaf(Profile):
         return Concentration(bending, tension, bending)
 
     def sizes(self, resolution: float) -> list[Refinement]:
-        """Return sizes as `Profile`: half as many triangles across the middle part, and graded at sharp roots."""
+        """Return sizes as `Profile`: a quarter of the triangles across the middle part, and graded at sharp roots."""
         t, r, half = self.neck, self.fillet, self.span / 2
-        found = [self._along(0.0, half - r, t / max(2.0, resolution / 2))]
+        found = [self._along(0.0, half - r, t / max(1.0, resolution / 4))]
         if r <= SHORTEST:
             corners = _quadruple(half + 0.5j * t)
             found.append(((complex(-half), complex(half)), t / resolution, t))

@@ -20,7 +20,8 @@ from flexfem.fem.structure import layers_of, sheet_of
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.setup import sectors_of
+from flexfem.questions.setup import on_meshes, sectors_of
+from flexfem.results import Progress
 from flexfem.units import DIRECTIONS, Direction
 
 COARSER = 1.3  # least ratio between the resolutions of two levels (Celik et al. 2008)
@@ -323,11 +324,13 @@ def solid_levels(stage: Stage, resolution: int, layers: int) -> SolidLevels:
 
 
 def coarser(
-    solve: Callable[[int, int], Solution], resolution: int, layers: int
+    solve: Callable[[int, int], Solution], resolution: int, layers: int, progress: Progress | None = None
 ) -> tuple[list[Solution], tuple[Solution, Solution]]:
     """Solve with one layer on three meshes, coarse to fine, and with two numbers of layers on the coarsest mesh."""
     planes, (_, few, many) = levels(resolution), levels(layers)
-    return [solve(level, 1) for level in planes], (solve(planes[0], few), solve(planes[0], many))
+    steps = [(level, 1) for level in planes] + [(planes[0], few), (planes[0], many)]
+    *solutions, less, more = on_meshes(steps, lambda step: solve(*step), progress)
+    return solutions, (less, more)
 
 
 def solid_bands(solutions: SolidLevels, resolution: int) -> tuple[Array, Array]:

@@ -234,20 +234,18 @@ def life_of_mechanism(
         found = _values_of_model(material.yield_strength, stress, motion, chosen, (math.nan, math.nan))
         return {name: value for name, value in found.items() if name not in ("fewest", "most")}
 
-    def bands(sizes: Array, each: list[dict[str, Any]]) -> dict[str, Any]:
+    def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.FewAndMany | None) -> dict[str, Any]:
         return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
 
     found = plates.of_models(mechanism, mesh, models, values, progress, bands)
     warnings = [
         text
-        for model, modelled in found.models.items()
+        for model, modelled in found.items()
         for text in _warnings(material.yield_strength, motion, chosen, model, modelled.values)
     ]
     settings = {"material": material.name, **_said(motion)}
     notes.append(LEFT_OUT)
-    result = plates.answer(
-        MechanismLife, mechanism, found.models, mesh, settings=settings, warnings=warnings, notes=notes
-    )
+    result = plates.answer(MechanismLife, mechanism, found, mesh, settings=settings, warnings=warnings, notes=notes)
     result.law, result.yield_strength = chosen, material.yield_strength
     return result
 

@@ -15,8 +15,8 @@ from scipy.optimize import linprog
 from flexfem import arguments
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, free_stiffness
-from flexfem.fem.elements import mirrored, nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh
+from flexfem.fem.elements import Layers, mirrored, nodal_stress, von_mises
+from flexfem.fem.mesh import LAYERS, StageMesh
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
@@ -25,7 +25,18 @@ from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.profiles import Leaf
 from flexfem.questions import setup
-from flexfem.questions.bands import compliance_bands, corner_bands, error_bands, error_matrix, grid_convergence, levels
+from flexfem.questions.bands import (
+    SAFETY,
+    SolidLevels,
+    coarser,
+    compliance_bands,
+    corner_bands,
+    error_bands,
+    error_matrix,
+    grid_convergence,
+    levels,
+    solid_bands,
+)
 from flexfem.questions.setup import ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
@@ -33,6 +44,7 @@ from flexfem.units import DIRECTIONS
 
 ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
 ELASTIC_READ = f"{ELASTIC}: bodies and hinges by plane finite elements of each part, joined at rigid sections"
+SOLID_RESOLUTION = 4  # in three dimensions; the plane compliance of leaf springs and notches is within 0.05 %
 PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
 POINTS = Gate(COARSER.relative, absolute=100 * COARSER.relative)  # percentage points of a command
@@ -54,19 +66,30 @@ def meshed(mechanism: Mechanism, resolution: int) -> StageMesh:
     return mesh_layout(mechanism.layout, resolution)
 
 
-@once
-def model_of(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateModel:
-    """Factorise finite elements, in the plane without layers."""
+def layers_of(mechanism: Mechanism, number: int) -> Layers | None:
+    """Return layers graded for the narrowest neck; None for number 0, in the plane."""
     layout = mechanism.layout
     necks = min((joint.profile.neck for joint in layout.joints), default=layout.thickness)
-    through = mirrored(layout.thickness, layers, necks) if layers else None
-    return plate_model(layout, meshed(mechanism, resolution), through)
+    return mirrored(layout.thickness, number, necks) if number else None
 
 
 @once
-def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateResponse:
-    """Solve finite elements for unit loads on all ports."""
-    model = model_of(mechanism, resolution, layers)
+def model_of(mechanism: Mechanism, resolution: int) -> PlateModel:
+    """Factorise finite elements in the plane."""
+    return plate_model(mechanism.layout, meshed(mechanism, resolution))
+
+
+def factorised(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateModel:
+    """Factorise finite elements; those with layers are not kept, because they take gigabytes."""
+    if not layers:
+        return model_of(mechanism, resolution)
+    return plate_model(mechanism.layout, meshed(mechanism, resolution), layers_of(mechanism, layers))
+
+
+@once
+def solved(mechanism: Mechanism, resolution: int) -> PlateResponse:
+    """Solve plane finite elements for unit loads on all ports."""
+    model = model_of(mechanism, resolution)
     return model.response(model.port_forces)
 
 
@@ -105,15 +128,55 @@ def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
 
 def elements(mechanism: Mechanism, resolution: int, layers: int = 0) -> Responses:
     """Return the response of finite elements."""
-    response = solved(mechanism, resolution, layers)
+    response = solid_response(mechanism, resolution, layers) if layers else solved(mechanism, resolution)
     return Responses(response.compliance, lambda loads: hinge_stress(response, loads))
 
 
-class Found(NamedTuple):
-    """Values of every model, finite elements on three meshes, and the bands of their finest mesh."""
+def solid_response(mechanism: Mechanism, resolution: int, layers: int) -> PlateResponse:
+    """Solve finite elements in three dimensions for unit loads on all ports."""
+    model = factorised(mechanism, resolution, layers)
+    return model.response(model.port_forces)
 
-    models: dict[str, ModelAnswer]
-    compliances: dict[str, Array]
+
+class FewAndMany(NamedTuple):
+    """Values on the coarsest mesh with few and with many layers."""
+
+    few: dict[str, Any]
+    many: dict[str, Any]
+
+
+def value_bands(sizes: Array, each: list[dict[str, Any]], ends: FewAndMany | None = None) -> dict[str, Any]:
+    """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with those of layers."""
+    found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
+    if ends is None:
+        return found
+    return {name: band + SAFETY * np.abs(ends.many[name] - ends.few[name]) for name, band in found.items()}
+
+
+def by_elements(
+    mesh: setup.Mesh,
+    solve: Callable[[int, int], dict[str, Any]],
+    progress: Progress | None = None,
+    bands: Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]] = value_bands,
+) -> dict[str, ModelAnswer]:
+    """Return the values of plane finite elements, of three dimensions if they are asked for, and their bands.
+
+    solve : values with a resolution and a number of layers, 0 in the plane.
+
+    Notes
+    -----
+    A value in three dimensions is that of the coarsest mesh with all layers, plus the change to the finest mesh with
+    one layer: `v(coarse, layers) + v(fine, 1) - v(coarse, 1)`. So no fine mesh has many layers. On a stage with 24 leaf
+    springs this is within 1e-5 of the compliance, and 0.5 % of the stress, of the finest mesh with three layers.
+    """
+    steps = levels(mesh.resolution)
+    sizes, each = np.array(steps, dtype=float), on_meshes(steps, lambda level: solve(level, 0), progress)
+    found = {ELEMENTS: ModelAnswer(each[-1], bands(sizes, each, None))}
+    if mesh.layers:
+        planes, (few, many) = coarser(solve, *mesh, progress)
+        values = {name: planes[-1][name] + many[name] - planes[0][name] for name in many}
+        found[SOLID] = ModelAnswer(values, bands(sizes, planes, FewAndMany(few, many)))
+    return found
 
 
 def of_models(
@@ -122,32 +185,16 @@ def of_models(
     models: Models,
     values: Callable[[Responses], dict[str, Any]],
     progress: Progress | None = None,
-    bands: Callable[[Array, list[dict[str, Any]]], Mapping[str, Any]] | None = None,
-) -> Found:
-    """Compute values of all requested models; the bands of finite elements are those of three meshes.
-
-    bands : of the values on three meshes, from the resolutions; `corner_bands` of every value by default.
-    """
-    found, compliances = dict[str, ModelAnswer](), dict[str, Array]()
+    bands: Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]] = value_bands,
+) -> dict[str, ModelAnswer]:
+    """Compute values of all requested models, and their bands by finite elements."""
+    found = dict[str, ModelAnswer]()
     if models != "elements":
         for label, elastic in ((ANALYTIC, False), (ELASTIC, True))[: 1 if models == "analytic" else 2]:
-            response = network(mechanism, elastic)
-            found[label], compliances[label] = ModelAnswer(values(response)), response.compliance
+            found[label] = ModelAnswer(values(network(mechanism, elastic)))
     if mesh is not None:
-        steps = levels(mesh.resolution)
-        plane = on_meshes(steps, lambda level: elements(mechanism, level), progress)
-        each = [values(response) for response in plane]
-        sizes = np.array(steps, dtype=float)
-        of_mesh = (
-            bands(sizes, each)
-            if bands
-            else {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
-        )
-        found[ELEMENTS], compliances[ELEMENTS] = ModelAnswer(each[-1], of_mesh), plane[-1].compliance
-        if mesh.layers:
-            solid = elements(mechanism, mesh.resolution, mesh.layers)
-            found[SOLID], compliances[SOLID] = ModelAnswer(values(solid)), solid.compliance
-    return Found(found, compliances)
+        found |= by_elements(mesh, lambda *size: values(elements(mechanism, *size)), progress, bands)
+    return found
 
 
 def at_rest(mechanism: Mechanism, response: Responses) -> dict[str, Any]:
@@ -220,7 +267,7 @@ def stiffness(
     progress: Progress | None = None,
 ) -> MechanismStiffness:
     """See `flexfem.stiffness`."""
-    mesh = mesh_of(models, resolution, layers)
+    mesh = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION)
     if force is not None and displacement is not None:
         raise BadInput("force and displacement, expected one of the two")
     load = None if force is None else arguments.forces("force", force, 1)
@@ -235,30 +282,38 @@ def stiffness(
             found |= {"force": F, "pose": poses, "energy": F @ poses[0] / 2, "hinge_stress": response.stress(loads)}
         return found
 
-    def bands(sizes: Array, each: list[dict[str, Any]]) -> dict[str, Any]:
-        found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
-        C = compliance_bands(sizes, np.array([one["compliance"] for one in each]))
+    def bands(sizes: Array, each: list[dict[str, Any]], ends: FewAndMany | None) -> dict[str, Any]:
+        found, solutions = value_bands(sizes, each, ends), np.array([one["compliance"] for one in each])
+        C = compliance_bands(sizes, solutions)
+        if ends is not None:
+            plane, through = solid_bands(SolidLevels(solutions, *(one["compliance"] for one in ends)), int(sizes[-1]))
+            C = plane + through
         return found | {"compliance": C, "free": each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])}
 
     found, fields = of_models(mechanism, mesh, models, values, progress, bands), None
-    reference = list(found.models.values())[-1].values
+    reference = list(found.values())[-1].values
     if mesh is not None and "force" in reference:
         fields = fields_under(mechanism, mesh, reference["force"])
-    return answer(MechanismStiffness, mechanism, found.models, mesh, fields=fields)
+    return answer(MechanismStiffness, mechanism, found, mesh, fields=fields)
 
 
 def fields_under(mechanism: Mechanism, mesh: setup.Mesh, force: Array) -> setup.MeshFields:
-    """Return displacement and von Mises stress by finite elements under a load (3,) on the output, N and N mm."""
-    response = solved(mechanism, mesh.resolution, mesh.layers)
-    field, whole = np.tensordot(force, response.fields[:3], axes=1), response.model.structure
+    """Return displacement and von Mises stress by finite elements under a load (3,) on the output, N and N mm.
+
+    In three dimensions they are those of the coarsest mesh.
+    """
+    layers = layers_of(mechanism, mesh.layers)
+    level = levels(mesh.resolution)[0] if layers else mesh.resolution
 
     def made() -> dict[str, Array]:
+        response = solid_response(mechanism, level, mesh.layers) if layers else solved(mechanism, level)
+        field, whole = np.tensordot(force, response.fields[:3], axes=1), response.model.structure
         moving, stress = np.unique(whole.mesh.triangles), np.zeros(field.shape[:-1])  # fixed bodies have none
         found = nodal_stress(whole.mesh, whole.plate, field, moving, whole.layers)
         stress[moving] = von_mises(found, mechanism.layout.out_of_plane).reshape(stress[moving].shape)
         return {"displacement": field, "von_mises": stress}
 
-    return setup.MeshFields(response.model.mesh, made, whole.layers.heights if whole.layers else None)
+    return setup.MeshFields(meshed(mechanism, level), made, layers.heights if layers else None)
 
 
 def answer(
@@ -363,10 +418,11 @@ def budget(
     reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
     shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
     if not plane:
-        coarse = steps[0]
-        solid, flat = (elements(mechanism, coarse, n).compliance[:3, :3] for n in (3, 0))
-        shares[3] = np.diag(error_matrix(K, solid, lever) - error_matrix(K, flat, lever))
-        shares[-1] += shares[3]
+        coarse, (_, few, many) = levels(SOLID_RESOLUTION)[0], levels(LAYERS)
+        by_layers = (elements(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many))
+        flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
+        shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
+        shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
     return answer(MechanismBudget, mechanism, {}, mesh, {"share": shares}, bands={"share": widths})
 
 
@@ -475,7 +531,7 @@ def drive(
     progress: Progress | None = None,
 ) -> MechanismDrive:
     """See `flexfem.drive`."""
-    mesh, actuators = mesh_of(models, resolution, layers), mechanism.layout.actuators
+    mesh, actuators = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), mechanism.layout.actuators
     strokes, drives = np.array([actuator.stroke for actuator in actuators]), mechanism.layout.drive_ports
 
     def values(response: Responses) -> dict[str, Any]:
@@ -504,19 +560,19 @@ def drive(
 
     found = of_models(mechanism, mesh, models, values, progress)
     labels = {"other": [actuator.name for actuator in actuators]}
-    return answer(MechanismDrive, mechanism, found.models, mesh, None, labels, warnings=over_yield(mechanism, found))
+    return answer(MechanismDrive, mechanism, found, mesh, None, labels, warnings=over_yield(mechanism, found))
 
 
-def over_yield(mechanism: Mechanism, found: Found) -> list[str]:
+def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> list[str]:
     """Warn of a highest stress above the yield strength."""
     limit = mechanism.material.yield_strength
-    highest = max(float(np.max(model.values["stress"])) for model in found.models.values())
+    highest = max(float(np.max(model.values["stress"])) for model in found.values())
     text = f"at full stroke the highest hinge stress is {highest:.4g} MPa, beyond the yield strength of {limit:.4g} MPa"
     return [text] if highest > limit else []
 
 
 class MechanismReach(Result):
-    """Ends of the motion of the output by the strokes of all actuators, by direction."""
+    """FewAndMany of the motion of the output by the strokes of all actuators, by direction."""
 
     title = "reach of the drive"
     labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}
@@ -539,7 +595,7 @@ def reach(
     progress: Progress | None = None,
 ) -> MechanismReach:
     """See `flexfem.reach`."""
-    mesh = mesh_of(models, resolution, layers)
+    mesh = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION)
     strokes = np.array([actuator.stroke for actuator in mechanism.layout.actuators])
 
     def values(response: Responses) -> dict[str, Any]:
@@ -557,4 +613,4 @@ def reach(
         return {"ends": np.stack([ends, held])}
 
     found = of_models(mechanism, mesh, models, values, progress)
-    return answer(MechanismReach, mechanism, found.models, mesh)
+    return answer(MechanismReach, mechanism, found, mesh)

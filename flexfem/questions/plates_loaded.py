@@ -14,10 +14,20 @@ from flexfem.fem import ports as fem
 from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
-from flexfem.questions.plates import ELASTIC, ElasticParts, answer, model_of, parts_of, stress_by
+from flexfem.questions.plates import (
+    ELASTIC,
+    SOLID_RESOLUTION,
+    ElasticParts,
+    answer,
+    by_elements,
+    factorised,
+    model_of,
+    parts_of,
+    stress_by,
+)
 from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
 CASES = ("uniform", "gradient in x", "gradient in y")
@@ -28,25 +38,16 @@ def of_loads(
     mesh: Mesh | None,
     models: Models,
     by_network: Any,
-    by_elements: Any,
+    of_elements: Any,
     progress: Progress | None,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all models: functions of elastic parts and of a factorised plate; bands from three meshes.
-
-    In three dimensions the bands are those of the plane problem on the same meshes.
-    """
+    """Return the values of all models: functions of elastic parts and of a factorised plate; bands from meshes."""
     found = dict[str, ModelAnswer]()
     if models != "elements":
         for label in (ANALYTIC, ELASTIC)[: 1 if models == "analytic" else 2]:
             found[label] = ModelAnswer(by_network(parts_of(mechanism) if label == ELASTIC else ElasticParts()))
     if mesh is not None:
-        steps = levels(mesh.resolution)
-        each = on_meshes(steps, lambda level: by_elements(model_of(mechanism, level)), progress)
-        sizes = np.array(steps, dtype=float)
-        bands = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[-1]}
-        found[ELEMENTS] = ModelAnswer(each[-1], bands)
-        if mesh.layers:
-            found[SOLID] = ModelAnswer(by_elements(model_of(mechanism, mesh.resolution, mesh.layers)))
+        found |= by_elements(mesh, lambda *size: of_elements(factorised(mechanism, *size)), progress)
     return found
 
 
@@ -85,12 +86,12 @@ def modes(
         found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
-    def by_elements(model: fem.PlateModel) -> dict[str, Array]:
+    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
         found = fem.plate_modes(model, count, engaged)
         motion = (found.ports[:, :3] * scale) ** 2
         return {"frequency": found.modes.frequencies, "share": 100 * motion / motion.sum(axis=1, keepdims=True)}
 
-    found = of_loads(mechanism, mesh, models, by_network, by_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
     values = {}
     if mesh is not None:
         values["share"] = found[ELEMENTS].values.pop("share")
@@ -125,11 +126,11 @@ def gravity(
         motions, wrenches = network.weighed(mechanism.layout, field, parts.bodies, hinges=parts.hinges)
         return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
 
-    def by_elements(model: fem.PlateModel) -> dict[str, Array]:
+    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
         response = fem.weight_of(model, field)
         return {"pose": response.motions[:points, 0].reshape(-1, 3), "stress": fem.hinge_stress(response, np.ones(1))}
 
-    found = of_loads(mechanism, mesh, models, by_network, by_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
     return answer(MechanismGravity, mechanism, found, mesh, settings={"gravity": f"at {angle:g} degrees"})
 
 
@@ -155,7 +156,7 @@ def drift(
     progress: Progress | None = None,
 ) -> MechanismDrift:
     """See `flexfem.drift`."""
-    mesh, points = mesh_of(models, resolution, layers), 3 * len(mechanism.layout.points)
+    mesh, points = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), 3 * len(mechanism.layout.points)
     plate, ground, warnings = mechanism.material.expansion, mechanism.frame.expansion, list[str]()
     if plate is None:
         raise BadInput(f"{mechanism.origin}: material.expansion_um_per_m_k is missing, expected um/(m K)")
@@ -168,11 +169,11 @@ def drift(
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
         return {"pose": motions[:points].T.reshape(3, -1, 3), "stress": stress}
 
-    def by_elements(model: fem.PlateModel) -> dict[str, Array]:
+    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
         response = fem.warmed(model, plate, ground)
         return {"pose": response.motions[:points].T.reshape(3, -1, 3), "stress": fem.hinge_stress(response, np.eye(3))}
 
-    found = of_loads(mechanism, mesh, models, by_network, by_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
     return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)
 
 

@@ -1,0 +1,52 @@
+"""Mechanisms in three dimensions: leaf springs between plane stress and plane strain, and what the bands cover."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import flexfem
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions import plates
+
+LEAF = {"between": ["ground", "stage"], "direction_deg": 90, "shape": "leaf", "length_mm": 17, "neck_mm": 0.4}
+GUIDE = {
+    "name": "guide",
+    "thickness_mm": 10,
+    "material": {
+        "name": "aluminium",
+        "youngs_modulus_gpa": 72,
+        "poissons_ratio": 0.33,
+        "density_kg_m3": 2810,
+        "yield_strength_mpa": 500,
+    },
+    "body": [
+        {"name": "ground", "fixed": True, "outline_mm": [[-20, -8], [20, -8], [20, 0], [-20, 0]]},
+        {"name": "stage", "outline_mm": [[-20, 17], [20, 17], [20, 29], [-20, 29]]},
+    ],
+    "hinge": [{"name": name, "at_mm": [x, 8.5], "fillet_mm": 0.5, **LEAF} for name, x in (("a", -15), ("b", 15))],
+    "output": {"body": "stage", "at_mm": [0, 23]},
+}
+
+
+@pytest.mark.slow
+def test_wide_leaves_lie_between_plane_stress_and_plane_strain_and_bands_cover_finer_meshes():
+    """A wide clamped leaf cannot bend across its width: plane strain is the limit of its stiffness, 1 / (1 - nu^2)."""
+    guide = Mechanism.model_validate(GUIDE)
+    found = flexfem.stiffness(guide, models="elements", layers=3)
+    plane, solid = found.values["free"]
+    assert 1.06 < solid[0] / plane[0] < 1 / (1 - 0.33**2)
+    band = found.bands["free"][1]
+    finer = 1 / np.diag(plates.solid_response(guide, 6, 5).compliance)[:3]
+    assert np.all(np.abs(solid - finer) < band)
+    assert np.all(band < 0.005 * solid)
+    share = flexfem.budget(guide)
+    at = plates.SHARES.index("three dimensions")
+    assert share.values["share"][at, 0] == pytest.approx(100 * (plane[0] / solid[0] - 1), abs=1.0)
+    assert share.bands["share"][at, 0] > 0.05
+
+
+def test_one_quadratic_triangle_across_the_middle_of_a_leaf_is_enough():
+    guide = Mechanism.model_validate(GUIDE)
+    coarse, fine = (np.diag(plates.elements(guide, level).compliance)[:3] for level in (4, 10))
+    np.testing.assert_allclose(coarse, fine, rtol=4e-4)
