@@ -466,13 +466,16 @@ class Result:
         return f"{text} ({', '.join(where)})" if where and value and text else text
 
     def _differences(self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]) -> list[str]:
-        """Return the differences of the first model from the last in per cent, for the cells of a row of the last."""
+        """Return the differences of the first model from the last in per cent, for the cells of a row of the last.
+
+        There is none from a value that is zero within its band.
+        """
         values, sizes, last = self.values[quantity.name], self.sizes(quantity.name), self._shown(quantity, over, place)
         if "model" not in quantity.over:
             return [""] * len(last)
-        found = []
+        found, bands = [], np.nan_to_num(self.bands.get(quantity.name, np.zeros_like(values)))
         for a, b in zip(self._shown(quantity, over, (*place[:-1], 0)), last, strict=True):
-            known = np.isfinite(values[a]) and abs(values[b]) > ROUND_OFF * sizes[b]
+            known = np.isfinite(values[a]) and abs(values[b]) > max(ROUND_OFF * sizes[b], bands[b])
             found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
         return found
 

@@ -46,16 +46,17 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
     return np.isin(mesh.bodies, np.flatnonzero([body.fixed for body in layout.bodies]))
 
 
-def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
+def contact_forces(mesh: StageMesh, patch: Patch, lifting: bool = False) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
-    They are zero for a patch on the ground outside the plate. Radii below a fifth of a triangle are increased.
+    If `lifting`, forces (3, n, 1) along z, of a unit force along z and unit moments about x and y. They are zero for a
+    patch on the ground outside the plate. Radii below a fifth of a triangle are increased.
     Raises ComputationFailed when no part of the body is within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
-    forces, radius, whole = np.zeros((3, *mesh.nodes.shape)), np.inf, quadrature(MASS_QUADRATURE)
+    sums, radius, whole = np.zeros((3, len(mesh.nodes))), np.inf, quadrature(MASS_QUADRATURE)
     if patch.body < 0:
-        return forces
+        return np.zeros((*sums.shape, 1 if lifting else 2))
     parts = [(triangles, whole)]
     if patch.radius is not None and len(triangles):
         at = mesh.nodes[triangles] - point
@@ -68,13 +69,19 @@ def contact_forces(mesh: StageMesh, patch: Patch) -> Array:
         phi, determinant = shape_functions(points)[0], gradients(mesh.nodes[chosen], points)[1]
         x, y = np.einsum("eid,iq->deq", mesh.nodes[chosen] - point, phi)
         area, one = np.abs(determinant) * weights * (np.hypot(x, y) <= radius), np.ones_like(x)
-        densities = np.array([[one, 0 * one], [0 * one, one], [-y, x]]) * area
-        nodal = np.einsum("kdeq,iq->keid", densities, phi)
-        for force, values in zip(forces, nodal, strict=True):
-            np.add.at(force, chosen, values)
+        nodal = np.einsum("keq,iq->kei", np.array([one, x, y]) * area, phi)
+        for total, values in zip(sums, nodal, strict=True):
+            np.add.at(total, chosen, values)
+    even, along_x, along_y = sums  # nodal forces of densities 1, x and y
+    zero = np.zeros_like(even)
+    forces = np.moveaxis(np.array([[even, zero], [zero, even], [-along_y, along_x]]), 1, 2)
     resultants = _resultants(mesh.nodes - point, forces)
     if not np.linalg.det(resultants) > SLIVER * resultants[0, 0] ** 2 * resultants[2, 2]:
         raise ComputationFailed(f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm")
+    if lifting:
+        forces = np.array([even, along_y, -along_x])
+        arms = np.stack([np.ones(len(mesh.nodes)), *(mesh.nodes - point).T[::-1]])
+        resultants, forces = np.diag([1.0, 1.0, -1.0]) @ arms @ forces.T, forces[..., None]
     return np.tensordot(np.linalg.inv(resultants).T, forces, axes=1)
 
 
@@ -116,31 +123,43 @@ class PlateModel:
     held: Index
     space: Space
 
+    @property
+    def lifting(self) -> bool:
+        """Whether the motion is out of the plane."""
+        return bool(self.structure.line.fixed)
+
     @cached_property
     def port_forces(self) -> Array:
-        """Nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included."""
+        """Nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included.
+
+        Out of the plane they are those of the output only: a force along z and moments about x and y.
+        """
+        if self.lifting:
+            return self._through(contact_forces(self.mesh, self.layout.ports[0].parts[0][0], True))
         return self._through(forces_on_ports(self.layout, self.mesh))
 
     @cached_property
     def attached(self) -> tuple[Array, Array]:
         """Masses and moments of inertia (r,) of payloads and actuators, tonne and tonne mm^2, and forces (r, n, ...).
 
-        Three follow each other: along x, along y, and of the rotation.
+        Three follow each other: along x, along y, and of the rotation; out of the plane along z, and of the rotations
+        about x and y, where a payload is a flat body, which has half of its moment of inertia.
         """
         bodies = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
         bodies += [(at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts]
         carried = [(patch, mass, inertia) for patch, mass, inertia in bodies if mass > 0 or inertia > 0]
-        forces = [contact_forces(self.mesh, patch) for patch, _, _ in carried]
-        plane = np.concatenate([np.zeros((0, *self.mesh.nodes.shape)), *forces])
-        return np.array([v for _, mass, inertia in carried for v in (mass, mass, inertia)]), self._through(plane)
+        forces = [contact_forces(self.mesh, patch, self.lifting) for patch, _, _ in carried]
+        plane = np.concatenate([np.zeros((0, len(self.mesh.nodes), 1 if self.lifting else 2)), *forces])
+        flat = [(m, j / 2, j / 2) if self.lifting else (m, m, j) for _, m, j in carried]
+        return np.ravel(np.array(flat, dtype=float)), self._through(plane)
 
     def _through(self, plane: Array) -> Array:
-        """Spread forces (k, n, 2) evenly through the thickness: (k, n, ...)."""
+        """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k, n, ...)."""
         line = self.structure.line
         if line.axes == 2:
             return plane
         share = line.values @ line.weights / line.weights.sum()
-        return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (0, 1)])
+        return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (2, 0) if self.lifting else (0, 1)])
 
     def solve_twice(self, loads: Array) -> Array:
         """Unknowns (size, k) under loads (size, k), less the round-off of one solve."""
@@ -292,10 +311,12 @@ class VibratingPlate(NamedTuple):
 def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> VibratingPlate:
     """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness acts if `engaged`.
 
+    With antisymmetric layers they are out of the plane, where the stiffness of actuators does not act.
     Raises ComputationFailed when they do not converge.
     """
     inertia, attached = model.attached
     loads, springs = model.structure.loads(model.port_forces), model.layout.stiffness_of_actuators * engaged
+    springs = springs[:0] if model.lifting else springs
     stacks = loads[:, loads.shape[1] - len(springs) :]
     at = (inertia[inertia > 0], model.structure.loads(attached[inertia > 0])) if len(inertia) else None
 

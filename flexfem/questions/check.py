@@ -183,6 +183,15 @@ def check(stage: Stage | Mechanism) -> StageReport | MechanismReport:
     return check_mechanism(stage) if isinstance(stage, Mechanism) else check_stage(stage)
 
 
+def _by_tables(sources: dict[str, str]) -> dict[str, str]:
+    """Return sources without those of keys in a table that has the same source."""
+    return {
+        key: text
+        for key, text in sources.items()
+        if not any(sources.get(key[:k]) == text for k, character in enumerate(key) if character in ".[")
+    }
+
+
 def check_mechanism(mechanism: Mechanism) -> MechanismReport:
     """Return the report on a mechanism. Raises BadInput for parts that overlap, touch or are held by nothing."""
     layout, material = mechanism.layout, mechanism.material
@@ -229,7 +238,7 @@ def check_mechanism(mechanism: Mechanism) -> MechanismReport:
             )
             for each in layout.actuators
         ],
-        provenance=dict(mechanism.provenance),
+        provenance=_by_tables({key: text for key, text in mechanism.sources.items() if text}),
         warnings=warning.of_plate(material, float(np.max(extent)), "mechanism"),
     )
 

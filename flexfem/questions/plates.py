@@ -79,11 +79,15 @@ def model_of(mechanism: Mechanism, resolution: int) -> PlateModel:
     return plate_model(mechanism.layout, meshed(mechanism, resolution))
 
 
-def factorised(mechanism: Mechanism, resolution: int, layers: int = 0) -> PlateModel:
-    """Factorise finite elements; those with layers are not kept, because they take gigabytes."""
-    if not layers:
+def factorised(mechanism: Mechanism, resolution: int, layers: int = 0, lifting: bool = False) -> PlateModel:
+    """Factorise finite elements; those with layers are not kept, because they take gigabytes.
+
+    lifting : for motion out of the plane, with layers.
+    """
+    through = layers_of(mechanism, layers)
+    if through is None:
         return model_of(mechanism, resolution)
-    return plate_model(mechanism.layout, meshed(mechanism, resolution), layers_of(mechanism, layers))
+    return plate_model(mechanism.layout, meshed(mechanism, resolution), through.antisymmetric if lifting else through)
 
 
 @once
@@ -546,6 +550,7 @@ def drive(
         moves = np.abs(along) > ROUND_OFF * np.max(np.abs(found.motion))
         with np.errstate(divide="ignore", invalid="ignore"):
             cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
+        rotation[np.abs(rotation) * mechanism.layout.lever < ROUND_OFF] = 0.0
         return {
             "motion": np.moveaxis(found.motion * strokes, -1, 0),
             "transmission": output,

@@ -16,6 +16,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
 from flexfem.questions.plates import (
     ELASTIC,
+    ROUND_OFF,
     SOLID_RESOLUTION,
     ElasticParts,
     answer,
@@ -27,7 +28,7 @@ from flexfem.questions.plates import (
 )
 from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
 CASES = ("uniform", "gradient in x", "gradient in y")
@@ -55,16 +56,21 @@ class MechanismModes(Result):
     """Natural frequencies of a mechanism with payload and actuators, and the motion of its output in every mode."""
 
     title = "natural modes"
-    columns = ("model", "direction")
+    columns = ("model", "direction", "motion")
     reading = (
-        "motion of the output: share of x, y and theta in its squared motion, where theta counts with the lever",
-        "modes in the plane only; the analytic models have no mass in the hinges, so they lack the modes in which leaf "
-        "springs themselves vibrate, and their numbers shift against those of finite elements from there on",
+        "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
+        "modes out of the plane are computed with layers only, a payload as a flat body at mid-plane; the analytic "
+        "models have no mass in the hinges, so they lack the modes in which leaf springs themselves vibrate, and their "
+        "numbers shift against those of finite elements from there on",
     )
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
     share = Quantity(
         "motion of the output by finite elements", "percents", ("mode", "direction"), Gate(1e-3, absolute=1e-4), "all"
     )
+    tilt = Quantity(
+        "motion of the output out of the plane", "percents", ("mode", "motion"), Gate(1e-3, absolute=1e-4), "all"
+    )
+    labels: ClassVar = {"motion": ("z", "tilt x", "tilt y")}
 
 
 def modes(
@@ -74,31 +80,55 @@ def modes(
     drives: Literal["disengaged", "engaged"] = "disengaged",
     models: Models = "both",
     resolution: int | None = None,
+    layers: int | None = None,
     progress: Progress | None = None,
 ) -> MechanismModes:
     """See `flexfem.modes`."""
-    mesh, engaged = mesh_of(models, resolution, None), drives == "engaged"
+    mesh = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION)
+    engaged, solid = drives == "engaged", mesh is not None and mesh.layers > 0
     if engaged and not mechanism.layout.actuators:
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
-    count, scale = arguments.integer("count", count, 100), np.array([1.0, 1.0, mechanism.layout.lever])
+    count, lever = arguments.integer("count", count, 100), mechanism.layout.lever
 
     def by_network(parts: ElasticParts) -> dict[str, Array]:
         found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
-    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
-        found = fem.plate_modes(model, count, engaged)
-        motion = (found.ports[:, :3] * scale) ** 2
-        return {"frequency": found.modes.frequencies, "share": 100 * motion / motion.sum(axis=1, keepdims=True)}
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        """Return frequencies and motions (modes, 3) of the output: in the plane, then with layers out of it."""
+        parts = list[tuple[Array, Array]]()
+        for lifting in (False, True)[: 2 if layers else 1]:
+            found = fem.plate_modes(factorised(mechanism, resolution, layers, lifting), count, engaged)
+            motion = (found.ports[:, :3] * ([1.0, lever, lever] if lifting else [1.0, 1.0, lever])) ** 2
+            parts.append((found.modes.frequencies, 100 * motion / motion.sum(axis=1, keepdims=True)))
+        frequency, share = map(np.concatenate, zip(*parts, strict=True))
+        return {"frequency": frequency, "share": share}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
-    values = {}
+    found = of_loads(mechanism, None, models, by_network, None, progress)
+    values, names = dict[str, Array](), [str(k + 1) for k in range(count)]
     if mesh is not None:
-        values["share"] = found[ELEMENTS].values.pop("share")
-        found[ELEMENTS] = ModelAnswer(found[ELEMENTS].values, {"frequency": found[ELEMENTS].bands["frequency"]})
-    labels = {"mode": [str(k + 1) for k in range(count)]}
+        for label, answered in by_elements(mesh, of_size, progress).items():
+            share = answered.values["share"]
+            found[label] = ModelAnswer(*({"frequency": part["frequency"]} for part in answered))
+        values["share"] = share[:count]
+        if solid:
+            both = found[SOLID]
+            order = np.argsort(both.values["frequency"], kind="stable")[:count]
+            lifted, planar = order >= count, np.flatnonzero(order < count)
+            names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
+            for label, one in found.items():  # models of the plane have no others
+                parts = [{name: part[name] for name in part} for part in one]
+                for part in parts:
+                    for name, array in part.items():
+                        part[name] = np.full(count, np.nan)
+                        part[name][planar] = array[: len(planar)]
+                        if label == SOLID:
+                            part[name] = array[order]
+                found[label] = ModelAnswer(*parts)
+            values["share"] = np.where(lifted[:, None], np.nan, share[order])
+            values["tilt"] = np.where(lifted[:, None], share[order], np.nan)
     settings = {"actuators": drives} if mechanism.layout.actuators else {}
-    return answer(MechanismModes, mechanism, found, mesh, values, labels, settings=settings)
+    return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings)
 
 
 class MechanismGravity(Result):
@@ -164,14 +194,22 @@ def drift(
         ground = plate
         warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
 
+    lever = mechanism.layout.lever
+    sizes = max(plate, ground) * np.outer([1.0, lever, lever], [lever, lever, 1.0])[:, None]  # of free expansion
+
+    def cleared(pose: Array) -> Array:
+        """Return poses (cases, points, 3) without round-off."""
+        return np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose)
+
     def by_network(parts: ElasticParts) -> dict[str, Array]:
         motions, wrenches = network.warmed(mechanism.layout, plate, ground, parts.bodies, hinges=parts.hinges)
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
-        return {"pose": motions[:points].T.reshape(3, -1, 3), "stress": stress}
+        return {"pose": cleared(motions[:points].T.reshape(3, -1, 3)), "stress": stress}
 
     def of_elements(model: fem.PlateModel) -> dict[str, Array]:
         response = fem.warmed(model, plate, ground)
-        return {"pose": response.motions[:points].T.reshape(3, -1, 3), "stress": fem.hinge_stress(response, np.eye(3))}
+        pose = cleared(response.motions[:points].T.reshape(3, -1, 3))
+        return {"pose": pose, "stress": fem.hinge_stress(response, np.eye(3))}
 
     found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
     return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)

@@ -50,3 +50,19 @@ def test_one_quadratic_triangle_across_the_middle_of_a_leaf_is_enough():
     guide = Mechanism.model_validate(GUIDE)
     coarse, fine = (np.diag(plates.elements(guide, level).compliance)[:3] for level in (4, 10))
     np.testing.assert_allclose(coarse, fine, rtol=4e-4)
+
+
+def test_a_mass_on_a_bar_vibrates_out_of_the_plane_with_the_stiffness_of_a_timoshenko_cantilever():
+    """A bar 2 mm wide and 4 mm thick, 40 mm long, and 1 kg at 3 mm from its end; the lowest mode is in the plane."""
+    bar = GUIDE | {"thickness_mm": 4, "payload": {"mass_g": 1000}, "output": {"body": "stage", "at_mm": [0, 43]}}
+    bar["body"] = [GUIDE["body"][0], {"name": "stage", "outline_mm": [[-5, 40], [5, 40], [5, 46], [-5, 46]]}]
+    bar["hinge"] = [{"name": "bar", "at_mm": [0, 20], "fillet_mm": 0} | LEAF | {"length_mm": 40, "neck_mm": 2}]
+    found = flexfem.modes(Mechanism.model_validate(bar), count=2, layers=3)
+    assert found.axes["mode"] == ("1 in the plane", "2 out of the plane")
+    E, G = 72000, 72000 / 2.66
+    compliance = (43**3 - 3**3) / (3 * E * 2 * 4**3 / 12) + 1.2 * 40 / (G * 8)
+    expected = np.sqrt(1 / (compliance * 1.0e-3)) / (2 * np.pi)
+    assert found.values["frequency"][1, -1] / (2 * np.pi) == pytest.approx(expected, rel=0.015)
+    assert np.isnan(found.values["frequency"][1, 0])
+    turn = 23 * ((43**2 - 3**2) / 2) / ((43**3 - 3**3) / 3)  # of the end, times 23 mm to the hinge, per deflection
+    assert found.values["tilt"][1, 1] == pytest.approx(100 * turn**2 / (1 + turn**2), abs=1)
