@@ -211,8 +211,8 @@ class PlateBody(Dimensioned):
     @model_validator(mode="after")
     def _has_one_form(self) -> PlateBody:
         _one_form(self, ("outline",), ("path", "width"), ("centre", "radius"))
-        for index in (0, len(self.path) - 1) if self.path else ():
-            if any(self.path[index][2:]):
+        for index, corner in enumerate(self.path or ()):
+            if any(corner[2:]) and index in (0, len(self.path or ()) - 1):
                 raise refusal("two numbers at an end of the path: it has no bend there", "path_mm", index)
         edges = len(self.outline or ()) or 2 * (self.path is not None)
         for index, edge in enumerate(self.clamped_edges):
