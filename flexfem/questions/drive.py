@@ -160,6 +160,7 @@ def drive(
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
+    layers: int | None = None,
 ) -> Drive:
     """Strokes and forces of the stacks of a stage for a pose, or the motion of a mechanism by its actuators.
 
@@ -173,6 +174,8 @@ def drive(
         With "both", the strokes of the analytic model are applied to finite elements.
     resolution : int, optional
         Triangles across every neck.
+    layers : int, optional
+        Three-dimensional model of a mechanism with this number of layers in half the thickness, from 3.
     {shared}
 
     Examples
@@ -182,6 +185,8 @@ def drive(
     >>> [round(1e3 * float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
+    if layers is not None:
+        raise BadInput(f"layers {layers}: an option for a mechanism, not for the nine-hinge stage")
     check_feasible(stage)
     mesh = mesh_of(models, resolution, None, 2)
     if pose is None:

@@ -31,7 +31,7 @@ from flexfem.questions.driven import (
     sections_of,
 )
 from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question
-from flexfem.refused import ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
 
@@ -146,6 +146,7 @@ def reach(
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
+    layers: int | None = None,
 ) -> Reach:
     """The poses that the drive of a stage reaches within all limits, or a mechanism within its strokes.
 
@@ -157,6 +158,8 @@ def reach(
         "both" adds the ranges along the axes by finite elements.
     resolution : int, optional
         Triangles across every neck.
+    layers : int, optional
+        Three-dimensional model of a mechanism with this number of layers in half the thickness, from 3.
     {shared}
 
     Examples
@@ -166,6 +169,8 @@ def reach(
     >>> [round(1e3 * float(x), 1) for x in found.at("ends", end="high", model="analytic", direction="x")]  # um
     [24.0, 28.6]
     """
+    if layers is not None:
+        raise BadInput(f"layers {layers}: an option for a mechanism, not for the nine-hinge stage")
     check_feasible(stage)
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
