@@ -30,7 +30,7 @@ SHAPES: dict[str, dict[str, Any]] = {
 MARKS = {  # dimension: start and end of an arrow, mm, of the shapes that have it
     ("circular", "radius"): ((0.0, 2.5), (1.41, 1.09)),
     ("filleted", "fillet"): ((2.0, 2.5), (3.41, 1.09)),
-    ("v", "root_radius"): ((-0.3, 1.9), (-0.3, 0.55)),
+    ("v", "root_radius"): ((-0.3, 2.6), (-0.3, 0.55)),
     ("leaf", "fillet"): ((2.6, 1.7), (3.6, 0.7)),
 }
 BODY = 7.0  # height of both bodies, mm
