@@ -187,7 +187,7 @@ def condense(lower: sp.csr_array, boundary: int, block: int = 1) -> Condensed:
 
 
 class _Factor(ctypes.Structure):
-    """The first fields of `cholmod_factor` in cholmod.h, the same in CHOLMOD 3 to 5."""
+    """The first fields of `cholmod_factor` in cholmod.h of CHOLMOD 3; they are checked before their use."""
 
     _sizes = "n minor Perm ColCount IPerm nzmax p i x z nz next prev nsuper ssize xsize maxcsize maxesize super pi px s"
     _kinds = "ordering is_ll is_super is_monotonic itype xtype dtype"
