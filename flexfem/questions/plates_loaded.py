@@ -281,7 +281,8 @@ def large(
             bands[name] = np.full((len(STEPS), len(THEORIES), 3), np.nan)
             bands[name][:, -1] = corner_bands(sizes, np.array(parts))
     values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
-    warnings = [] if np.all(found.stable) else ["an equilibrium is not stable under dead loads"]
+    stable = np.all(found.stable) and np.linalg.eigvalsh(tangents[-1])[:, 0].min() > 0
+    warnings = [] if stable else ["an equilibrium is not stable under dead loads"]
     labels = {"theory": THEORIES[: len(poses)]}
     return answer(MechanismLarge, mechanism, {}, mesh, values, labels, bands, warnings=warnings)
 
