@@ -37,8 +37,10 @@ def _key_schema(pattern: str) -> dict[str, Any]:
 
 Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
 Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(override\.\d\.)?actuator\.|^parameters\."))]
-KeyPattern: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^(override\.[\d*]\.)?actuator\.|^parameters\.|\*"))]
+KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^((override\.\d\.)?actuator|parameters)\."))]
+KeyPattern: TypeAlias = Annotated[
+    Label, Keywords(lambda: _key_schema(r"^((override\.[\d*]\.)?actuator|parameters)\.|\*"))
+]
 
 
 class Factor(Table):
