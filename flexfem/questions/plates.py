@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from scipy.optimize import linprog
 
 from flexfem import arguments
 from flexfem.analytic.plates import respond
@@ -600,6 +599,8 @@ def reach(
     progress: Progress | None = None,
 ) -> MechanismReach:
     """See `flexfem.reach`."""
+    from scipy.optimize import linprog  # takes longer to import than all modules of questions
+
     mesh = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION)
     strokes = np.array([actuator.stroke for actuator in mechanism.layout.actuators])
 
