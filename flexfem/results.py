@@ -8,6 +8,7 @@ stored numbers have the units of the declaration.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
+from textwrap import shorten
 from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
 
 import numpy as np
@@ -32,6 +34,7 @@ FORMAT = 1  # version of the JSON documents
 DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes, largest stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
+MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
@@ -185,6 +188,7 @@ class Result:
     title: ClassVar[str] = ""
     labels: ClassVar[Mapping[str, Sequence[str]]] = {}
     columns: ClassVar[tuple[str, ...]] = ("direction",)
+    main: ClassVar[tuple[str, Mapping[str, str]] | None] = None  # the main result: a quantity at labels of its axes
     figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
@@ -372,40 +376,39 @@ class Result:
     # tables
 
     def tables(self, plain: bool = True) -> list[TextTable]:
-        """Return the tables: quantities with the same rows and the same kind of columns share a table.
+        """Return the tables: one for each quantity with axes as rows and columns; the others share tables.
 
         plain : write units in ASCII, for terminals.
         """
-        groups: dict[tuple[tuple[str, ...], str], list[Quantity]] = {}
+        groups: dict[tuple[tuple[str, ...], str, str], list[Quantity]] = {}
         for name, quantity in self.quantities.items():
             if quantity.shown and name in self.values and not np.all(np.isnan(self.values[name])):
                 rows = tuple(a for a in quantity.over if a not in self.columns and a not in quantity.largest)
-                groups.setdefault((rows, self._spread(quantity)), []).append(quantity)
-        return [self._table(rows, spread, group, plain) for (rows, spread), group in groups.items()]
+                spread = self._spread(quantity)
+                groups.setdefault((rows, spread, name if rows and spread else ""), []).append(quantity)
+        return [self._table(rows, spread, group, plain) for (rows, spread, _), group in groups.items()]
 
     def _table(self, over: tuple[str, ...], spread: str, group: list[Quantity], plain: bool) -> TextTable:
-        if not spread and (not over or (over == ("model",) and len(group) > 3)):  # a row for each quantity
+        if not over:  # a row for each quantity
+            rows = [[one.meaning, *self._rows((), [one], plain, with_unit=True)[0]] for one in group]
+            return TextTable(["", *(self.axes[spread] if spread else [""])], rows, 1)
+        if over == ("model",) and not spread and len(group) > 3:
             columns = self._rows(over, group, plain, with_unit=True)
-            head = ["", *(column[0] if over else "" for column in columns)]
-            rows = [[one.meaning, *(column[len(over) + k] for column in columns)] for k, one in enumerate(group)]
-            return TextTable(head, rows, 1)
+            rows = [[one.meaning, *(column[1 + k] for column in columns)] for k, one in enumerate(group)]
+            return TextTable(["", *(column[0] for column in columns)], rows, 1)
         if not spread:  # a column for each quantity
             head = [*over, *(self._headed(one.meaning, one, 0, plain) for one in group)]
             return TextTable(head, self._rows(over, group, plain), len(over))
-        labels = self.axes[spread]
-        if len(group) == 1 and not any(isinstance(each, tuple) for each in group[0].unit):
-            head = [*over, *(self._headed(label, group[0], k, plain) for k, label in enumerate(labels))]
-            return TextTable(head, self._rows(over, group, plain), len(over), group[0].meaning)
-        stacked = []  # rows for each quantity, whose name has the units
-        for one in group:
-            unit = "" if one.prefixed or not one.unit else f" ({_units_text(one.unit, plain)})"
-            for k, row in enumerate(self._rows(over, [one], plain)):
-                stacked.append([f"{one.meaning}{unit}" if k == 0 else "", *row])
-        return TextTable(["", *over, *labels], stacked, 1 + len(over))
+        (one,) = group
+        by_cell = any(isinstance(each, tuple) for each in one.unit)
+        labels = [label if by_cell else self._headed(label, one, k, plain) for k, label in enumerate(self.axes[spread])]
+        caption = f"{one.meaning} ({_units_text(one.unit, plain)})" if by_cell else one.meaning
+        return TextTable([*over, *labels], self._rows(over, group, plain), len(over), caption)
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """Return the heading of a column with its unit, unless the cells contain the unit."""
-        name = quantity.unit_at((0,) * (len(quantity.over) - 1) + (column,)).label(plain)
+        spread = self._spread(quantity)
+        name = quantity.unit_at(tuple(column if axis == spread else 0 for axis in quantity.over)).label(plain)
         return f"{text} ({name})" if name and not self._with_unit(quantity) else text
 
     def _with_unit(self, quantity: Quantity) -> bool:
@@ -463,7 +466,9 @@ class Result:
         text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
-        return f"{text} ({', '.join(where)})" if where and value and text else text
+        if not (where and value and text):
+            return text
+        return f"{text}\n{', '.join(where)}" if plain else f"{text} ({', '.join(where)})"  # terminals are narrow
 
     def _differences(self, quantity: Quantity, over: Sequence[str], place: tuple[int, ...]) -> list[str]:
         """Return the differences of the first model from the last in per cent, for the cells of a row of the last.
@@ -478,6 +483,29 @@ class Result:
             known = np.isfinite(values[a]) and abs(values[b]) > max(ROUND_OFF * sizes[b], bands[b])
             found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
         return found
+
+    def answer(self, plain: bool = True) -> str:
+        """Return the main result in one line, "" without one; the last model counts."""
+        name, labels = self.main or ("", {})
+        if name not in self.values:
+            return ""
+        one = self.quantities[name]
+        if "model" in one.over:
+            labels = {"model": self.axes["model"][-1], **labels}
+        rest = [axis for axis in one.over if axis not in labels]
+        listed = "direction" if "direction" in rest else rest[-1] if rest else ""
+        texts: dict[str, list[str]] = {}
+        for at, where in self._places(one.over):
+            named = dict(zip(one.over, where, strict=True))
+            if all(named[axis] == label for axis, label in labels.items()):
+                before = f"{named[listed]} " if listed in ("direction", "curve", "actuator") else ""
+                part = ", ".join(named[axis] for axis in rest if axis != listed)
+                if text := self._cell(one, at, plain, True).replace("\n", ", "):
+                    texts.setdefault(part, []).append(before + text)
+        parts = [f"{part} " * (len(texts) > 1) + ", ".join(each[:MOST_LISTED]) for part, each in texts.items()]
+        more = f" and {len(parts) - MOST_LISTED} more" if len(parts) > MOST_LISTED else ""
+        at_labels = f" ({', '.join(labels.values())})" if labels else ""
+        return f"{one.meaning}{at_labels}: {'; '.join(parts[:MOST_LISTED])}{more}"
 
     def heading(self) -> str:
         """Return the stage and the settings in one line."""
@@ -532,6 +560,8 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
             tables += more
         elif isinstance(value, list) and hasattr(value[0], "_fields"):
             tables.append(_records_table(title, value, plain))
+        elif name == "provenance":
+            facts.append(("sources", "\n" + "\n".join(_sources(value))))
         elif isinstance(value, dict):
             texts = {
                 key if isinstance(each, str) else without_unit(key): _text(each, unit_of(key).label(plain))
@@ -544,6 +574,14 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
         else:
             facts.append((title, _text(value, unit_of(name).label(plain))))
     return facts, tables
+
+
+def _sources(provenance: Mapping[str, str]) -> list[str]:
+    """Return a line for each kind of source, the text before the first punctuation mark, with its keys."""
+    kinds: dict[str, list[str]] = {}
+    for key, source in provenance.items():
+        kinds.setdefault(re.split("[:;,]", source, maxsplit=1)[0].strip(), []).append(key)
+    return [shorten(f"{kind} ({len(keys)}): {', '.join(keys)}", 80, placeholder=" ...") for kind, keys in kinds.items()]
 
 
 def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable:
@@ -571,7 +609,9 @@ def _text(value: Any, unit: str = "") -> str:
         return "; ".join(texts)
     if isinstance(value, list | tuple):
         return f"{', '.join(map(_text, value))} {unit}".rstrip()
-    return f"{round(value, 12) + 0.0:.8g} {unit}".rstrip() if isinstance(value, float) else str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{round(value, 12) + 0.0:.6g} {unit}".rstrip() if isinstance(value, float) else str(value)
 
 
 def thousands(count: int) -> str:
@@ -585,9 +625,11 @@ def number(value: float, band: float = np.nan) -> str:
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
         return f"{value:.5g}" if value else "0"
-    places = int(min(max(1 - np.floor(np.log10(band)), 0), 12))
+    places = int(min(1 - np.floor(np.log10(band)), 12)) if np.isfinite(band) else 0
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"
+    if places < 0:
+        value, band, places = round(value, places), round(band, places), 0
     text = f"{value:z.{places}f}"
     return f"{text} ± {band:.{places}f}" if float(text) or places < 7 else f"0 ± {band:.1g}"
 

@@ -18,6 +18,7 @@ class Trial(Result):
     """A result with every kind of quantity."""
 
     title = "a trial"
+    main = ("pose", {})
     labels: ClassVar = {"case": ("cold", "very hot"), "model": ("analytic", "finite elements")}
     mass = Quantity("mass", "kg")
     pose = Quantity(
@@ -49,10 +50,12 @@ def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Tri
         ["", "finite elements", "", "0", "1 mrad"],
         ["", "difference (%)", "", "", "+100.00"],
     ]
+    answer = "displacement (finite elements): cold x 12.50 ± 0.30 um, y 20 um, theta 1 nrad; very hot y 0, theta 1 mrad"
+    assert found.answer() == answer
     assert stress.head == ["case", "model", "stress (MPa)"]
     assert stress.rows[:3] == [
-        ["cold", "analytic", "5 (elbow)"],
-        ["", "finite elements", "4 (base)"],
+        ["cold", "analytic", "5\nelbow"],
+        ["", "finite elements", "4\nbase"],
         ["", "difference (%)", "+25.00"],
     ]
 
@@ -97,7 +100,8 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
 
 NUMBERS = [
     (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0.00 ± 0.10"), (3.14159265, np.nan, "3.1416"),
-    (7181.54, 3.9, "7181.5 ± 3.9"), (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"),
+    (7181.54, 3.9, "7181.5 ± 3.9"), (2107906.0, 1437.0, "2107900 ± 1400"),
+    (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"),
 ]  # fmt: skip
 
 

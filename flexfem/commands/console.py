@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -25,6 +27,9 @@ def usable(folder: Path | None) -> Path | None:
         check_folder(folder)
     return folder
 
+
+WIDTH, NARROWEST, GAP = 80, 8, 2  # characters: a line in a file, the heading of a column, between two columns
+SPACE = "\N{NO-BREAK SPACE}"
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
 OutputFolder = Annotated[Path | None, OUTPUT]
@@ -74,18 +79,22 @@ def _print(found: Any) -> None:
     from flexfem.mechanism.stage_file import assumptions_said
     from flexfem.results import record_parts
 
-    terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file tables must not be folded
-    out = Console(soft_wrap=True, highlight=False, markup=False, color_system=None, width=None if terminal else 200)
+    terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file each sentence is a line
+    out = Console(
+        soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=None if terminal else WIDTH
+    )
     if hasattr(found, "tables"):
+        if answer := getattr(found, "answer", str)():
+            out.print(answer)
         out.print(found.heading())
-        _print_tables(out, found.tables())
+        _print_tables(out, found.tables(), out.width)
         for text in found.sentences():
             out.print(text)
     elif hasattr(found, "_asdict"):
         facts, tables = record_parts(found)
         for title, text in facts:
             out.print(f"{title}:{text}" if text.startswith("\n") else f"{title}: {text}")
-        _print_tables(out, tables)
+        _print_tables(out, tables, out.width)
     else:
         out.print(str(found))
     assumptions = getattr(found, "about", found)
@@ -95,14 +104,34 @@ def _print(found: Any) -> None:
         out.print(f"{text}: --json lists them")
 
 
-def _print_tables(out: Console, tables: Iterable[TextTable]) -> None:
-    """Print tables without rules, each below its caption."""
+def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None:
+    """Print tables without rules, each below its caption; those wider than `width` in parts with the same rows."""
     from rich.table import Table
 
     for content in tables:
-        table = Table(*content.head, box=None, padding=(0, 2, 0, 0), show_header=any(content.head))
-        for row in content.rows:
-            table.add_row(*row)
+        columns = [list(column) for column in zip(content.head, *content.rows, strict=True)]
+        if sum(map(_width, columns)) - GAP > width:
+            for column in columns:
+                words = re.sub(r" (?=[^(]*\)$)", SPACE, column[0])  # a unit stays in one line
+                column[0] = fill(words, max(_width(column[1:]) - GAP, NARROWEST), break_long_words=False)
+        names = min(content.names, len(columns) - 1) or 1
+        parts = [columns[:names]]
+        for column in columns[names:]:
+            if len(parts[-1]) > names and sum(map(_width, parts[-1])) + _width(column) - GAP > width:
+                parts.append(columns[:names])
+            parts[-1] = [*parts[-1], column]
+        out.print()
         if content.caption:
             out.print(f"{content.caption}:")
-        out.print(table)
+        for part in parts:
+            table = Table(
+                *(column[0] for column in part), box=None, padding=(0, 2, 0, 0), show_header=any(content.head)
+            )
+            for row in zip(*(column[1:] for column in part), strict=True):
+                table.add_row(*row)
+            out.print(table)
+    out.print()
+
+
+def _width(column: Sequence[str]) -> int:
+    return max((len(line) for cell in column for line in cell.split("\n")), default=0) + GAP

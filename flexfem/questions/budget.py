@@ -46,6 +46,7 @@ class Budget(Result):
     """Shares of the error of a stage's own analytic model, which add up to the total."""
 
     title = "error budget"
+    main = ("share", {"share": TOTAL})
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
     figure = "errors.budget_figure"
     reading = ("per cent of the command, in its direction; a share is the error change by one model refinement",)

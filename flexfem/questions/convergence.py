@@ -24,6 +24,7 @@ class MeshConvergence(Result):
     """Platform compliance of a stage on meshes of increasing resolution, and its extrapolated limit."""
 
     title = "mesh convergence"
+    main = ("extrapolated", {})
     figure = "errors.convergence_figure"
     along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_COARSER)
     extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_COARSER)

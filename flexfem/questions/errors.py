@@ -111,6 +111,7 @@ class Verification(Result):
     """Finite-element displacement compared with the commanded one, for each curve of a case."""
 
     title = "errors of the finite-element displacement"
+    main = ("percent", {})
     columns = ("direction",)
     reading = ("errors at the largest command, in per cent of the command; all rotations are multiplied by l3",)
     percent = Quantity("error, per cent of the command", "percents", ("curve", "direction"), PERCENT_GATE)

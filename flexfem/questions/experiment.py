@@ -29,6 +29,7 @@ class Experiment(Result):
     """Slopes of load over displacement: of the model, of the stage, simulated and measured."""
 
     title = "stiffness experiment"
+    main = ("deviation", {})
     columns = ("source", "against", "part")
     labels: ClassVar = {
         "source": ("model", "stage", "simulated", "measured"),

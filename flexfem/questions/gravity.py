@@ -37,6 +37,7 @@ class Gravity(Result):
     """Displacement and neck stress of a stage under its own weight and that of its payload."""
 
     title = "displacement under weight"
+    main = ("pose", {})
     labels: ClassVar = {"out of plane": ("z", "tilt x", "tilt y")}
     columns = ("direction", "out of plane")
     pose = Quantity("displacement of the platform", "motion", ("model", "direction"), FRESH, "pose", prefixed=True)

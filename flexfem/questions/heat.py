@@ -49,6 +49,7 @@ class Drift(Result):
     """Displacement and stress of a stage per change of temperature."""
 
     title = "change of temperature"
+    main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
     figure = "fields.drift_figure"
     drawn_from_fields = True

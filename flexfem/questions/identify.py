@@ -49,6 +49,7 @@ class Identification(Result):
     """
 
     title = "neck offset and fixture from measured slopes"
+    main = ("offset", {})
     columns = ("slope",)
     labels: ClassVar = {"slope": ("measured", "as drawn", "fitted"), "cause": CAUSES}
     figure = "experiment.identification_figure"

@@ -47,6 +47,7 @@ class Large(Result):
     """Change of the tangent stiffness and errors of the linear position at large displacements, in per cent."""
 
     title = "large displacements"
+    main = ("position", {})
     labels: ClassVar = {
         "theory": THEORIES,
         "at": tuple(f"{5 * k:+d} %" for k in STATED),

@@ -180,6 +180,7 @@ class Life(Result):
     """Cycles to failure of the necks, and the amplitude for a wanted life."""
 
     title = "fatigue life"
+    main = ("life", {})
     figure = "experiment.life_figure"
     life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05))
     fewest = Quantity("fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))

@@ -81,6 +81,7 @@ class NaturalModes(Result):
     """Natural frequencies, effective modal masses and the masses that vibrate."""
 
     title = "natural modes"
+    main = ("frequency", {})
     columns = ("model", "base")
     figure = "modes.figures"
     drawn_from_fields = True

@@ -254,6 +254,7 @@ class MechanismStiffness(Result):
     """Stiffness, stress per displacement, range at yield and inputs of a mechanism at rest; response to one load."""
 
     title = "mechanism at rest"
+    main = ("free", {})
     figure, drawn_from_fields = "plate.load_figure", True
     stiffness = Quantity("stiffness matrix", "stiffness matrix", ("model", "component", "direction"), COARSER, "matrix")
     compliance = Quantity(
@@ -384,6 +385,7 @@ class MechanismErrors(Result):
     """Error of the finite-element displacement under the force that the analytic network predicts for a command."""
 
     title = "errors of the finite-element displacement"
+    main = ("percent", {})
     labels: ClassVar = {"commanded": DIRECTIONS}
     reading = ("error in per cent of the command; a rotation counts with the lever of the output",)
     percent = Quantity("error for a command, per cent of it", "percents", ("model", "commanded", "direction"), POINTS)
@@ -414,6 +416,7 @@ class MechanismBudget(Result):
     """Shares of the error of the network with rigid bodies, which add up to the total."""
 
     title = "error budget"
+    main = ("share", {"share": SHARES[-1]})
     labels: ClassVar = {"share": SHARES}
     reading = (
         "per cent of the command in its direction, under the force of the network with rigid bodies",
@@ -456,6 +459,7 @@ class MechanismConvergence(Result):
     """Output compliance on meshes of increasing resolution, and its extrapolated limit."""
 
     title = "mesh convergence"
+    main = ("extrapolated", {})
     along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), COARSER)
     extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), COARSER)
     order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
@@ -477,6 +481,7 @@ class MechanismDrive(Result):
     """Motion of a mechanism by its actuators, with all of them in place: transmission, range, losses, coupling."""
 
     title = "drive"
+    main = ("motion", {})
     reading = (
         "every actuator is in place with its stiffness; a motion is that for the free stroke of one actuator alone",
     )
@@ -593,6 +598,7 @@ class MechanismReach(Result):
     """Ends of the motion of the output by the strokes of all actuators, by direction."""
 
     title = "reach of the drive"
+    main = ("ends", {"others": "free"})
     labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}
     reading = (
         "motion relative to zero strokes; others: the other two directions, free or held at zero by three actuators or "

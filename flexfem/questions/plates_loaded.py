@@ -56,6 +56,7 @@ class MechanismModes(Result):
     """Natural frequencies of a mechanism with payload and actuators, and the motion of its output in every mode."""
 
     title = "natural modes"
+    main = ("frequency", {})
     columns = ("model", "direction", "motion")
     reading = (
         "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
@@ -141,6 +142,7 @@ class MechanismGravity(Result):
     """Displacement and hinge stress of an upright mechanism under its own weight, payload and actuators included."""
 
     title = "displacement under weight"
+    main = ("pose", {})
     pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose", prefixed=True)
     stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), STRESS, "all", largest=("hinge",))
 
@@ -174,6 +176,7 @@ class MechanismDrift(Result):
     """Displacement and stress of a mechanism per change of temperature."""
 
     title = "change of temperature"
+    main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
     pose = Quantity(
@@ -230,6 +233,7 @@ class MechanismLarge(Result):
     """Displacement of the output under growing dead loads: linear, and with finite rotations by both models."""
 
     title = "large displacements"
+    main = ("pose", {})
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS)}
     reading = (
         "linear: the analytic network with rigid bodies; beams: the same with hinges as co-rotational beams; finite "

@@ -48,6 +48,7 @@ class Reach(Result):
     """The poses that a drive reaches within its limits: ranges along the axes, and the polytope of all poses."""
 
     title = "poses that the drive reaches within all limits"
+    main = ("ends", {"others": "zero"})
     labels: ClassVar = {"others": ("zero", "free"), "end": ("low", "high")}
     figure = "drive.reach_figure"
     drawn_from_fields = True

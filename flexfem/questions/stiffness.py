@@ -35,6 +35,7 @@ class Stiffness(Result):
     """Stiffness, stress per displacement and range at yield of a stage at rest, and its response to one load."""
 
     title = "stage at rest"
+    main = ("free", {})
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
     free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), COARSER)
@@ -69,7 +70,7 @@ class Summary(Result):
     """Stiffness, range at yield, force and stress by direction, and the ranges of the drive."""
 
     title = "summary"
-    columns = ()
+    main = ("free", {})
     reading = (
         "range at yield: displacement when the first neck yields, others held; force at yield: along the displacement",
         "others: the other two directions, held at zero or free; drive min, max: range of the drive",
