@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import shutil
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -80,9 +81,8 @@ def _print(found: Any) -> None:
     from flexfem.results import record_parts
 
     terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file each sentence is a line
-    out = Console(
-        soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=None if terminal else WIDTH
-    )
+    width = None if terminal else shutil.get_terminal_size((WIDTH, 24)).columns
+    out = Console(soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=width)
     if hasattr(found, "tables"):
         if answer := getattr(found, "answer", str)():
             out.print(answer)

@@ -127,7 +127,8 @@ def test_the_command_hands_on_its_options_and_prints_the_record_for_machines(fle
     assert calls == [(Path("wanted.toml"), tmp_path / "out", 3)]
 
 
-def test_every_number_of_a_record_is_printed(capsys):
+def test_every_number_of_a_record_is_printed(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "200")
     tight = [REQUIREMENTS[0].model_copy(update={"tightened_percent": 0.41}), *REQUIREMENTS[1:]]
     show(recorded(requirements=tight), False)
     lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
