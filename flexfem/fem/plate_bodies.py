@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.ports import contact_forces, plate_of_layout
@@ -101,7 +101,7 @@ def _tied(part: StageMesh, nodes: Index, sections: list[Index], centres: list[co
     alone, tied = np.flatnonzero(of < 0), np.flatnonzero(of >= 0)
     first, arms = 2 * len(alone), part.nodes[nodes[tied]] @ [1, 1j] - np.array(centres, dtype=complex)[of[tied]]
     row, column, one = 2 * tied, first + 3 * of[tied], np.ones(len(tied))
-    parts = [((2 * alone[:, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
+    parts: list[tuple[AnyArray, ...]] = [((2 * alone[:, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
     parts += [(row, column, one), (row + 1, column + 1, one)]
     parts += [(row, column + 2, -arms.imag), (row + 1, column + 2, arms.real)]
     rows, columns, values = (np.concatenate(each) for each in zip(*parts, strict=True))
