@@ -77,6 +77,22 @@ Curve = Segment | Spline | Ellipse
 Refinement = tuple[tuple[complex, ...], float, float]
 
 
+def mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
+    """Return a curve after a rigid motion or a reflection of its points."""
+    if isinstance(curve, Spline):
+        return Spline(tuple(map(move, curve.points)))
+    start, end = move(curve.start), move(curve.end)
+    if isinstance(curve, Ellipse):
+        centre = move(curve.centre)
+        return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
+    return Segment(start, end, None if curve.centre is None else move(curve.centre))
+
+
+def backwards(curve: Curve) -> Curve:
+    """Return the same curve in the opposite direction."""
+    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
+
+
 class Concentration(NamedTuple):
     """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions of t/R.
 
@@ -161,7 +177,7 @@ class Profile:
 
     def edge(self) -> list[Curve]:
         """Return the upper edge from -length / 2 to length / 2, split at 0; the lower edge is its mirror image."""
-        return [_mirrored(curve) for curve in reversed(self.half())] + self.half()
+        return [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(self.half())] + self.half()
 
     @property
     def end_height(self) -> float:
@@ -271,16 +287,6 @@ class Profile:
         x = np.linspace(place - inside, place + inside, max(2, math.ceil(2 * inside / radius) + 1))
         x = x[np.abs(x) < self.length / 2]
         return tuple(map(complex, x.tolist())), size, radius
-
-
-def _mirrored(curve: Curve) -> Curve:
-    """Return the curve reflected at the y axis, in the opposite direction."""
-    if isinstance(curve, Spline):
-        return Spline(tuple(-z.conjugate() for z in reversed(curve.points)))
-    start, end = -curve.end.conjugate(), -curve.start.conjugate()
-    if isinstance(curve, Ellipse):
-        return Ellipse(start, end, -curve.centre.conjugate(), -curve.major.conjugate())
-    return Segment(start, end, None if curve.centre is None else -curve.centre.conjugate())
 
 
 def _rise(x: Array, radius: float) -> Array:
