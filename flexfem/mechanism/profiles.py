@@ -317,15 +317,21 @@ class Circular(Profile):
 
 
 @dataclass(frozen=True)
-class Elliptical(Profile):
-    """Two half-ellipse notches of a depth, mm, each."""
+class Spanned(Profile):
+    """A profile whose length is a dimension, `span`, mm."""
 
     span: float
-    depth: float
 
     @property
     def length(self) -> float:
         return self.span
+
+
+@dataclass(frozen=True)
+class Elliptical(Spanned):
+    """Two half-ellipse notches of a depth, mm, each."""
+
+    depth: float
 
     @property
     def root_radius(self) -> float:
@@ -343,20 +349,15 @@ class Elliptical(Profile):
 
 
 @dataclass(frozen=True)
-class Leaf(Profile):
+class Leaf(Spanned):
     """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its length; mm."""
 
-    span: float
     fillet: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if 2 * self.fillet >= self.span - SHORTEST:
             raise BadDimension("fillet", f"less than half the length, {self.span / 2:g} mm")
-
-    @property
-    def length(self) -> float:
-        return self.span
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -403,15 +404,10 @@ def _quadruple(z: complex) -> tuple[complex, ...]:
 
 
 @dataclass(frozen=True)
-class Parabolic(Profile):
+class Parabolic(Spanned):
     """Two parabolic notches of a depth, mm, each."""
 
-    span: float
     depth: float
-
-    @property
-    def length(self) -> float:
-        return self.span
 
     @property
     def root_radius(self) -> float:
