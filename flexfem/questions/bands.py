@@ -6,13 +6,15 @@ the difference of nearly equal mesh errors of nine hinges: `command_convergence`
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
+from flexfem import arguments
 from flexfem.arrays import Array, is_largest
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
@@ -21,6 +23,7 @@ from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.setup import on_meshes, sectors_of
+from flexfem.refused import BadInput
 from flexfem.results import Progress
 from flexfem.units import DIRECTIONS, Direction
 
@@ -119,6 +122,40 @@ def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
         if abs(order - last) < 1e-12 * order:
             break
     return float(order)
+
+
+def refinements(resolutions: Sequence[int]) -> tuple[int, ...]:
+    """Return resolutions of a convergence study. Raises BadInput unless three or more grow by `COARSER` or more."""
+    steps = tuple(arguments.resolutions(resolutions))
+    if len(steps) < 3 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
+        expected = f"three or more, each at least {COARSER:g} times the one before"
+        raise BadInput(f"resolutions {list(steps)}, expected {expected}")
+    return steps
+
+
+class Refined(NamedTuple):
+    """Grid convergence in every direction: curves, and values, bands, labels and notes of a result about it."""
+
+    curves: tuple[Convergence, ...]
+    values: dict[str, Array]
+    bands: dict[str, Array]
+    labels: dict[str, list[str]]
+    notes: list[str]
+
+
+def refined(steps: Sequence[int], along: Array) -> Refined:
+    """Return the grid convergence of values (levels, 3) on meshes of increasing resolution."""
+    curves = tuple(grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T)
+    band = np.full(along.shape, np.nan)
+    band[-1] = [curve.band for curve in curves]
+    limits, orders = (np.array([getattr(curve, name) for curve in curves]) for name in ("extrapolated", "observed"))
+    return Refined(
+        curves,
+        {"along": along, "extrapolated": limits, "order": orders},
+        {"along": band, "extrapolated": band[-1]},
+        {"mesh": [f"{level} across a neck" for level in steps]},
+        [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)],
+    )
 
 
 def mesh_band(resolutions: Array, values: Array, round_off: float = ROUND_OFF) -> float:

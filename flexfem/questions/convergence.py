@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from flexfem import arguments
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import COARSER, grid_convergence
+from flexfem.questions.bands import refined, refinements
 from flexfem.questions.setup import about, for_mechanisms, on_meshes, question, solved
-from flexfem.refused import BadInput
 from flexfem.results import COARSER as ON_COARSER
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -73,30 +70,23 @@ def converge(
     ['converging', 'converging', 'converging']
     """
     check_feasible(stage)
-    steps = tuple(arguments.resolutions(RESOLUTIONS if resolutions is None else resolutions))
-    if len(steps) < 3 or min(fine / coarse for coarse, fine in pairwise(steps)) < COARSER:
-        expected = f"three or more, each at least {COARSER:g} times the one before"
-        raise BadInput(f"resolutions {list(steps)}, expected {expected}")
+    steps = refinements(RESOLUTIONS if resolutions is None else resolutions)
     meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
     C = np.array([mesh.compliance for mesh in meshes])
-    along = np.diagonal(C, axis1=1, axis2=2)
-    curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
-    band = np.full(along.shape, np.nan)
-    band[-1] = [curve.band for curve in curves]
+    found = refined(steps, np.diagonal(C, axis1=1, axis2=2))
     values: dict[str, Any] = {name: [getattr(mesh, name) for mesh in meshes] for name in ("triangles", "unknowns")}
-    values |= {"along": along, "compliance": C}
-    values |= {"extrapolated": [curve.extrapolated for curve in curves], "order": [curve.observed for curve in curves]}
+    values |= {"along": found.values["along"], "compliance": C, **found.values}
     large = [
         f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
         f"({curve.verdict}); finer meshes reduce it"
-        for axis, curve in zip(DIRECTIONS, curves, strict=True)
+        for axis, curve in zip(DIRECTIONS, found.curves, strict=True)
         if curve.band > LARGE * abs(curve.extrapolated)
     ]
     return MeshConvergence(
         about(stage),
         values,
-        {"along": band, "extrapolated": band[-1]},
-        {"mesh": [f"{level} across a neck" for level in steps]},
+        found.bands,
+        found.labels,
         warnings=[*warning.of_numbers(stage), *large],
-        notes=[f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)],
+        notes=found.notes,
     )

@@ -231,7 +231,7 @@ def life_of_mechanism(
         loads[:, :3] = poses @ np.linalg.inv(response.compliance[:3, :3])
         varying, constant = response.stress(loads)
         stress = StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying)))
-        found = _values_of_model(material.yield_strength, stress, motion, chosen, (math.nan, math.nan))
+        found = _values_of_model(material.yield_strength, stress, motion, chosen, necks_by=(-1,))
         return {name: value for name, value in found.items() if name not in ("fewest", "most")}
 
     def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.FewAndMany | None) -> dict[str, Any]:
@@ -304,7 +304,7 @@ def life(
     motion = _motion(amplitude, mean, ratio, cycles, sensitivity)
     assumed = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
-    results, analytic_name = dict[str, ModelAnswer](), None
+    results, analytic_name, limit = dict[str, ModelAnswer](), None, stage.material.yield_strength
     chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         stress_error = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
@@ -312,18 +312,18 @@ def life(
         if stress_error is not None and chosen.formula == CALIBRATED:  # outside its chart no comparison was made
             error = 1 / (1 + stress_error[1] / 100) - 1, 1 / (1 + stress_error[0] / 100) - 1
         stress, analytic_name = by_model(chosen.stage, analyse(*chosen), motion), chosen.name
-        results[ANALYTIC] = ModelAnswer(_of_necks(stage, stress, motion, chosen_law, error))
+        results[ANALYTIC] = ModelAnswer(_values_of_model(limit, stress, motion, chosen_law, error))
     if mesh is not None:
         meshes = levels(mesh.resolution)
         stresses = on_meshes(meshes, lambda level: by_elements(stage, solved(stage, level), motion), progress)
         highest = np.array([float(np.max(stress.equivalent(chosen_law.walker))) for stress in stresses])
         band = float(stress_bands(np.array(meshes, dtype=float), highest))
         share = band / highest[-1] if highest[-1] > 0 else 0.0
-        values = _of_necks(stage, stresses[-1], motion, chosen_law, (-share, share))
+        values = _values_of_model(limit, stresses[-1], motion, chosen_law, (-share, share))
         bands = np.where(is_largest(values["equivalent"]), band, np.nan)
         results[ELEMENTS] = ModelAnswer(values, {"equivalent": bands})
     for model, modelled in results.items():
-        warnings += _warnings(stage.material.yield_strength, motion, chosen_law, model, modelled.values)
+        warnings += _warnings(limit, motion, chosen_law, model, modelled.values)
     farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
     warnings += [*warning.of_motion(stage, farthest, "farthest pose"), *preload_warnings(stage)]
     settings = {
@@ -395,18 +395,15 @@ def _law(stage: Stage | Mechanism, fit: Path | None, law: Basquin | BasquinFit |
     return chosen, [description, *notes]
 
 
-def _of_necks(
-    stage: Stage, cycles: StressCycles, motion: CyclicMotion, law: Basquin, error: tuple[float, float]
-) -> dict[str, Any]:
-    """Return `_values_of_model` with necks by chain and hinge."""
-    values = _values_of_model(stage.material.yield_strength, cycles, motion, law, error)
-    return {name: value.reshape(3, 3) if np.size(value) == 9 else value for name, value in values.items()}
-
-
 def _values_of_model(
-    yield_strength: float, cycles: StressCycles, motion: CyclicMotion, law: Basquin, error: tuple[float, float]
+    yield_strength: float,
+    cycles: StressCycles,
+    motion: CyclicMotion,
+    law: Basquin,
+    error: tuple[float, float] = (math.nan, math.nan),
+    necks_by: tuple[int, ...] = (3, 3),
 ) -> dict[str, Any]:
-    """Return the values of one model; error: relative error of the stress, from and to."""
+    """Return the values of one model; error: relative error of the stress, from and to; necks_by: their shape."""
     equivalent, peaks = cycles.equivalent(law.walker), cycles.peak
     necks = [np.flatnonzero(cycles.neck == neck) for neck in range(int(cycles.neck.max()) + 1)]
     critical = np.array([points[int(np.argmax(equivalent[points]))] for points in necks])
@@ -417,7 +414,7 @@ def _values_of_model(
     by_neck = {"amplitude": cycles.amplitude[critical], "mean": cycles.mean[critical], "peak": peak}
     by_neck |= {"equivalent": at_necks, "cycles": law.cycles(at_necks)}
     most, fewest = (float(law.cycles(np.maximum(1 + share, 0.0) * highest)) for share in error)
-    return by_neck | {
+    return {name: values.reshape(necks_by) for name, values in by_neck.items()} | {
         "life": float(law.cycles(highest)),
         "fewest": fewest,
         "most": most,

@@ -7,7 +7,7 @@ analytic network with rigid bodies, the network of elastic parts, and finite ele
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -32,8 +32,9 @@ from flexfem.questions.bands import (
     corner_bands,
     error_bands,
     error_matrix,
-    grid_convergence,
     levels,
+    refined,
+    refinements,
     solid_bands,
 )
 from flexfem.questions.setup import ModelAnswer, Models, mesh_of, on_meshes
@@ -148,6 +149,10 @@ class FewAndMany(NamedTuple):
     many: dict[str, Any]
 
 
+Bands: TypeAlias = Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]]
+"""Function from the resolutions of three meshes, the values on them, and those with layers, to bands."""
+
+
 def value_bands(sizes: Array, each: list[dict[str, Any]], ends: FewAndMany | None = None) -> dict[str, Any]:
     """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with those of layers."""
     found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
@@ -160,7 +165,7 @@ def by_elements(
     mesh: setup.Mesh,
     solve: Callable[[int, int], dict[str, Any]],
     progress: Progress | None = None,
-    bands: Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]] = value_bands,
+    bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
     """Return the values of plane finite elements, of three dimensions if they are asked for, and their bands.
 
@@ -182,22 +187,40 @@ def by_elements(
     return found
 
 
+def by_models(
+    mesh: setup.Mesh | None,
+    models: Models,
+    of_network: Callable[[bool], dict[str, Any]],
+    of_size: Callable[[int, int], dict[str, Any]],
+    progress: Progress | None = None,
+    bands: Bands = value_bands,
+) -> dict[str, ModelAnswer]:
+    """Return the values of all requested models, with bands of finite elements.
+
+    of_network : values with rigid bodies or, for True, with elastic parts.   of_size : see `by_elements`.
+    """
+    labels = {"elements": (), "analytic": (ANALYTIC,)}.get(models, (ANALYTIC, ELASTIC))
+    found = {label: ModelAnswer(of_network(label == ELASTIC)) for label in labels}
+    return found if mesh is None else found | by_elements(mesh, of_size, progress, bands)
+
+
 def of_models(
     mechanism: Mechanism,
     mesh: setup.Mesh | None,
     models: Models,
     values: Callable[[Responses], dict[str, Any]],
     progress: Progress | None = None,
-    bands: Callable[[Array, list[dict[str, Any]], FewAndMany | None], Mapping[str, Any]] = value_bands,
+    bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
-    """Compute values of all requested models, and their bands by finite elements."""
-    found = dict[str, ModelAnswer]()
-    if models != "elements":
-        for label, elastic in ((ANALYTIC, False), (ELASTIC, True))[: 1 if models == "analytic" else 2]:
-            found[label] = ModelAnswer(values(network(mechanism, elastic)))
-    if mesh is not None:
-        found |= by_elements(mesh, lambda *size: values(elements(mechanism, *size)), progress, bands)
-    return found
+    """Return values that follow from the response to loads on the ports, by all requested models."""
+    return by_models(
+        mesh,
+        models,
+        lambda elastic: values(network(mechanism, elastic)),
+        lambda *size: values(elements(mechanism, *size)),
+        progress,
+        bands,
+    )
 
 
 def at_rest(mechanism: Mechanism, response: Responses) -> dict[str, Any]:
@@ -443,20 +466,11 @@ def converge(
     mechanism: Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MechanismConvergence:
     """See `flexfem.converge`."""
-    steps = tuple(arguments.resolutions((3, 4, 6, 8) if resolutions is None else resolutions))
-    if len(steps) < 3:
-        raise BadInput(f"resolutions {list(steps)}, expected three or more")
+    steps = refinements((3, 4, 6, 8) if resolutions is None else resolutions)
     meshes = on_meshes(steps, lambda level: solved(mechanism, level), progress)
-    along = np.array([np.diag(one.compliance)[:3] for one in meshes])
-    curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
-    values = {"along": along, "unknowns": [one.unknowns for one in meshes]}
-    values |= {"extrapolated": [curve.extrapolated for curve in curves], "order": [curve.observed for curve in curves]}
-    band = np.full(along.shape, np.nan)
-    band[-1] = [curve.band for curve in curves]
-    labels = {"mesh": [f"{level} across a neck" for level in steps]}
-    notes = [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)]
-    bands = {"along": band, "extrapolated": band[-1]}
-    return answer(MechanismConvergence, mechanism, {}, None, values, labels, bands, notes=notes)
+    found = refined(steps, np.array([np.diag(one.compliance)[:3] for one in meshes]))
+    values = {"along": found.values["along"], "unknowns": [one.unknowns for one in meshes], **found.values}
+    return answer(MechanismConvergence, mechanism, {}, None, values, found.labels, found.bands, notes=found.notes)
 
 
 class MechanismDrive(Result):
@@ -576,7 +590,7 @@ def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> list[s
 
 
 class MechanismReach(Result):
-    """FewAndMany of the motion of the output by the strokes of all actuators, by direction."""
+    """Ends of the motion of the output by the strokes of all actuators, by direction."""
 
     title = "reach of the drive"
     labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Literal
+from collections.abc import Callable
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -15,12 +16,11 @@ from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
 from flexfem.questions.plates import (
-    ELASTIC,
     ROUND_OFF,
     SOLID_RESOLUTION,
     ElasticParts,
     answer,
-    by_elements,
+    by_models,
     factorised,
     model_of,
     parts_of,
@@ -28,7 +28,7 @@ from flexfem.questions.plates import (
 )
 from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
 CASES = ("uniform", "gradient in x", "gradient in y")
@@ -38,18 +38,18 @@ def of_loads(
     mechanism: Mechanism,
     mesh: Mesh | None,
     models: Models,
-    by_network: Any,
-    of_elements: Any,
+    by_network: Callable[[ElasticParts], dict[str, Array]],
+    of_elements: Callable[[fem.PlateModel], dict[str, Array]],
     progress: Progress | None,
 ) -> dict[str, ModelAnswer]:
     """Return the values of all models: functions of elastic parts and of a factorised plate; bands from meshes."""
-    found = dict[str, ModelAnswer]()
-    if models != "elements":
-        for label in (ANALYTIC, ELASTIC)[: 1 if models == "analytic" else 2]:
-            found[label] = ModelAnswer(by_network(parts_of(mechanism) if label == ELASTIC else ElasticParts()))
-    if mesh is not None:
-        found |= by_elements(mesh, lambda *size: of_elements(factorised(mechanism, *size)), progress)
-    return found
+    return by_models(
+        mesh,
+        models,
+        lambda elastic: by_network(parts_of(mechanism) if elastic else ElasticParts()),
+        lambda *size: of_elements(factorised(mechanism, *size)),
+        progress,
+    )
 
 
 class MechanismModes(Result):
@@ -104,29 +104,35 @@ def modes(
         frequency, share = map(np.concatenate, zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
-    found = of_loads(mechanism, None, models, by_network, None, progress)
-    values, names = dict[str, Array](), [str(k + 1) for k in range(count)]
+    def of_network(elastic: bool) -> dict[str, Array]:
+        return by_network(parts_of(mechanism) if elastic else ElasticParts())
+
+    answered, values = by_models(mesh, models, of_network, of_size, progress), dict[str, Array]()
+    found = {label: ModelAnswer(*({name: part[name] for name in part if name == "frequency"} for part in one))
+             for label, one in answered.items()}  # fmt: skip
+    names = [str(k + 1) for k in range(count)]
     if mesh is not None:
-        for label, answered in by_elements(mesh, of_size, progress).items():
-            share = answered.values["share"]
-            found[label] = ModelAnswer(*({"frequency": part["frequency"]} for part in answered))
+        share = answered[SOLID if solid else ELEMENTS].values["share"]
         values["share"] = share[:count]
-        if solid:
-            both = found[SOLID]
-            order = np.argsort(both.values["frequency"], kind="stable")[:count]
-            lifted, planar = order >= count, np.flatnonzero(order < count)
-            names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
-            for label, one in found.items():  # models of the plane have no others
-                parts = [{name: part[name] for name in part} for part in one]
-                for part in parts:
-                    for name, array in part.items():
-                        part[name] = np.full(count, np.nan)
-                        part[name][planar] = array[: len(planar)]
-                        if label == SOLID:
-                            part[name] = array[order]
-                found[label] = ModelAnswer(*parts)
-            values["share"] = np.where(lifted[:, None], np.nan, share[order])
-            values["tilt"] = np.where(lifted[:, None], share[order], np.nan)
+    if solid:
+        order = np.argsort(found[SOLID].values["frequency"], kind="stable")[:count]
+        lifted, planar = order >= count, np.flatnonzero(order < count)
+        names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
+
+        def placed(label: str, frequencies: Array) -> Array:
+            """Return frequencies at their modes; models of the plane have no others."""
+            if label == SOLID:
+                return frequencies[order]
+            at_modes = np.full(count, np.nan)
+            at_modes[planar] = frequencies[: len(planar)]
+            return at_modes
+
+        found = {
+            label: ModelAnswer(*({name: placed(label, array) for name, array in part.items()} for part in one))
+            for label, one in found.items()
+        }
+        values["share"] = np.where(lifted[:, None], np.nan, share[order])
+        values["tilt"] = np.where(lifted[:, None], share[order], np.nan)
     settings = {"actuators": drives} if mechanism.layout.actuators else {}
     return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings)
 
@@ -250,11 +256,7 @@ def large(
     progress: Progress | None = None,
 ) -> MechanismLarge:
     """See `flexfem.large`."""
-    mesh, layout, bands = (
-        mesh_of(models, resolution, None, usual=LARGE_RESOLUTION),
-        mechanism.layout,
-        dict[str, Array](),
-    )
+    mesh, layout = mesh_of(models, resolution, None, usual=LARGE_RESOLUTION), mechanism.layout
     C = network.respond(layout).compliance
     if force is None:
         size = arguments.between("amplitude", AMPLITUDE if amplitude is None else amplitude, 1e-6, 1e4, " mm")
@@ -268,7 +270,7 @@ def large(
     found = displaced(layout, loads)
     poses = [loads @ C[:, :3], found.motions[:, :3]]
     tangents = [np.broadcast_to(C, found.compliance.shape), found.compliance]
-    values: dict[str, Any] = {"force": loads[:, :3]}
+    values, bands = {"force": loads[:, :3]}, dict[str, Array]()
     if mesh is not None:
         steps = levels(mesh.resolution)
         each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
