@@ -72,10 +72,6 @@ class Mechanism(MechanismContent):
             check_layout(changed.layout)
         return changed
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Mechanism:
-        """Return a validated copy with values replaced by name; it has no file."""
-        return self._with_content(self._stated() | dict(update or {}))
-
     def _stated(self) -> dict[str, Any]:
         """Return the stated content by attribute names, with the texts of expressions."""
         return self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
