@@ -16,6 +16,8 @@ from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
 from flexfem.questions.plates import (
+    ON_MESHES,
+    PEAK,
     ROUND_OFF,
     SOLID_RESOLUTION,
     ElasticParts,
@@ -28,9 +30,11 @@ from flexfem.questions.plates import (
 )
 from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ELEMENTS, SOLID, SOLVED, Gate, Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
+EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes equal, on a mesh without symmetry
+STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
 CASES = ("uniform", "gradient in x", "gradient in y")
 
 
@@ -59,11 +63,12 @@ class MechanismModes(Result):
     columns = ("model", "direction", "motion")
     reading = (
         "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
+        "no share: the output hardly moves; modes of equal frequency: the first one moves along x, where any does",
         "modes out of the plane are computed with layers only, a payload as a flat body at mid-plane; the analytic "
         "models have no mass in the hinges, so they lack the modes in which leaf springs themselves vibrate, and their "
         "numbers shift against those of finite elements from there on",
     )
-    frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
+    frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
     share = Quantity(
         "motion of the output by finite elements", "percents", ("mode", "direction"), Gate(1e-3, absolute=1e-4), "all"
     )
@@ -95,12 +100,12 @@ def modes(
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
     def of_size(resolution: int, layers: int) -> dict[str, Array]:
-        """Return frequencies and motions (modes, 3) of the output: in the plane, then with layers out of it."""
+        """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
         parts = list[tuple[Array, Array]]()
         for lifting in (False, True)[: 2 if layers else 1]:
-            found = fem.plate_modes(factorised(mechanism, resolution, layers, lifting), count, engaged)
-            motion = (found.ports[:, :3] * ([1.0, lever, lever] if lifting else [1.0, 1.0, lever])) ** 2
-            parts.append((found.modes.frequencies, 100 * motion / motion.sum(axis=1, keepdims=True)))
+            found = fem.plate_modes(factorised(mechanism, resolution, layers, lifting), count + 1, engaged)
+            motion = found.ports[:, :3] * ([1.0, lever, lever] if lifting else [1.0, 1.0, lever])
+            parts.append((found.modes.frequencies[:count], _shares(found.modes.frequencies, motion)[:count]))
         frequency, share = map(np.concatenate, zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
@@ -137,12 +142,27 @@ def modes(
     return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings)
 
 
+def _shares(frequencies: Array, motion: Array) -> Array:
+    """Return the shares (modes, 3), %, of directions in squared motions (modes, 3) of the output; nan without motion.
+
+    Modes of equal frequency are combined to those of which the first alone moves along x, or else along y.
+    """
+    motion, starts = motion.copy(), np.flatnonzero(np.diff(frequencies) > EQUAL * frequencies[1:]) + 1
+    for group in np.split(motion, starts):
+        sizes = np.linalg.norm(group, axis=0)
+        order = np.argsort(sizes < STILL * sizes.max(), kind="stable")
+        group[:, order] = np.linalg.qr(group[:, order], mode="complete")[1]
+    squares = motion**2
+    whole = squares.sum(axis=1, keepdims=True)
+    return 100 * squares / np.where(whole > STILL**2 * whole.max(), whole, np.nan)
+
+
 class MechanismGravity(Result):
     """Displacement and hinge stress of an upright mechanism under its own weight, payload and actuators included."""
 
     title = "displacement under weight"
-    pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose", prefixed=True)
-    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), STRESS, "all", largest=("hinge",))
+    pose = Quantity("displacement", "motion", ("model", "point", "direction"), ON_MESHES, "pose", prefixed=True)
+    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), PEAK, "all", largest=("hinge",))
 
 
 def gravity(
@@ -177,10 +197,10 @@ class MechanismDrift(Result):
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
     pose = Quantity(
-        "displacement", "motion", ("case", "point", "model", "direction"), FRESH._replace(absolute=1e-15), "pose",
+        "displacement", "motion", ("case", "point", "model", "direction"), ON_MESHES._replace(absolute=1e-8), "pose",
         prefixed=True,
     )  # fmt: skip
-    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), STRESS, "all", largest=("hinge",))
+    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), PEAK, "all", largest=("hinge",))
 
 
 def drift(
@@ -238,12 +258,12 @@ class MechanismLarge(Result):
     )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
     pose = Quantity(
-        "displacement of the output", "motion", ("load", "theory", "direction"), SOLVED, "pose", prefixed=True
+        "displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose", prefixed=True
     )
     stiffness = Quantity(
-        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), SOLVED
+        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
     )
-    strain = Quantity("largest strain of finite elements", "", ("load",), STRESS, "all", shown=False)
+    strain = Quantity("largest strain of finite elements", "", ("load",), PEAK, "all", shown=False)
 
 
 def large(
