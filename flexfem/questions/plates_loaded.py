@@ -35,6 +35,7 @@ from flexfem.results import ELEMENTS, SOLID, SOLVED, Gate, Progress, Quantity, R
 GRAVITY = 9806.65  # mm/s^2, standard gravity
 EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes equal, on a mesh without symmetry
 STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
+LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
 CASES = ("uniform", "gradient in x", "gradient in y")
 
 
@@ -43,17 +44,15 @@ def of_loads(
     mesh: Mesh | None,
     models: Models,
     by_network: Callable[[ElasticParts], dict[str, Array]],
-    of_elements: Callable[[fem.PlateModel], dict[str, Array]],
+    of_size: Callable[[int, int], dict[str, Array]],
     progress: Progress | None,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all models: functions of elastic parts and of a factorised plate; bands from meshes."""
-    return by_models(
-        mesh,
-        models,
-        lambda elastic: by_network(parts_of(mechanism) if elastic else ElasticParts()),
-        lambda *size: of_elements(factorised(mechanism, *size)),
-        progress,
-    )
+    """Return the values of all models: functions of elastic parts, and of resolution and layers; bands from meshes."""
+
+    def of_network(elastic: bool) -> dict[str, Array]:
+        return by_network(parts_of(mechanism) if elastic else ElasticParts())
+
+    return by_models(mesh, models, of_network, of_size, progress)
 
 
 class MechanismModes(Result):
@@ -75,7 +74,7 @@ class MechanismModes(Result):
     tilt = Quantity(
         "motion of the output out of the plane", "percents", ("mode", "motion"), Gate(1e-3, absolute=1e-4), "all"
     )
-    labels: ClassVar = {"motion": ("z", "tilt x", "tilt y")}
+    labels: ClassVar = {"motion": LIFTED}
 
 
 def modes(
@@ -109,10 +108,7 @@ def modes(
         frequency, share = map(np.concatenate, zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
-    def of_network(elastic: bool) -> dict[str, Array]:
-        return by_network(parts_of(mechanism) if elastic else ElasticParts())
-
-    answered, values = by_models(mesh, models, of_network, of_size, progress), dict[str, Array]()
+    answered, values = of_loads(mechanism, mesh, models, by_network, of_size, progress), dict[str, Array]()
     found = {label: ModelAnswer(*({name: part[name] for name in part if name == "frequency"} for part in one))
              for label, one in answered.items()}  # fmt: skip
     names = [str(k + 1) for k in range(count)]
@@ -161,7 +157,13 @@ class MechanismGravity(Result):
     """Displacement and hinge stress of an upright mechanism under its own weight, payload and actuators included."""
 
     title = "displacement under weight"
+    labels: ClassVar = {"motion": LIFTED}
+    columns = ("direction", "motion")
     pose = Quantity("displacement", "motion", ("model", "point", "direction"), ON_MESHES, "pose", prefixed=True)
+    sag = Quantity(
+        "displacement of the output out of the plane of a horizontal plate", ("mm", "rad", "rad"), ("model", "motion"),
+        ON_MESHES, "all", prefixed=True,
+    )  # fmt: skip
     stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), PEAK, "all", largest=("hinge",))
 
 
@@ -171,10 +173,12 @@ def gravity(
     angle: float = -90.0,
     models: Models = "both",
     resolution: int | None = None,
+    layers: int | None = None,
     progress: Progress | None = None,
 ) -> MechanismGravity:
     """See `flexfem.gravity`."""
-    mesh, angle = mesh_of(models, resolution, None), arguments.between("angle", angle, -360.0, 360.0, " degrees")
+    mesh = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION)
+    angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     field = GRAVITY * np.array([[np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]])
     points = 3 * len(mechanism.layout.points)
 
@@ -182,11 +186,15 @@ def gravity(
         motions, wrenches = network.weighed(mechanism.layout, field, parts.bodies, hinges=parts.hinges)
         return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
 
-    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
-        response = fem.weight_of(model, field)
-        return {"pose": response.motions[:points, 0].reshape(-1, 3), "stress": fem.hinge_stress(response, np.ones(1))}
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        response = fem.weight_of(factorised(mechanism, resolution, layers), field)
+        pose, stress = response.motions[:points, 0].reshape(-1, 3), fem.hinge_stress(response, np.ones(1))
+        if not layers:
+            return {"pose": pose, "stress": stress}
+        lifted = fem.weight_of(factorised(mechanism, resolution, layers, lifting=True), np.array([[-GRAVITY]]))
+        return {"pose": pose, "stress": stress, "sag": lifted.motions[:, 0]}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_size, progress)
     return answer(MechanismGravity, mechanism, found, mesh, settings={"gravity": f"at {angle:g} degrees"})
 
 
@@ -232,12 +240,12 @@ def drift(
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
         return {"pose": cleared(motions[:points].T.reshape(3, -1, 3)), "stress": stress}
 
-    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
-        response = fem.warmed(model, plate, ground)
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        response = fem.warmed(factorised(mechanism, resolution, layers), plate, ground)
         pose = cleared(response.motions[:points].T.reshape(3, -1, 3))
         return {"pose": pose, "stress": fem.hinge_stress(response, np.eye(3))}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_size, progress)
     return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)
 
 
