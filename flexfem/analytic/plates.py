@@ -26,7 +26,7 @@ from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
 from flexfem.mechanism.plate import cuts_of
 from flexfem.mechanism.profiles import Profile
-from flexfem.refused import ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge
 SLIVER = 1e-12  # mm^2; what remains of coincident edges of two polygons may have no length at all
@@ -130,8 +130,10 @@ def network_of_plate(
 
     hinges : (h, 3, 3), compliances at their centres in their axes; by default `Profile.compliance`.
 
-    Raises ComputationFailed as `moving_bodies`.
+    Raises ComputationFailed as `moving_bodies`, BadInput without hinges.
     """
+    if not layout.joints:
+        raise BadInput("no [[hinge]], which the analytic models need, expected models 'elements'")
     moving, k, h = moving_bodies(layout), len(ports), len(layout.joints)
     column = {body: 3 * i for i, body in enumerate(moving)}
     G, A, P = np.zeros((3 * h, 3 * len(moving))), np.zeros((3 * h, 3 * h)), np.zeros((3 * len(moving), k))

@@ -66,3 +66,22 @@ def test_a_mass_on_a_bar_vibrates_out_of_the_plane_with_the_stiffness_of_a_timos
     assert np.isnan(found.values["frequency"][1, 0])
     turn = 23 * ((43**2 - 3**2) / 2) / ((43**3 - 3**3) / 3)  # of the end, times 23 mm to the hinge, per deflection
     assert found.values["tilt"][1, 1] == pytest.approx(100 * turn**2 / (1 + turn**2), abs=1)
+
+
+def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
+    """By integration: mean sag q L^4 / (20 E I) + q L^2 / (3 k G A) and mean slope 2 q L^3 / (15 E I) for a weight q.
+
+    The payload acts on the whole bar, so that one of twice its mass of 1.08 g triples q.
+    """
+    material = {"name": "x", "youngs_modulus": 70e3, "poissons_ratio": 0.3, "density": 2700.0, "yield_strength": 300.0}
+    bar = Mechanism(
+        name="bar", thickness=2.0, material=material, output={"body": "bar", "at": [40, 0]}, payload={"mass": 2.16e-6},
+        body=[{"name": "bar", "path": [[0, 0], [80, 0]], "width": 2.5, "clamped_edges": [1]}],
+    )  # fmt: skip
+    found = flexfem.gravity(bar, models="elements", layers=3)
+    for pose in found.pose[:, 0]:
+        assert pose == pytest.approx([0.0, -4.4696e-3, -148.74e-6], rel=6e-3, abs=1e-8)
+    assert found.at("sag", model="three dimensions") == pytest.approx([-6.9796e-3, 0.0, 232.40e-6], rel=6e-3, abs=1e-7)
+    assert found.band("sag", model="three dimensions")[0] < 3e-5
+    with pytest.raises(flexfem.BadInput, match="the analytic models need"):
+        flexfem.gravity(bar)
