@@ -85,3 +85,11 @@ def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
     assert found.band("sag", model="three dimensions")[0] < 3e-5
     with pytest.raises(flexfem.BadInput, match="the analytic models need"):
         flexfem.gravity(bar)
+
+
+def test_modes_of_a_stage_with_four_equal_chains_move_it_along_x_then_y_or_not_at_all():
+    """Symmetry makes the translations equal, and in modes 4 and 5 opposite chains move against each other."""
+    found = flexfem.modes(flexfem.load("geometry/four-chains.toml"), models="elements", resolution=4)
+    assert found.frequency[1, 0] == pytest.approx(found.frequency[0, 0], rel=1e-5)
+    assert found.share[:3] == pytest.approx(100 * np.eye(3), abs=1e-6)
+    assert np.isnan(found.share[3]).all() and found.share[5].sum() == pytest.approx(100)
