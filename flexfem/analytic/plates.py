@@ -26,7 +26,7 @@ from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
 from flexfem.mechanism.plate import cuts_of
 from flexfem.mechanism.profiles import Profile
-from flexfem.refused import ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge
 SLIVER = 1e-12  # mm^2; what remains of coincident edges of two polygons may have no length at all
@@ -132,8 +132,10 @@ def network_of_plate(
     hinges : (..., h, 3, 3), compliances at their centres in their axes, of several designs for A (..., 3 h, 3 h); by
         default `Profile.compliance`.
 
-    Raises ComputationFailed as `moving_bodies`.
+    Raises ComputationFailed as `moving_bodies`, BadInput without hinges.
     """
+    if not layout.joints:
+        raise BadInput("no [[hinge]], which the analytic models need, expected models 'elements'")
     moving, k, h = moving_bodies(layout), len(ports), len(layout.joints)
     column = {body: 3 * i for i, body in enumerate(moving)}
     designs = () if hinges is None else hinges.shape[:-3]
@@ -187,7 +189,6 @@ def warmed(
     expansion: float,
     ground: float,
     bodies: Sequence[ElasticBody] = (),
-    engaged: bool = False,
     hinges: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
@@ -233,16 +234,7 @@ def warmed(
             if patch.body in clamps:
                 mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
             motions[j] += np.array(wrench) @ mean
-    wrenches = w.reshape(-1, 3, 3)
-    if engaged and layout.actuators:
-        response = respond(layout, bodies, hinges=hinges)
-        whole = NetworkResponse(
-            *(np.concatenate(parts, axis=-1) for parts in zip(response, (motions, wrenches), strict=True))
-        )
-        motions, wrenches = (
-            part[..., -3:] for part in whole.engaged(layout.drive_ports, layout.stiffness_of_actuators)
-        )
-    return motions, wrenches
+    return motions, w.reshape(-1, 3, 3)
 
 
 def _mean_expansion(layout: Layout, patch: Patch) -> Array:
@@ -329,14 +321,11 @@ def inertia(layout: Layout) -> tuple[tuple[Port, ...], Array]:
 
 
 def _with_masses(
-    layout: Layout, bodies: Sequence[ElasticBody], engaged: bool, hinges: Array | None
+    layout: Layout, bodies: Sequence[ElasticBody], hinges: Array | None
 ) -> tuple[NetworkResponse, tuple[Port, ...], Array]:
     """Response to loads on the k ports of the layout, then on those of its masses; `inertia` of the layout."""
     ports, M = inertia(layout)
-    response = respond(layout, bodies, (*layout.ports, *ports), hinges)
-    if engaged and layout.actuators:
-        response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
-    return response, ports, M
+    return respond(layout, bodies, (*layout.ports, *ports), hinges), ports, M
 
 
 def modes(
@@ -346,7 +335,9 @@ def modes(
 
     The mass of elastic bodies moves with their mean motion; that of clamped bodies is neglected.
     """
-    response, _, M = _with_masses(layout, bodies, engaged, hinges)
+    response, _, M = _with_masses(layout, bodies, hinges)
+    if engaged and layout.actuators:
+        response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
     k, L = len(layout.ports), np.linalg.cholesky(M)
     values, vectors = np.linalg.eigh(L.T @ response.compliance[k:, k:] @ L)
     values, vectors = values[::-1], vectors[:, ::-1]
@@ -357,14 +348,10 @@ def modes(
 
 
 def weighed(
-    layout: Layout,
-    accelerations: Array,
-    bodies: Sequence[ElasticBody] = (),
-    engaged: bool = False,
-    hinges: Array | None = None,
+    layout: Layout, accelerations: Array, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
 ) -> tuple[Array, Array]:
     """Return motions (k, c) of the ports and wrenches (h, 3, c) of the hinges by accelerations (c, 2), mm/s^2."""
-    response, ports, M = _with_masses(layout, bodies, engaged, hinges)
+    response, ports, M = _with_masses(layout, bodies, hinges)
     k = len(layout.ports)
     forces = M @ np.array([port.parts[0][1][:2] for port in ports]) @ np.asarray(accelerations).T
     return response.compliance[:k, k:] @ forces, response.wrenches[:, :, k:] @ forces

@@ -87,3 +87,22 @@ def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
     reached = 0.0174 * amplification / (1 + inside / 53735.632)  # the rest of the stroke is lost in the stack
     assert lever.at("free_high", direction="y") == pytest.approx(reached, rel=1e-6)
     assert lever.at("free_low", direction="y") == 0 and lever.tables()[0].head[-1].startswith("output motion per")
+
+
+def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
+    """By integration: mean sag q L^4 / (20 E I) + q L^2 / (3 k G A) and mean slope 2 q L^3 / (15 E I) for a weight q.
+
+    The payload acts on the whole bar, so that one of twice its mass of 1.08 g triples q.
+    """
+    material = {"name": "x", "youngs_modulus": 70e3, "poissons_ratio": 0.3, "density": 2700.0, "yield_strength": 300.0}
+    bar = Mechanism(
+        name="bar", thickness=2.0, material=material, output={"body": "bar", "at": [40, 0]}, payload={"mass": 2.16e-6},
+        body=[{"name": "bar", "path": [[0, 0], [80, 0]], "width": 2.5, "clamped_edges": [1]}],
+    )  # fmt: skip
+    found = flexfem.gravity(bar, models="elements", layers=3)
+    for pose in found.pose[:, 0]:
+        assert pose == pytest.approx([0.0, -4.4696e-3, -148.74e-6], rel=6e-3, abs=1e-8)
+    assert found.at("sag", model="three dimensions") == pytest.approx([-6.9796e-3, 0.0, 232.40e-6], rel=6e-3, abs=1e-7)
+    assert found.band("sag", model="three dimensions")[0] < 3e-5
+    with pytest.raises(flexfem.BadInput, match="the analytic models need"):
+        flexfem.gravity(bar)
