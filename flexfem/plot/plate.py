@@ -17,12 +17,12 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, joint_polygon
-from flexfem.plot.fields import RIGID, displaced
+from flexfem.plot.fields import RIGID, displaced, plane_fields
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
 from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
-from flexfem.results import PlateFields, Result
+from flexfem.results import Result
 from flexfem.units import LENGTH, STRESS
 
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
@@ -169,12 +169,3 @@ def load_figure(found: Result) -> Figure:
     worst = f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
     fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
     return displaced(found.about.name, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]
-
-
-def plane_fields(fields: MeshFields) -> PlateFields:
-    """Return the fields of a figure, in three dimensions as those of a stage."""
-    mesh, made = fields.mesh, fields.made()
-    field, stress = made["displacement"], made["von_mises"]
-    if fields.heights is not None:
-        field, stress = field[:, 0, :2], stress.max(axis=1)
-    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)

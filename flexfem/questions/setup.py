@@ -256,10 +256,13 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
-def about_mechanism(mechanism: Mechanism) -> About:
-    """Return the subject of a result: a mechanism."""
-    doubts = tuple(mechanism.assumed), tuple(mechanism.not_stated)
-    return About(mechanism.name, str(mechanism.origin), mechanism.hash, *doubts, mechanism.layout.lever)
+def about_mechanism(mechanism: Mechanism, files: Mapping[str, Sourced] = NO_FILES) -> About:
+    """Return the subject of a result: a mechanism, and other files by name."""
+    doubts = assumptions([("", mechanism), *((f"{name}: ", file) for name, file in files.items())])
+    lever = mechanism.layout.lever
+    return About(
+        mechanism.name, str(mechanism.origin), mechanism.hash, tuple(doubts.assumed), tuple(doubts.not_stated), lever
+    )
 
 
 def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
