@@ -19,6 +19,7 @@ from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes
 from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
+from flexfem.questions.setup import MeshFields
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, Fields, PlateFields
 from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
@@ -49,13 +50,13 @@ def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values
 
 
 def plot_displacement(
-    ax: Axes | None, fields: Fields, *, factor: float | None = None, norm: LogNorm | None = None
+    ax: Axes | None, fields: Fields | MeshFields, *, factor: float | None = None, norm: LogNorm | None = None
 ) -> Axes:
     """Draw a plate displaced by finite elements, coloured by von Mises stress, and its undeformed outline in grey.
 
     `factor`, `norm` : exaggeration and stress scale; default: chosen for the fields. Returns `ax`, or new axes.
     """
-    ax = ax or new_axes()
+    ax, fields = ax or new_axes(), plane_fields(fields) if isinstance(fields, MeshFields) else fields
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
     moved, triangles = fields.nodes + factor * fields.displacement, fields.triangles
     if isinstance(fields, PlateFields):
@@ -67,6 +68,15 @@ def plot_displacement(
     draw_field(ax, fields.nodes, triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
     fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
+
+
+def plane_fields(fields: MeshFields) -> PlateFields:
+    """Return the fields of a figure, in three dimensions as those of a stage."""
+    mesh, made = fields.mesh, fields.made()
+    field, stress = made["displacement"], made["von_mises"]
+    if fields.heights is not None:
+        field, stress = field[:, 0, :2], stress.max(axis=1)
+    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
 
 
 def _fill(ax: Axes, nodes: Array, triangles: AnyArray) -> None:

@@ -19,12 +19,12 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, joint_polygon
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import stage, style
-from flexfem.plot.fields import RIGID, displaced
+from flexfem.plot.fields import RIGID, displaced, plane_fields
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, panels
 from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
-from flexfem.results import PlateFields, Result
+from flexfem.results import Result
 from flexfem.study.findings import Caption
 from flexfem.units import LENGTH, STRESS
 
@@ -198,12 +198,3 @@ def load_figure(found: Result) -> Figure:
     fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
     title = f"{found.about.name}: stress and displacement under a load"
     return displaced(title, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]
-
-
-def plane_fields(fields: MeshFields) -> PlateFields:
-    """Return the fields of a figure, in three dimensions as those of a stage."""
-    mesh, made = fields.mesh, fields.made()
-    field, stress = made["displacement"], made["von_mises"]
-    if fields.heights is not None:
-        field, stress = field[:, 0, :2], stress.max(axis=1)
-    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
