@@ -317,7 +317,10 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     match kind_of(path):
         case "stage" | "mechanism":
             plate = load_plate(path)
-            questions = dict((*QUESTIONS, *OF_MECHANISMS) if isinstance(plate, Mechanism) else QUESTIONS)
+            questions = dict(QUESTIONS)
+            if isinstance(plate, Mechanism):
+                questions |= dict(OF_MECHANISMS)
+                del questions["summary"]  # repeats numbers of stiffness, modes and reach
             for name, question in questions.items():
                 try:
                     yield name, _by_path(question(plate).entries())

@@ -109,7 +109,11 @@ class ElasticParts(NamedTuple):
 @once
 def parts_of(mechanism: Mechanism, resolution: int = PART_RESOLUTION) -> ElasticParts:
     """Return the compliance of every moving body and every hinge by finite elements of it alone."""
-    layout, mesh = mechanism.layout, meshed(mechanism, resolution)
+    return parts_in(mechanism.layout, meshed(mechanism, resolution))
+
+
+def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
+    """Return the compliance of every moving body and every hinge by finite elements of it alone, on a mesh."""
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
