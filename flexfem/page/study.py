@@ -15,10 +15,20 @@ from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import SPACE, TextTable, thousands
 from flexfem.study.factors import Column, Factor, columns_of
-from flexfem.study.findings import Record, Refused, Source, factor, model_words, sampling_words
+from flexfem.study.findings import (
+    ParetoFront,
+    Record,
+    Refused,
+    Source,
+    factor,
+    model_words,
+    sampling_words,
+    spread,
+)
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
+TEN = 10  # designs of a front that are listed at once
 ROWS = 400  # of a table; the JSON of flexfem study plot holds all
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and the function that makes the section
 
@@ -30,11 +40,11 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
     ----------
     source, found : from `studies.study_findings`.   status : from `studies.study_status`.
     """
-    parts: list[Part] = [("settings of the study", partial(setup_section, source, status))]
+    parts = list[Part]()
     for n, shown in enumerate(found.values(), 1):
         title = source.loaded.study.figure[n - 1].title or f"Figure {n}"
         parts.append((f"figure {n}", partial(_figure_section, f"study-figure-{n}", title, shown)))
-    return parts
+    return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
 def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSection:
@@ -44,8 +54,16 @@ def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSecti
     rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
     limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
     names = sum(isinstance(value, str) for value in numbers.rows[0])
-    data = table(TextTable([*numbers.head.values()], rows, names, numbers.caption + limit))
-    return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title, data))
+    head, first = [*numbers.head.values()], Markup("")
+    if isinstance(shown, ParetoFront) and len(rows) > TEN:
+        kept = [rows[k] for k in spread(shown.points[shown.front[:ROWS]], TEN)]
+        first = table(
+            TextTable(head, kept, names, f"Ten designs, spread over the front of {len(numbers.rows)} designs")
+        )
+    data = table(TextTable(head, rows, names, numbers.caption + limit))
+    rest = data if first or len(rows) > TEN else None  # a short table is not folded
+    figure = shown_figure(f"{name}-chart", partial(page_of, shown), title, rest)
+    return PageSection(name, title, figure + (first if rest else data))
 
 
 def formatted(value: float) -> str:
