@@ -43,7 +43,7 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
     at_rest, vibrating = (ask(question) for question in ((stiffness, modes) if meshed else BEAMS))
     plane, model = PLANES[subject.model], ELEMENTS if meshed else ANALYTIC
     analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {plane}")
-    rows = _rows_at_rest(at_rest, model, analytic)
+    rows = rows_at_rest(at_rest, model, analytic)
     singles = [("first natural frequency, in the plane", vibrating.texts("frequency", mode="1")[-1])]
     figures = list[Markup]()
     if meshed:
@@ -87,7 +87,7 @@ def _unbroken(text: str) -> str:
     return text.replace("± ", f"±{SPACE}").replace("N mm", f"N{SPACE}mm").replace("/", "/\N{WORD JOINER}")
 
 
-def _rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
+def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
     """Return the rows of a model by direction, and of errors of the others from it; `analytic` names the analytic one.
 
     The stage has no band of the force at yield: it is that of the stiffness and of the range, relative.

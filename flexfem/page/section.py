@@ -17,7 +17,7 @@ from markupsafe import Markup
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.plot.stage import boundary_of
-from flexfem.plot.style import headless, rendered
+from flexfem.plot.style import drawn_box, headless, rendered
 from flexfem.plot.text import significant
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def inline_svg(figure: Figure, name: str) -> Markup:
     text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)  # hundredths of a point
     text = HATCHED.sub(r'style="fill: \1"', text.replace("'DejaVu Sans'", FONTS))
     text = COLOUR.sub(r"var(--c\1, #\1)", text)
-    (left, low), (right, high) = figure.get_tightbbox().get_points() * POINTS
+    (left, low), (right, high) = drawn_box(figure) * POINTS
     box = left - PAD, figure.get_figheight() * POINTS - high - PAD, right - left + 2 * PAD, high - low + 2 * PAD
     opening = (
         f'<svg class="drawn" style="max-width: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'

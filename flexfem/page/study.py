@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, TypeAlias
 
+import numpy as np
 from markupsafe import Markup
 
 from flexfem.files.provenance import is_assumed
-from flexfem.page.section import PageSection, facts, notes, shown_figure, table
+from flexfem.page.section import PageSection, facts, folded, notes, shown_figure, table
 from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import SPACE, TextTable, thousands
@@ -23,7 +24,6 @@ from flexfem.study.findings import (
     factor,
     model_words,
     sampling_words,
-    spread,
 )
 from flexfem.study.loaded import LoadedStudy
 
@@ -54,16 +54,13 @@ def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSecti
     rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
     limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
     names = sum(isinstance(value, str) for value in numbers.rows[0])
-    head, first = [*numbers.head.values()], Markup("")
+    head, data = [*numbers.head.values()], Markup("")
     if isinstance(shown, ParetoFront) and len(rows) > TEN:
-        kept = [rows[k] for k in spread(shown.points[shown.front[:ROWS]], TEN)]
-        first = table(
-            TextTable(head, kept, names, f"Ten designs, spread over the front of {len(numbers.rows)} designs")
-        )
-    data = table(TextTable(head, rows, names, numbers.caption + limit))
-    rest = data if first or len(rows) > TEN else None  # a short table is not folded
-    figure = shown_figure(f"{name}-chart", partial(page_of, shown), title, rest)
-    return PageSection(name, title, figure + (first if rest else data))
+        kept = [rows[k] for k in np.linspace(0, len(rows) - 1, TEN).round().astype(int)]
+        data = table(TextTable(head, kept, names, "Ten designs of the front, from one end to the other"))
+    whole = table(TextTable(head, rows, names, numbers.caption + limit))
+    listed = folded("All designs of the front" if data else "Numbers of this figure", whole)
+    return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title) + data + listed)
 
 
 def formatted(value: float) -> str:
