@@ -6,7 +6,7 @@ import os
 import shlex
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -28,7 +28,17 @@ from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
 from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.models import solve
-from flexfem.page.section import PageSection, facts, html_of, notes, sentence, shown_figure, table, tables_of
+from flexfem.page.key import ENDS, SHARES, Ask, opening
+from flexfem.page.section import (
+    PageSection,
+    facts,
+    folded,
+    html_of,
+    notes,
+    shown_figure,
+    table,
+    tables_of,
+)
 from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
@@ -39,14 +49,12 @@ from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
 from flexfem.questions import plates
-from flexfem.questions.budget import budget
 from flexfem.questions.check import MechanismReport, StageReport, check_mechanism, check_stage
 from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
-from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, Fields, Progress, TextTable, record_parts, versions
@@ -58,12 +66,13 @@ if TYPE_CHECKING:
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
+Opened: TypeAlias = Callable[[Markup], Markup]  # returns the drawing with the key results
 Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alternative text of the figure
 QUESTIONS: dict[str, Section] = {
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
-    "budget": ("Error budget", partial(budget, plane=True), "Bars of the shares of the error by direction."),
-    "drive": ("Drive", partial(reach, models="analytic"), "Poses that the drive reaches."),
+    "budget": ("Error budget", SHARES, "Bars of the shares of the error by direction."),
+    "drive": ("Drive", ENDS, "Poses that the drive reaches."),
     "large": ("Large displacements", large, "Tangent stiffness and errors of linear theory over the command."),
     "modes": ("Natural modes", modes, "Shapes of the modes listed in the table."),
     "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
@@ -71,8 +80,8 @@ QUESTIONS: dict[str, Section] = {
 }
 OF_MECHANISMS: dict[str, tuple[Callable[..., Any], ...]] = {  # questions of the sections that a mechanism has
     "analytic": (partial(stiffness, models="analytic"),),
-    "elements": (partial(stiffness, models="elements"),),
-    "budget": (plates.verification, partial(budget, plane=True)),
+    "elements": (stiffness,),
+    "budget": (plates.verification, SHARES),
     "stress": (),
     "drive": (plates.drive, plates.reach),
     "large": (large,),
@@ -87,6 +96,7 @@ DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]]
     "search": ("Search", None, ""),
 }
 PROVENANCE = "Sources of the numbers"
+WITHOUT_MESH = frozenset(("analytic", "drive", "life"))  # sections of a stage
 STRESS_AMPLITUDES = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
 KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # labels of the kinds of assumptions
 
@@ -295,12 +305,17 @@ def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subje
             required_law(stage.material)
         if "drift" in sections:
             require_expansion(stage)
-    checked = check_stage(stage)
+    checked, meshed = check_stage(stage), not WITHOUT_MESH.issuperset(sections)
+    if meshed:  # both models are in the same plane problem
+        origin, stage = stage.origin, stage.model_copy(update={"model": stage.model})
+        stage.__dict__["origin"] = origin
+    ask = _asking(stage)
+    opened = partial(opening, stage, ask, sections, meshed)
     assumed, not_stated = _assumptions([checked, *([checked.drive] if checked.drive else [])])
-    parts: list[Part] = [("stage", partial(_drawing_section, stage, checked))]
+    parts: list[Part] = [("stage", partial(_drawing_section, stage, checked, opened))]
     for name in (name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)):
         options = {"amplitude": amplitude} if name == "life" else {}
-        section = partial(_result_section, name, stage, **options)
+        section = partial(_result_section, name, ask, **options)
         parts.append((name, partial(_stress_section, stage) if name == "stress" else section))
     parts.append(("sources", partial(_provenance_section, _provenance(stage, assumed, not_stated), "source")))
     return Subject(stage.name, "Stage", assumed, not_stated, parts)
@@ -313,14 +328,21 @@ def _mechanism_subject(mechanism: Mechanism, sections: Sequence[str]) -> Subject
         if "drift" in sections:
             require_expansion(mechanism)
     assumed, not_stated = list(mechanism.assumed), list(mechanism.not_stated)
-    parts: list[Part] = [("mechanism", partial(_mechanism_section, mechanism, check_mechanism(mechanism)))]
+    ask = _asking(mechanism)
+    opened = partial(opening, mechanism, ask, sections, {*sections} != {"analytic"})
+    parts: list[Part] = [("mechanism", partial(_mechanism_section, mechanism, check_mechanism(mechanism), opened))]
     for name in (name for name in SECTIONS if name in sections and name in OF_MECHANISMS):
         if name == "stress":
             parts.append((name, partial(_mechanism_stress, mechanism)))
         elif name != "drive" or mechanism.layout.actuators:
-            parts.append((name, partial(_answers_section, name, mechanism)))
+            parts.append((name, partial(_answers_section, name, ask)))
     parts.append(("sources", partial(_provenance_section, _provenance(mechanism, assumed, not_stated), "source")))
     return Subject(mechanism.name, "Mechanism", assumed, not_stated, parts)
+
+
+def _asking(subject: Stage | Mechanism) -> Ask:
+    """Return a function that answers every question about a subject once."""
+    return cache(lambda question: question(subject))
 
 
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
@@ -346,28 +368,28 @@ def _section(name: str, title: str, *parts: Markup) -> PageSection:
     return PageSection(name, title, Markup("").join(parts))
 
 
-def _result_section(name: str, stage: Stage, **options: Any) -> PageSection:
+def _result_section(name: str, ask: Ask, **options: Any) -> PageSection:
     """Return the tables and the figure of the result of a question."""
     title, question, description = QUESTIONS[name]
-    result = question(stage, **options)
+    result = ask(partial(question, **options) if options else question)
     figure = [shown_figure(f"{name}-figure", lambda: figures_of(result)[""], description)] if description else []
     return _section(name, title, tables_of(result), *figure)
 
 
-def _answers_section(name: str, mechanism: Mechanism) -> PageSection:
+def _answers_section(name: str, ask: Ask) -> PageSection:
     """Return the tables of the results of all questions of a section."""
-    results = [question(mechanism) for question in OF_MECHANISMS[name]]
-    title = Markup("<p>{}</p>") if results[1:] else Markup("")
-    parts = (title.format(sentence(result.title)) + tables_of(result) for result in results)
-    return _section(name, QUESTIONS[name][0], *parts)
+    return _section(name, QUESTIONS[name][0], *(tables_of(ask(question)) for question in OF_MECHANISMS[name]))
 
 
-def _mechanism_section(mechanism: Mechanism, checked: MechanismReport) -> PageSection:
-    """Return the drawing of a mechanism with its bodies, hinges, points and actuators."""
+def _mechanism_section(
+    mechanism: Mechanism, checked: MechanismReport, opened: Callable[[Markup], Markup]
+) -> PageSection:
+    """Return the drawing of a mechanism and its key results, then its bodies, hinges, points and actuators."""
     pairs, tables = record_parts(checked._replace(provenance={}), plain=False)
     text = f"Drawing to scale of the mechanism {mechanism.name}: bodies, hinges, output and actuators."
     figure = shown_figure("drawing", partial(mechanism_figure, mechanism), text)
-    return _section("mechanism", "The mechanism", figure, facts(pairs), *map(table, tables), notes(checked.warnings))
+    parts = folded("Dimensions, material and parts", facts(pairs), *map(table, tables))
+    return _section("mechanism", "The mechanism", opened(figure), notes(checked.warnings), parts)
 
 
 def _mechanism_stress(mechanism: Mechanism) -> PageSection:
@@ -426,16 +448,18 @@ def _provenance_section(rows: Sequence[Sequence[str]], last: str) -> PageSection
     )
     tag = Markup('<span class="tag">{}</span>')
     marked = [[row[0], row[1] if row[1] == "stated" else tag.format(row[1]), row[2]] for row in rows]
-    return _section("provenance", PROVENANCE, opening, table(TextTable(["key of the file", "kind", last], marked, 3)))
+    listed = folded("All numbers with their sources", table(TextTable(["key of the file", "kind", last], marked, 3)))
+    return _section("provenance", PROVENANCE, opening, listed)
 
 
-def _drawing_section(stage: Stage, checked: StageReport) -> PageSection:
-    """Return the drawing of a stage with its dimensions, hinges and actuators."""
+def _drawing_section(stage: Stage, checked: StageReport, opened: Opened) -> PageSection:
+    """Return the drawing of a stage and its key results, then its dimensions, hinges and actuators."""
     drive = checked.drive and checked.drive._replace(provenance={})  # provenance has a section of its own
     pairs, tables = record_parts(checked._replace(drive=drive, provenance={}), plain=False)
     text = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
     figure = shown_figure("drawing", partial(drawing_figure, stage), text, table(tables[0]))
-    return _section("stage", "The stage", figure, facts(pairs), *map(table, tables[1:]), notes(checked.warnings))
+    parts = folded("Dimensions, material and actuators", facts(pairs), *map(table, tables[1:]))
+    return _section("stage", "The stage", opened(figure), notes(checked.warnings), parts)
 
 
 def _stress_section(stage: Stage) -> PageSection:
