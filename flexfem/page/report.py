@@ -15,8 +15,8 @@ from markupsafe import Markup
 
 from flexfem import studies
 from flexfem.analytic.responses import require_expansion
+from flexfem.arrays import Array
 from flexfem.design.result import Designed, is_design, read_design
-from flexfem.fem.fields import neck_maxima
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
@@ -25,9 +25,8 @@ from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
 from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import assumptions_said, counted
-from flexfem.models import solve
 from flexfem.page.key import ENDS, SHARES, Ask, opening
 from flexfem.page.section import (
     PageSection,
@@ -57,7 +56,7 @@ from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, Fields, Progress, TextTable, record_parts, versions
+from flexfem.results import AXES, ELEMENTS, Fields, Progress, TextTable, record_parts, versions
 from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 
@@ -330,10 +329,10 @@ def _mechanism_subject(mechanism: Mechanism, sections: Sequence[str]) -> Subject
     assumed, not_stated = list(mechanism.assumed), list(mechanism.not_stated)
     ask = _asking(mechanism)
     opened = partial(opening, mechanism, ask, sections, {*sections} != {"analytic"})
-    parts: list[Part] = [("mechanism", partial(_mechanism_section, mechanism, check_mechanism(mechanism), opened))]
+    parts: list[Part] = [("mechanism", partial(_drawing_section, mechanism, check_mechanism(mechanism), opened))]
     for name in (name for name in SECTIONS if name in sections and name in OF_MECHANISMS):
         if name == "stress":
-            parts.append((name, partial(_mechanism_stress, mechanism)))
+            parts.append((name, partial(_stress_section, mechanism)))
         elif name != "drive" or mechanism.layout.actuators:
             parts.append((name, partial(_answers_section, name, ask)))
     parts.append(("sources", partial(_provenance_section, _provenance(mechanism, assumed, not_stated), "source")))
@@ -381,28 +380,41 @@ def _answers_section(name: str, ask: Ask) -> PageSection:
     return _section(name, QUESTIONS[name][0], *(tables_of(ask(question)) for question in OF_MECHANISMS[name]))
 
 
-def _mechanism_section(
-    mechanism: Mechanism, checked: MechanismReport, opened: Callable[[Markup], Markup]
-) -> PageSection:
-    """Return the drawing of a mechanism and its key results, then its bodies, hinges, points and actuators."""
-    pairs, tables = record_parts(checked._replace(provenance={}), plain=False)
-    text = f"Drawing to scale of the mechanism {mechanism.name}: bodies, hinges, output and actuators."
-    figure = shown_figure("drawing", partial(mechanism_figure, mechanism), text)
-    parts = folded("Dimensions, material and parts", facts(pairs), *map(table, tables))
-    return _section("mechanism", "The mechanism", opened(figure), notes(checked.warnings), parts)
+def _drawing_section(subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Opened) -> PageSection:
+    """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
+    without: dict[str, Any] = {"provenance": {}}  # it has a section of its own
+    if isinstance(checked, StageReport) and checked.drive:
+        without["drive"] = checked.drive._replace(provenance={})
+    pairs, tables = record_parts(checked._replace(**without), plain=False)
+    draw = partial(drawing_figure, subject) if isinstance(subject, Stage) else partial(mechanism_figure, subject)
+    figure = shown_figure(
+        "drawing", draw, f"Drawing to scale of {subject.name}: bodies, hinges and drive.", table(tables[0])
+    )
+    parts = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
+    kind = "stage" if isinstance(subject, Stage) else "mechanism"
+    return _section(kind, f"The {kind}", opened(figure), notes(checked.warnings), parts)
 
 
-def _mechanism_stress(mechanism: Mechanism) -> PageSection:
-    """Return the von Mises stress of a mechanism by finite elements for each displacement of its output."""
-    drawn, columns = dict[str, Fields](), list[list[str]]()
-    for axis, amplitude in enumerate(STRESS_AMPLITUDES):
-        found = plates.stiffness(mechanism, models="elements", displacement=tuple(amplitude * np.eye(3)[axis]))
-        drawn[_command(axis)] = plane_fields(found.fields)
-        columns.append([significant(float(stress)) for stress in found.at("hinge_stress", model=ELEMENTS)])
-    rows = [[joint.name, *cells] for joint, *cells in zip(mechanism.layout.joints, *columns, strict=True)]
-    data = table(TextTable(["hinge", *(f"{name} ({STRESS})" for name in drawn)], rows, 1))
-    text = "The mechanism displaced in each direction, coloured by von Mises stress."
-    note = "Displacements of the output, with the other directions held; the amplitudes are assumed."
+def _stress_section(subject: Stage | Mechanism) -> PageSection:
+    """Return the von Mises stress by finite elements for displacements in X, in Y (of a mechanism) and in theta."""
+    drawn, stresses, stage = dict[str, Fields](), dict[str, Array](), isinstance(subject, Stage)
+    for axis in (0, 2) if stage else (0, 1, 2):
+        held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
+        found, name = stiffness(subject, models="elements", displacement=held), _command(axis)
+        fields = plane_fields(found.fields)
+        drawn[name] = Fields(*fields) if stage else fields
+        stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=ELEMENTS))
+    labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]] if stage else found.axes["hinge"]
+    rows = [[label, *map(significant, row)] for label, *row in zip(labels, *stresses.values(), strict=True)]
+    head = ["hinge", *(f"{name} ({STRESS})" for name in drawn)]
+    data = table(TextTable(head, rows, 1, "Highest von Mises stress at each hinge"))
+    highest = "; ".join(
+        f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
+        f"{percent(100 * float(stress.max()) / subject.material.yield_strength)} of the yield strength"
+        for name, stress in stresses.items()
+    )
+    note = f"The other directions are held; the amplitudes are assumed. {highest}."
+    text = f"The deformed {'stage' if stage else 'mechanism'} coloured by von Mises stress."
     figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
     return _section("stress", "Stress", notes([note], "note"), figure)
 
@@ -450,35 +462,3 @@ def _provenance_section(rows: Sequence[Sequence[str]], last: str) -> PageSection
     marked = [[row[0], row[1] if row[1] == "stated" else tag.format(row[1]), row[2]] for row in rows]
     listed = folded("All numbers with their sources", table(TextTable(["key of the file", "kind", last], marked, 3)))
     return _section("provenance", PROVENANCE, opening, listed)
-
-
-def _drawing_section(stage: Stage, checked: StageReport, opened: Opened) -> PageSection:
-    """Return the drawing of a stage and its key results, then its dimensions, hinges and actuators."""
-    drive = checked.drive and checked.drive._replace(provenance={})  # provenance has a section of its own
-    pairs, tables = record_parts(checked._replace(drive=drive, provenance={}), plain=False)
-    text = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
-    figure = shown_figure("drawing", partial(drawing_figure, stage), text, table(tables[0]))
-    parts = folded("Dimensions, material and actuators", facts(pairs), *map(table, tables[1:]))
-    return _section("stage", "The stage", opened(figure), notes(checked.warnings), parts)
-
-
-def _stress_section(stage: Stage) -> PageSection:
-    """Return the von Mises stress of a stage by finite elements at 50 um in X and at 1 mrad."""
-    model, fields, necks = solve(stage), dict[str, Fields](), {}
-    for axis in (0, 2):
-        name = _command(axis)
-        fields[name] = model.fields(model.force(STRESS_AMPLITUDES[axis] * np.eye(3)[axis]))
-        necks[name] = neck_maxima(stage, model.mesh, fields[name].stress)
-    rows = [[f"{hinge} hinge, chain {k + 1}", *(significant(float(stress[k, n])) for stress in necks.values())]
-            for k in range(3) for n, hinge in enumerate(HINGE_NAMES)]  # fmt: skip
-    head = ["neck", *(f"{name} ({STRESS})" for name in necks)]
-    data = table(TextTable(head, rows, 1, "Largest von Mises stress at each neck"))
-    highest = "; ".join(
-        f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
-        f"{percent(100 * float(stress.max()) / stage.material.yield_strength)} of the yield strength"
-        for name, stress in necks.items()
-    )
-    text = "The deformed stage coloured by von Mises stress."
-    figure = shown_figure("stress-figure", partial(stress_figure, fields), text, data)
-    note = f"The other directions are held; the amplitudes are assumed. {highest}."
-    return _section("stress", "Stress", notes([note], "note"), figure)

@@ -181,7 +181,7 @@ def _draw_contours(
             for label in axes.clabel(lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
                 label.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
     if heavy:
-        marks = " and ".join(f"{mark:g}{unit}" for mark in heavy)
+        marks = minus(", ".join(f"{mark:g}{unit}" for mark in heavy))
         entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {marks}"))
 
 
