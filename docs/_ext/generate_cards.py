@@ -32,6 +32,11 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
         held = {"displacement": (0.1, 0.1, 0.0), "models": "elements", "resolution": 4}
         plot.plot_displacement(ax, flexfem.stiffness(mechanism("xy-stage"), **held).fields, factor=60.0)
 
+    def reached(ax: Any) -> None:
+        plot.plot_section(ax, flexfem.reach(stage, models="analytic"))
+        for text in list(ax.texts):
+            text.remove()
+
     def life(ax: Any) -> None:
         metal = stage.replace(material="ti-6al-4v-sta")
         plot.plot_life(ax, flexfem.life(metal, amplitude=(0.5, 0.0, 0.0), models="analytic"))
@@ -53,7 +58,7 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
         "mechanism": lambda ax: plate(ax, "bridge-amplifier"),
         "ready-made": lambda ax: plate(ax, "pivot"),
         "stiffness": displaced,
-        "reach": lambda ax: plot.plot_section(ax, flexfem.reach(stage, models="analytic")),
+        "reach": reached,
         "modes": lambda ax: plot.plot_mode(ax, flexfem.modes(stage, count=1, resolution=4), 1),
         "heat": lambda ax: plot.plot_drift(ax, flexfem.drift(stage, resolution=4), "gradient in x"),
         "life": life,
