@@ -62,7 +62,7 @@ def run_design(
     if not callable(say):
         raise BadInput(f"say {say!r}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
-    folder, stem, base = None, loaded.path.stem, Path(loaded.stage.origin.path or "")
+    folder, stem, base = None, loaded.path.stem, Path(loaded.base.origin.path or "")
     if output is not None:
         folder = checked_path(output)
         check_folder(folder)
