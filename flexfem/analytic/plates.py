@@ -183,7 +183,6 @@ def warmed(
     expansion: float,
     ground: float,
     bodies: Sequence[ElasticBody] = (),
-    engaged: bool = False,
     hinges: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
@@ -229,16 +228,7 @@ def warmed(
             if patch.body in clamps:
                 mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
             motions[j] += np.array(wrench) @ mean
-    wrenches = w.reshape(-1, 3, 3)
-    if engaged and layout.actuators:
-        response = respond(layout, bodies, hinges=hinges)
-        whole = NetworkResponse(
-            *(np.concatenate(parts, axis=-1) for parts in zip(response, (motions, wrenches), strict=True))
-        )
-        motions, wrenches = (
-            part[..., -3:] for part in whole.engaged(layout.drive_ports, layout.stiffness_of_actuators)
-        )
-    return motions, wrenches
+    return motions, w.reshape(-1, 3, 3)
 
 
 def _mean_expansion(layout: Layout, patch: Patch) -> Array:
@@ -325,14 +315,11 @@ def inertia(layout: Layout) -> tuple[tuple[Port, ...], Array]:
 
 
 def _with_masses(
-    layout: Layout, bodies: Sequence[ElasticBody], engaged: bool, hinges: Array | None
+    layout: Layout, bodies: Sequence[ElasticBody], hinges: Array | None
 ) -> tuple[NetworkResponse, tuple[Port, ...], Array]:
     """Response to loads on the k ports of the layout, then on those of its masses; `inertia` of the layout."""
     ports, M = inertia(layout)
-    response = respond(layout, bodies, (*layout.ports, *ports), hinges)
-    if engaged and layout.actuators:
-        response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
-    return response, ports, M
+    return respond(layout, bodies, (*layout.ports, *ports), hinges), ports, M
 
 
 def modes(
@@ -342,7 +329,9 @@ def modes(
 
     The mass of elastic bodies moves with their mean motion; that of clamped bodies is neglected.
     """
-    response, _, M = _with_masses(layout, bodies, engaged, hinges)
+    response, _, M = _with_masses(layout, bodies, hinges)
+    if engaged and layout.actuators:
+        response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
     k, L = len(layout.ports), np.linalg.cholesky(M)
     values, vectors = np.linalg.eigh(L.T @ response.compliance[k:, k:] @ L)
     values, vectors = values[::-1], vectors[:, ::-1]
@@ -353,14 +342,10 @@ def modes(
 
 
 def weighed(
-    layout: Layout,
-    accelerations: Array,
-    bodies: Sequence[ElasticBody] = (),
-    engaged: bool = False,
-    hinges: Array | None = None,
+    layout: Layout, accelerations: Array, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
 ) -> tuple[Array, Array]:
     """Return motions (k, c) of the ports and wrenches (h, 3, c) of the hinges by accelerations (c, 2), mm/s^2."""
-    response, ports, M = _with_masses(layout, bodies, engaged, hinges)
+    response, ports, M = _with_masses(layout, bodies, hinges)
     k = len(layout.ports)
     forces = M @ np.array([port.parts[0][1][:2] for port in ports]) @ np.asarray(accelerations).T
     return response.compliance[:k, k:] @ forces, response.wrenches[:, :, k:] @ forces

@@ -257,23 +257,36 @@ def mesh_faces(job: Job) -> NamedArrays:
         _set_sizes(mesh.field, job.cones)
         mesh.generate(2)
         labelled = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
-        tags, xyz, _ = mesh.getNodes()
-        index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-        index[tags] = np.arange(len(tags))
-        triangles = [index[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
-        edges = [index[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in labelled]
-    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # without centres of arcs
-    new = np.full(len(tags), -1)
-    new[used] = np.arange(len(used))
+        nodes, triangles, edges = _meshed(mesh, [[face] for face in surfaces], [*labelled], (TRIANGLE, 3), (EDGE, 2))
     per_curve = [len(e) for e in edges]
     return {
-        "nodes": xyz.reshape(-1, 3)[used, :2],
-        "triangles": renumbered.reshape(-1, 3),
+        "nodes": nodes,
+        "triangles": np.concatenate(triangles),
         "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
-        "edges": new[np.concatenate(edges)],
+        "edges": np.concatenate(edges),
         "edge_labels": np.repeat([curve.label for curve in labelled.values()], per_curve),
         "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in labelled.values()], per_curve),
     }
+
+
+def _meshed(
+    mesh: Any, faces: list[list[int]], curves: list[int], triangle: tuple[int, int], edge: tuple[int, int]
+) -> tuple[AnyArray, list[AnyArray], list[AnyArray]]:
+    """Return the nodes (n, 2) of triangles, the triangles of each list of faces, and the edges of each curve.
+
+    triangle, edge : gmsh element type, and number of its nodes.
+    """
+    tags, xyz, _ = mesh.getNodes()
+
+    def elements(kind: tuple[int, int], tag: int) -> AnyArray:
+        return np.reshape(mesh.getElementsByType(kind[0], tag)[1], (-1, kind[1])).astype(np.int64)
+
+    triangles = [np.concatenate([elements(triangle, tag) for tag in part]) for part in faces]
+    used = np.isin(tags, np.concatenate(triangles))  # without centres of arcs and points that set sizes
+    index = np.full(int(tags.max()) + 1, -1)
+    index[tags[used]] = np.arange(np.count_nonzero(used))
+    nodes = xyz.reshape(-1, 3)[used, :2]
+    return nodes, [index[each] for each in triangles], [index[elements(edge, tag)] for tag in curves]
 
 
 def write_extruded(solid: Extruded) -> NamedArrays:
@@ -375,25 +388,15 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
         _set_gradings(mesh.field, job, points, faces)
         mesh.generate(2)
         mesh.setOrder(2)
-        tags, xyz, _ = mesh.getNodes()
-        index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-        index[tags] = np.arange(len(tags))
-        meshed = [
-            np.concatenate([index[mesh.getElementsByType(QUADRATIC_TRIANGLE, tag)[1].reshape(-1, 6)] for tag in part])
-            for part in faces
-        ]
-        edges = [index[mesh.getElementsByType(QUADRATIC_EDGE, tag)[1].reshape(-1, 3)] for _, tag in curves]
+        tags = [tag for _, tag in curves]
+        nodes, triangles, edges = _meshed(mesh, faces, tags, (QUADRATIC_TRIANGLE, 6), (QUADRATIC_EDGE, 3))
         areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
-    nodes, triangles = xyz.reshape(-1, 3)[:, :2], np.concatenate(meshed)
-    used, renumbered = np.unique(triangles, return_inverse=True)  # without the points that set sizes
-    new = np.full(len(tags), -1)
-    new[used] = np.arange(len(used))
     return {
-        "nodes": nodes[used],
-        "triangles": renumbered.reshape(-1, 6),
-        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in meshed]),
+        "nodes": nodes,
+        "triangles": np.concatenate(triangles),
+        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in triangles]),
         "areas": areas,
-        "edges": new[np.concatenate(edges)] if edges else np.empty((0, 3), dtype=np.int64),
+        "edges": np.concatenate(edges) if edges else np.empty((0, 3), dtype=np.int64),
         "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in edges]),
     }
 

@@ -97,23 +97,15 @@ def _tied(part: StageMesh, nodes: Index, sections: list[Index], centres: list[co
     section = np.full(len(part.nodes), -1)
     for k, tied in enumerate(sections):
         section[tied] = k
-    of, rows = section[nodes], 2 * np.arange(len(nodes))
-    alone = np.flatnonzero(of < 0)
-    first = 2 * len(alone)
-    parts: list[tuple[AnyArray, ...]] = [((rows[alone, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
-    for k, centre in enumerate(centres):
-        tied = np.flatnonzero(of == k)
-        (x, y), column, one = (
-            (part.nodes[nodes[tied]] - [centre.real, centre.imag]).T,
-            first + 3 * k,
-            np.ones(len(tied)),
-        )
-        for row, freedom, values in ((0, 0, one), (1, 1, one), (0, 2, -y), (1, 2, x)):
-            parts.append((rows[tied] + row, np.full(len(tied), column + freedom), values))
-    entries = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    return sp.csr_array(
-        (entries[2], (entries[0], entries[1])), shape=(2 * len(nodes), first + 3 * len(sections))
-    ), first
+    of = section[nodes]
+    alone, tied = np.flatnonzero(of < 0), np.flatnonzero(of >= 0)
+    first, arms = 2 * len(alone), part.nodes[nodes[tied]] @ [1, 1j] - np.array(centres, dtype=complex)[of[tied]]
+    row, column, one = 2 * tied, first + 3 * of[tied], np.ones(len(tied))
+    parts: list[tuple[AnyArray, ...]] = [((2 * alone[:, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
+    parts += [(row, column, one), (row + 1, column + 1, one)]
+    parts += [(row, column + 2, -arms.imag), (row + 1, column + 2, arms.real)]
+    rows, columns, values = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return sp.csr_array((values, (rows, columns)), shape=(2 * len(nodes), first + 3 * len(sections))), first
 
 
 def _at(point: complex) -> Array:

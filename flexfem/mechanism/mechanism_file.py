@@ -37,6 +37,7 @@ from flexfem.mechanism.stage_file import Frame
 from flexfem.units import without_unit
 
 MOST_PARAMETERS = 300  # which may each depend on the one before
+PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 STATED = "stated"  # context of a dump: expressions by their texts
 _known: ContextVar[Mapping[str, float]] = ContextVar("values of the parameters by their names without units")
 
@@ -71,7 +72,7 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
                 if used not in values:
                     resolve(used)
             pending.pop()
-            value = float(value_of(value, {used: values[used] for used in names_in(value)}))
+            value = float(value_of(value, values))
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
             raise refusal("a finite number, or an expression that has one", "parameters", key)
         values[name] = float(value)
@@ -101,7 +102,8 @@ def _evaluated(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     if not isinstance(text, str):
         return handler(value)
     known = _known.get({})
-    number = float(value_of(text, {name: known[name] for name in _names(text, known)}))
+    _names(text, known)
+    number = float(value_of(text, known))
     try:
         return Evaluated(handler(Evaluated(number, text)), text)
     except ValidationError as error:
@@ -412,7 +414,7 @@ class MechanismContent(PlateFile):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        for array in ("body", "hinge", "actuator", "point"):
+        for array in PARTS:
             names = [part.name for part in getattr(self, array)]
             for index, name in enumerate(names):
                 if name in names[:index] or (array == "point" and name == "output"):

@@ -78,7 +78,11 @@ class PlateFile(Dimensioned, Sourced):
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
-        return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+        return self._with_content(self._stated() | dict(update or {}))
+
+    def _stated(self) -> dict[str, Any]:
+        """Return the stated content by attribute names."""
+        return {name: getattr(self, name) for name in self.model_fields_set}
 
     def _with_content(self, content: dict[str, Any]) -> Self:
         """Return a table of this content, without the provenance of keys of this one that no longer exist."""

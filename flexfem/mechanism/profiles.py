@@ -77,6 +77,22 @@ Curve = Segment | Spline | Ellipse
 Refinement = tuple[tuple[complex, ...], float, float]
 
 
+def mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
+    """Return a curve after a rigid motion or a reflection of its points."""
+    if isinstance(curve, Spline):
+        return Spline(tuple(map(move, curve.points)))
+    start, end = move(curve.start), move(curve.end)
+    if isinstance(curve, Ellipse):
+        centre = move(curve.centre)
+        return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
+    return Segment(start, end, None if curve.centre is None else move(curve.centre))
+
+
+def backwards(curve: Curve) -> Curve:
+    """Return the same curve in the opposite direction."""
+    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
+
+
 class Concentration(NamedTuple):
     """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions of t/R.
 
@@ -161,7 +177,7 @@ class Profile:
 
     def edge(self) -> list[Curve]:
         """Return the upper edge from -length / 2 to length / 2, split at 0; the lower edge is its mirror image."""
-        return [_mirrored(curve) for curve in reversed(self.half())] + self.half()
+        return [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(self.half())] + self.half()
 
     @property
     def end_height(self) -> float:
@@ -273,16 +289,6 @@ class Profile:
         return tuple(map(complex, x.tolist())), size, radius
 
 
-def _mirrored(curve: Curve) -> Curve:
-    """Return the curve reflected at the y axis, in the opposite direction."""
-    if isinstance(curve, Spline):
-        return Spline(tuple(-z.conjugate() for z in reversed(curve.points)))
-    start, end = -curve.end.conjugate(), -curve.start.conjugate()
-    if isinstance(curve, Ellipse):
-        return Ellipse(start, end, -curve.centre.conjugate(), -curve.major.conjugate())
-    return Segment(start, end, None if curve.centre is None else -curve.centre.conjugate())
-
-
 def _rise(x: Array, radius: float) -> Array:
     """Rise (...) of a circle at a distance x from its lowest point, without cancellation; x up to the radius."""
     return np.asarray(x**2 / (radius + np.sqrt(np.maximum(radius**2 - x**2, 0.0)))) if radius else np.zeros(np.shape(x))
@@ -311,15 +317,21 @@ class Circular(Profile):
 
 
 @dataclass(frozen=True)
-class Elliptical(Profile):
-    """Two half-ellipse notches of a depth, mm, each."""
+class Spanned(Profile):
+    """A profile whose length is a dimension, `span`, mm."""
 
     span: float
-    depth: float
 
     @property
     def length(self) -> float:
         return self.span
+
+
+@dataclass(frozen=True)
+class Elliptical(Spanned):
+    """Two half-ellipse notches of a depth, mm, each."""
+
+    depth: float
 
     @property
     def root_radius(self) -> float:
@@ -337,20 +349,15 @@ class Elliptical(Profile):
 
 
 @dataclass(frozen=True)
-class Leaf(Profile):
+class Leaf(Spanned):
     """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its length; mm."""
 
-    span: float
     fillet: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if 2 * self.fillet >= self.span - SHORTEST:
             raise BadDimension("fillet", f"less than half the length, {self.span / 2:g} mm")
-
-    @property
-    def length(self) -> float:
-        return self.span
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -397,15 +404,10 @@ def _quadruple(z: complex) -> tuple[complex, ...]:
 
 
 @dataclass(frozen=True)
-class Parabolic(Profile):
+class Parabolic(Spanned):
     """Two parabolic notches of a depth, mm, each."""
 
-    span: float
     depth: float
-
-    @property
-    def length(self) -> float:
-        return self.span
 
     @property
     def root_radius(self) -> float:
