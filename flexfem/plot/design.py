@@ -9,11 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
+from flexfem.arrays import Array
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement
 from flexfem.files.refusals import shown
+from flexfem.files.toml import kind_of
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
-from flexfem.plot.stage import draw_outline, fit_to_one_scale, plot_stage
+from flexfem.plot.plate import draw_plate
+from flexfem.plot.stage import draw_outline, fit, fit_to_one_scale, label_axes
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import significant
 from flexfem.refused import BadInput
@@ -27,7 +31,7 @@ SENSITIVITY_NOTE = (
     "their steps."
 )
 FRONT_NOTE = (
-    "Designs that no other design improves in both objectives, by finite elements; each number is a stage file. The "
+    "Designs that no other design improves in both objectives, by finite elements; each number is a file. The "
     "chosen design is the best in the first objective; the model is corrected at this design only."
 )
 
@@ -39,7 +43,7 @@ def design_figure(found: Designed) -> Figure:
     evaluations = ", ".join(f"{n:,} by {name}" for name, n in found.evaluations.items() if name != "drawn")
     lines = [
         "; ".join(f"{goal.label}: {goal.formatted()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
-        "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
+        "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + f" (units of the {found.kind} file).",
         f"Evaluations: {evaluations}. Seed {found.seed}. Corrected model and finite elements differ by at most "
         f"{significant(found.rounds[-1].gap_percent, 2)} % in any quantity at this design.",
         *found.warnings,
@@ -47,7 +51,9 @@ def design_figure(found: Designed) -> Figure:
     columns = 4 if found.front else 3
     size = 3.6 * columns + 0.2, max(4.6, 0.42 * len(found.requirements) + 1.6)
     figure, axes = panels(size, found.name, lines, 1, columns, found)
-    titled(plot_stage(axes[0], _stage(found.stage)), "a", "designed stage")
+    fit(axes[0], _draw(axes[0], found.stage))
+    label_axes(axes[0])
+    titled(axes[0], "a", f"designed {found.kind}")
     titled(plot_margins(axes[1], found), "b", "margins of the requirements")
     titled(plot_history(axes[2], found), "c", "first search, by the analytic model")
     if found.front:
@@ -55,8 +61,12 @@ def design_figure(found: Designed) -> Figure:
     return figure
 
 
-def _stage(text: str) -> Stage:
-    return Stage.model_validate(tomllib.loads(text))
+def _draw(ax: Axes, text: str) -> Array:
+    """Draw the plate of a file; return points (n, 2) of its outline, mm."""
+    content = tomllib.loads(text)
+    if kind_of(content) == Mechanism.kind:
+        return draw_plate(ax, Mechanism.model_validate(content))
+    return draw_outline(ax, Stage.model_validate(content))
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:
@@ -135,7 +145,7 @@ def front_figure(found: Designed) -> Figure:
     size, title = (CELL_WIDTH * COLUMNS, (CELL_WIDTH + 0.9) * rows), f"{found.name}: front"
     figure, (plane, *drawings) = panels(size, title, [FRONT_NOTE], rows, COLUMNS, found, count)
     plot_tradeoff(plane, found)
-    outlines = [draw_outline(ax, _stage(point.stage)) for ax, point in zip(drawings, found.front, strict=True)]
+    outlines = [_draw(ax, point.stage) for ax, point in zip(drawings, found.front, strict=True)]
     fit_to_one_scale(drawings, np.vstack(outlines))
     for number, (ax, point) in enumerate(zip(drawings, found.front, strict=True), 1):
         ax.set_title(f"{number}:  {_objectives(found, point)}", loc="left", size=FONT_SIZE)
