@@ -37,6 +37,7 @@ PLANE_ALONE = {
     *outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS, *outputs.FREQUENCIES, *outputs.ERRORS,
     *outputs.CROSSES, *outputs.BANDS,
 }  # fmt: skip
+DISTANT = 0.2  # gap between the models above which one correction may not hold in all ranges
 SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # largest relative margin of an active requirement, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
@@ -337,6 +338,9 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
             still = "a requirement is still not met with its band, or within it where no room is left"
         warnings.append(f"after {len(rounds)} rounds {still}")
     if isinstance(loaded.base, Mechanism):
+        if rounds[0].proof.gap > DISTANT:
+            far = f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the first round"
+            warnings.append(f"{far}: designs in other parts of the ranges may be better")
         return [*warnings, *sharp_roots(loaded.base.layout)]
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
     reason = str(with_warnings(loaded.study, last.values[None], row).reason[0])
