@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from flexfem import load
 from flexfem.design.requirements import load_requirements
 from flexfem.files.writing import digest
 from flexfem.mechanism.stage import load_stage
@@ -52,7 +53,7 @@ def now(source):
         asked = found.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
         return digest([asked, found.base.model_dump(mode="json", exclude={"name", "provenance"})])[:16]
     if not path:
-        return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
+        return (load_study if "study-" in name else load)(ROOT / name).hash[:16]
     question, _, key = path.partition(".")
     return accepted(name)[question][key][0]
 

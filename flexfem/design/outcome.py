@@ -29,7 +29,7 @@ from flexfem.results import versions
 from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, with_warnings
 from flexfem.study.factors import Factor, columns_of
-from flexfem.study.findings import non_dominated
+from flexfem.study.findings import factor, non_dominated
 from flexfem.study.loaded import plate_of, stage_of
 from flexfem.units import unit_of
 
@@ -77,6 +77,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         seed=required.seed,
         accuracy_percent=required.accuracy_percent,
         design=space.named(last.values),
+        units={column.name: factor(column).unit for column in loaded.columns},
         relaxed=space.named(best.relaxed),
         stage=stage.to_toml(),
         feasible=feasible,

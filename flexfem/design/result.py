@@ -158,6 +158,7 @@ class Designed(Record):
     seed: int
     accuracy_percent: float
     design: dict[str, float]
+    units: dict[str, str] = {}  # of the dimensions
     relaxed: dict[str, float]
     stage: str
     feasible: bool

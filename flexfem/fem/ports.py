@@ -217,9 +217,9 @@ def hinge_stress(response: PlateResponse, loads: Array) -> Array:
     It is the highest at the nodes of the triangles of the hinge. At a sharp root, without a fillet, the stress is
     singular: it grows without limit as the mesh is refined.
     """
-    (stress, starts), flat = response._at_hinges, np.reshape(loads, (-1, len(response.elastic)))
-    if not len(starts):
+    if not response.model.layout.joints:
         return np.zeros((*np.shape(loads)[:-1], 0))
+    (stress, starts), flat = response._at_hinges, np.reshape(loads, (-1, len(response.elastic)))
     ratio, size = response.model.layout.out_of_plane, max(1, LARGEST // max(1, stress[0].size))
     parts = [
         np.maximum.reduceat(von_mises(np.tensordot(flat[start : start + size], stress, axes=1), ratio), starts, axis=1)
@@ -261,10 +261,10 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
 
 
 def weight_of(model: PlateModel, accelerations: Array) -> PlateResponse:
-    """Solve for the weight of bodies, payloads and actuators in fields (c, 2), mm/s^2."""
-    rigid, (inertia, attached) = model.structure.rigid_fields()[:2], model.attached
-    unit = mass_of(model.structure, model.layout.density).forces(rigid)
-    for axis in range(2):
+    """Solve for the weight of bodies, payloads and actuators in fields (c, 2), mm/s^2, or (c, 1) out of the plane."""
+    axes, (inertia, attached) = accelerations.shape[1], model.attached
+    unit = mass_of(model.structure, model.layout.density).forces(model.structure.rigid_fields()[:axes])
+    for axis in range(axes):
         unit[axis] += np.tensordot(inertia[axis::3], attached[axis::3], axes=1)
     return model.response(np.tensordot(accelerations, unit, axes=1))
 

@@ -16,7 +16,7 @@ from flexfem.files.refusals import key_path, shown, suggestion
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.dimensioned import once
-from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
 from flexfem.mechanism.materials import with_material_of_file
 from flexfem.mechanism.mechanism_file import (
     PARTS,
@@ -120,26 +120,6 @@ def _by_name(array: str, parts: Sequence[dict[str, Any]], changes: Mapping[str, 
         if not isinstance(values, Mapping):
             raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
     return [{**part, **changes.get(part["name"], {})} for part in parts]
-
-
-class Move(NamedTuple):
-    """A rotation with a shift, `factor z + shift`, or with a mirror image, `factor conj(z) + shift`."""
-
-    factor: complex = 1.0
-    shift: complex = 0.0
-    mirrored: bool = False
-
-    def __call__(self, z: complex) -> complex:
-        return self.factor * (z.conjugate() if self.mirrored else z) + self.shift
-
-    def after(self, first: Move) -> Move:
-        """Return the move that is `first` and then this one."""
-        factor = first.factor.conjugate() if self.mirrored else first.factor
-        return Move(self.factor * factor, self(first.shift), self.mirrored != first.mirrored)
-
-    def heading(self, angle: float) -> float:
-        """Return the moved direction, rad."""
-        return cmath.phase(self.factor * cmath.exp(-1j * angle if self.mirrored else 1j * angle))
 
 
 class PlacedPart(NamedTuple):

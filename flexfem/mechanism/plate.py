@@ -141,6 +141,12 @@ def body_polygon(layout: Layout, index: int) -> Any:
     return shapely.difference(drawn, shapely.union_all(boxes))
 
 
+def plate_area(layout: Layout) -> float:
+    """Return the area of all bodies and hinges, mm^2. Raises BadInput as `body_polygon`."""
+    bodies = [body_polygon(layout, index) for index in range(len(layout.bodies))]
+    return float(np.sum(shapely.area([*bodies, *map(joint_polygon, layout.joints)])))
+
+
 def _checked_polygon(layout: Layout, index: int) -> Any:
     """Return the polygon of a body as `body_polygon`. Raises BadInput unless it is one piece."""
     body, left = layout.bodies[index], body_polygon(layout, index)

@@ -41,7 +41,8 @@ class PlateFile(Dimensioned, Sourced):
     @classmethod
     def _add_registered_sources(cls, data: Any) -> Any:
         material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
-        sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
+        name = material.get("name") if isinstance(material, dict) else getattr(material, "name", material)
+        sources = sources_of(name)
         if not sources or not isinstance(stated, dict | None):
             return data
         return data | {"provenance": sources | (stated or {})}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -151,6 +151,10 @@ class Profile:
             if isinstance(value, int | float) and not (0 < value < math.inf or value == each.default == 0):
                 raise BadDimension(FILE_KEYS.get(each.name, each.name), "a number > 0")
 
+    def with_neck(self, neck: float) -> Profile:
+        """Return the profile with another neck, mm; all heights change by the same amount."""
+        return replace(self, neck=neck)
+
     @property
     def length(self) -> float:
         """Length along the axis, mm."""
@@ -184,25 +188,28 @@ class Profile:
         """Larger height at the two ends, mm."""
         return float(np.max(self.height(np.array([-0.5, 0.5]) * self.length)))
 
-    def compliance(self, youngs_modulus: float, poissons_ratio: float, thickness: float) -> Array:
-        """Compliance (3, 3) of the far end relative to the near one, at the centre: axial, transverse, rotation.
+    def compliance(
+        self, youngs_modulus: float, poissons_ratio: float, thickness: float, thicker: ArrayLike = 0.0
+    ) -> Array:
+        """Compliance (..., 3, 3) of the far end relative to the near one, at the centre: axial, transverse, rotation.
+
+        thicker : (...), mm, added to all heights, as a thicker neck does.   nan where no height is left.
 
         Notes
         -----
         A Timoshenko beam of the local height: `int dx / (E A)`, `int x^2 / (E I) dx + kappa int dx / (G A)` and
         `int dx / (E I)`. A force at the centre and a moment are uncoupled for a profile symmetric about its centre.
         """
-        E, b = youngs_modulus, thickness
-        axial, bending, moment, rotation = (self._integral(n, m) for n, m in ((0, 1), (2, 3), (1, 3), (0, 3)))
-        shear = SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
-        return np.array([[axial, 0, 0], [0, 12 * bending + shear, -12 * moment], [0, -12 * moment, 12 * rotation]]) / (
-            E * b
-        )
-
-    def _integral(self, power: int, of_height: int) -> float:
-        """Integral of `x^power / height^of_height` over the length."""
         x, weights = self.quadrature
-        return float(np.sum(weights * x**power / self.height(x) ** of_height))
+        added = np.asarray(thicker, dtype=float)[..., None]
+        height = self.height(x) + np.where(added > -self.neck, added, np.nan)
+        axial, cube = np.sum(weights / height, axis=-1), height**3
+        rotation, moment, bending = (12 * np.sum(weights * x**n / cube, axis=-1) for n in range(3))
+        found = np.zeros((*axial.shape, 3, 3))
+        found[..., 0, 0], found[..., 2, 2] = axial, rotation
+        found[..., 1, 1] = bending + SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
+        found[..., 1, 2] = found[..., 2, 1] = -moment
+        return found / (youngs_modulus * thickness)
 
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:
@@ -478,6 +485,9 @@ class Tabulated(Profile):
         if np.any(np.diff(rows[:, 0]) <= SHORTEST) or np.any(rows[:, 1] <= 0):
             raise BadDimension("table", "ascending positions and heights > 0")
         object.__setattr__(self, "neck", float(rows[:, 1].min()))
+
+    def with_neck(self, neck: float) -> Tabulated:
+        return Tabulated(tuple((x, height + neck - self.neck) for x, height in self.table))
 
     @classmethod
     def of(cls, height: Callable[[Array], Array], length: float, rows: int = 129) -> Tabulated:

@@ -33,8 +33,8 @@ from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
-from flexfem.plot.fields import stress_figure
-from flexfem.plot.plate import mechanism_figure, plane_fields
+from flexfem.plot.fields import plane_fields, stress_figure
+from flexfem.plot.plate import mechanism_figure
 from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures

@@ -128,7 +128,7 @@ def inline_svg(figure: Figure, name: str) -> Markup:
 def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]:
     """Yield left, top, width and height in points from the upper left corner, and text, of all markers and bars."""
     for ax in figure.axes:
-        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel()
+        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel().replace("\n", " ")
         for line in ax.lines:
             xy = np.asarray(line.get_xydata(), dtype=float)
             if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MARKERS:

@@ -102,7 +102,7 @@ def test_a_page_of_stored_results_has_their_tables_curves_and_assumptions(tmp_pa
     shown = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells(page)]
     assert {"5.000 ± 0.017", "20.00 ± 0.12", "chain.link_width_mm"} <= {cell.removesuffix(" %") for cell in shown}
     told = re.findall(r"<rect [^>]*><title>([^<]*)</title>", page)
-    assert "one\ncommanded X (µm): 50.00\nerror in X (µm): 2.500" in told
+    assert "one\ncommanded X (µm): 50.00\nPositioning error, % of the commanded motion: 5.000" in told
 
 
 def test_the_line_that_made_a_page_is_quoted():
