@@ -320,7 +320,7 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
             questions = dict(QUESTIONS)
             if isinstance(plate, Mechanism):
                 questions |= dict(OF_MECHANISMS)
-                del questions["summary"]  # repeats numbers of stiffness, modes and reach
+                questions.pop("summary", None)  # repeats numbers of stiffness, modes and reach
             for name, question in questions.items():
                 try:
                     yield name, _by_path(question(plate).entries())

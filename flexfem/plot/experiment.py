@@ -146,8 +146,9 @@ def life_figure(found: Life) -> Figure:
         chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
         first.append(f"{model.capitalize()}: {cycles}, first at the {HINGE_NAMES[hinge]} hinge of chain {chain + 1}")
     law, *_, left_out = found.notes
+    motion = f"amplitude {settings['amplitude']} about {settings['about']}".replace(" um", f" {MICROMETRE}")
     lines = [
-        f"{settings['material']}; amplitude {settings['amplitude']} about {settings['about']}. {'. '.join(first)}.",
+        f"{settings['material']}; {motion}. {'. '.join(first)}.",
         f"{law}. {left_out[0].upper()}{left_out[1:]}; notch sensitivity {settings['notch sensitivity']:g}.",
     ]
     title = f"{found.about.name}: fatigue life of the necks"

@@ -19,7 +19,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, joint_polygon
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import stage, style
-from flexfem.plot.fields import RIGID, displaced, plane_fields
+from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, panels
 from flexfem.plot.text import significant
@@ -192,9 +192,10 @@ def load_figure(found: Result) -> Figure:
     assert isinstance(found.fields, MeshFields)
     model = found.axes["model"][-1]
     force, stress = found.at("force", model=model), found.at("hinge_stress", model=model)
+    force = np.where(np.abs(force) > ROUND_OFF * found.sizes("force")[-1], force, 0.0)
     load = zip(NAMES.values(), force.tolist(), ("N", "N", "N mm"), strict=True)
     parts = ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in load)
     worst = f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
     fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
-    title = f"{found.about.name}: stress and displacement under a load"
+    title = f"{found.about.name}: stress under a load"
     return displaced(title, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]

@@ -158,7 +158,7 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     points, values, missing, *_ = shown.cells
     known, many = np.isfinite(values), len(values) > VECTOR_DOTS
     size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
-    look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": many, "zorder": 2}
+    look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": True, "zorder": 2}
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
     entries = []
     for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
@@ -181,7 +181,7 @@ def _draw_contours(
             for label in axes.clabel(lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
                 label.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
     if heavy:
-        marks = " and ".join(f"{mark:g}{unit}" for mark in heavy)
+        marks = minus(", ".join(f"{mark:g}{unit}" for mark in heavy))
         entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {marks}"))
 
 

@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 from matplotlib.transforms import Bbox
 
+from flexfem.arrays import Array
 from flexfem.plot.text import assumption_note, significant
 from flexfem.units import Direction
 
@@ -83,6 +84,13 @@ def rendered(figure: Figure, form: str) -> bytes:
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box is drawn instead
         figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata={DATES[form]: None})
     return buffer.getvalue()
+
+
+def drawn_box(figure: Figure) -> Array:
+    """Return the corners (2, 2), in, from the lower left one of the figure, of all that is drawn."""
+    with house_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        return np.asarray(figure.get_tightbbox().get_points())
 
 
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str:

@@ -589,9 +589,17 @@ def drive(
             "engaged": np.diag(found.engaged),
         }
 
-    found = of_models(mechanism, mesh, models, values, progress)
-    labels = {"other": [actuator.name for actuator in actuators]}
-    return answer(MechanismDrive, mechanism, found, mesh, None, labels, warnings=over_yield(mechanism, found))
+    def made() -> dict[str, Array]:
+        assert mesh is not None
+        response = solved(mechanism, mesh.resolution)
+        loads = transfer(mechanism, response.compliance).force * strokes
+        return {a.name: np.tensordot(loads[:, k], response.fields[drives], 1) for k, a in enumerate(actuators)}
+
+    found, fields = of_models(mechanism, mesh, models, values, progress), None
+    if mesh is not None and not mesh.layers:
+        fields = setup.MeshFields(meshed(mechanism, mesh.resolution), made)
+    labels, warnings = {"other": [actuator.name for actuator in actuators]}, over_yield(mechanism, found)
+    return answer(MechanismDrive, mechanism, found, mesh, None, labels, warnings=warnings, fields=fields)
 
 
 def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> list[str]:

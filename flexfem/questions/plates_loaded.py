@@ -12,6 +12,7 @@ from flexfem.analytic import plates as network
 from flexfem.analytic.finite import displaced
 from flexfem.arrays import Array
 from flexfem.fem import ports as fem
+from flexfem.fem.modes import Modes
 from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
@@ -24,11 +25,12 @@ from flexfem.questions.plates import (
     answer,
     by_models,
     factorised,
+    meshed,
     model_of,
     parts_of,
     stress_by,
 )
-from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
+from flexfem.questions.setup import Mesh, MeshFields, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, SOLID, SOLVED, Gate, Progress, Quantity, Result
 
@@ -93,6 +95,7 @@ def modes(
     if engaged and not mechanism.layout.actuators:
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     count, lever = arguments.integer("count", count, 100), mechanism.layout.lever
+    kept, fields = dict[str, Modes](), None  # modes of the finest mesh, which is the last
 
     def by_network(parts: ElasticParts) -> dict[str, Array]:
         found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
@@ -103,6 +106,7 @@ def modes(
         parts = list[tuple[Array, Array]]()
         for lifting in (False, True)[: 2 if layers else 1]:
             found = fem.plate_modes(factorised(mechanism, resolution, layers, lifting), count + 1, engaged)
+            kept["found"] = found.modes
             motion = found.ports[:, :3] * ([1.0, lever, lever] if lifting else [1.0, 1.0, lever])
             parts.append((found.modes.frequencies[:count], _shares(found.modes.frequencies, motion)[:count]))
         frequency, share = map(np.concatenate, zip(*parts, strict=True))
@@ -115,7 +119,12 @@ def modes(
     if mesh is not None:
         share = answered[SOLID if solid else ELEMENTS].values["share"]
         values["share"] = share[:count]
+        shapes = kept["found"]
+        fields = MeshFields(
+            meshed(mechanism, mesh.resolution), lambda: {f"mode {k + 1}": shapes.field(k) for k in range(count)}
+        )
     if solid:
+        fields = None
         order = np.argsort(found[SOLID].values["frequency"], kind="stable")[:count]
         lifted, planar = order >= count, np.flatnonzero(order < count)
         names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
@@ -135,7 +144,7 @@ def modes(
         values["share"] = np.where(lifted[:, None], np.nan, share[order])
         values["tilt"] = np.where(lifted[:, None], share[order], np.nan)
     settings = {"actuators": drives} if mechanism.layout.actuators else {}
-    return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings)
+    return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings, fields=fields)
 
 
 def _shares(frequencies: Array, motion: Array) -> Array:
