@@ -59,6 +59,11 @@ class PlateFile(Dimensioned, Sourced):
 
     @property
     @once
+    def sources(self) -> dict[str, str | None]:
+        return super().sources
+
+    @property
+    @once
     def assumed(self) -> tuple[str, ...]:
         return super().assumed
 

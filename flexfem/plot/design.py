@@ -13,10 +13,12 @@ from matplotlib.ticker import MaxNLocator, NullFormatter
 
 from flexfem.design.result import Designed, Goal, Requirement
 from flexfem.files.refusals import shown
+from flexfem.files.toml import kind_of
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
-from flexfem.plot.plate import front_page
-from flexfem.plot.stage import plot_stage
+from flexfem.plot.plate import draw_plate, front_page
+from flexfem.plot.stage import draw_outline, fit, label_axes
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import percent, significant
 from flexfem.refused import BadInput
@@ -48,7 +50,10 @@ def design_figure(found: Designed) -> Figure:
     ]
     layout = ((10.6, 8.2), 2, 2) if found.front else ((14.0, 4.9), 1, 3)
     figure, axes = panels(layout[0], found.name, lines, *layout[1:], found)
-    titled(plot_stage(axes[0], _stage(found.stage)), "a", "designed stage")
+    plate = _plate(found.stage)
+    fit(axes[0], draw_plate(axes[0], plate) if isinstance(plate, Mechanism) else draw_outline(axes[0], plate))
+    label_axes(axes[0])
+    titled(axes[0], "a", f"designed {found.kind}")
     titled(plot_margins(axes[1], found), "b", "requirements")
     titled(plot_history(axes[2], found), "c", "search with the analytic model")
     if found.front:
@@ -56,8 +61,9 @@ def design_figure(found: Designed) -> Figure:
     return figure
 
 
-def _stage(text: str) -> Stage:
-    return Stage.model_validate(tomllib.loads(text))
+def _plate(text: str) -> Stage | Mechanism:
+    content = tomllib.loads(text)
+    return (Mechanism if kind_of(content) == Mechanism.kind else Stage).model_validate(content)
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:
@@ -143,7 +149,7 @@ def front_figure(found: Designed) -> Figure:
         values = [*(significant(x, 4) for x in point.values), *(f"{x:.5g}" for x in point.design.values())]
         rows.append([f"{number}" if point.met else f"{number}, missed", *values])
     caption = Caption(f"{found.name}: best designs", [FRONT_NOTE], found.assumed, found.not_stated)
-    return front_page(caption, partial(plot_tradeoff, found=found), [_stage(each.stage) for each in found.front], rows)
+    return front_page(caption, partial(plot_tradeoff, found=found), [_plate(each.stage) for each in found.front], rows)
 
 
 @style.in_house_style

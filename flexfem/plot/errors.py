@@ -156,9 +156,8 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
     for label in (MEASURED, CHART) if "solid" in budget.values else ():
         value, width = (float(read("solid", outside=label, direction=direction)) for read in (budget.at, budget.band))
         if np.isfinite(value):
-            width = float(np.nan_to_num(width))
-            rows.append(("effect of three dimensions", value, width))
-            rows.append(("total in three dimensions", float(total) + value, band + width))
+            rows.append(("effect of three dimensions", value, float(np.nan_to_num(width))))
+            rows += [("total in three dimensions", float(total) + value, band + width)] if width > 0 else []
             break
     start, ends, places = 0.0, [0.0], int(max(-np.floor(np.log10(band)), 0))
     for row, (name, value, width) in enumerate(rows):

@@ -155,13 +155,13 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     """Draw the deformed stage of every curve at full command, with von Mises stress and its largest value."""
     models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
-    pose = f"{NAMES[result.direction]} = {value} {command}"
+    title = f"Stress in the displaced stage, {NAMES[result.direction]} = {value} {command}"
     lines = [f"{result.name}: finite elements at the largest command, displacements"]
     if result.elements == "three_dimensional":
         lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
-    figure, axes, factor = displaced(f"Stress in the displaced stage, {pose}", lines, drawn, columns, result)
+    figure, axes, factor = displaced(title, lines, drawn, columns, result)
     for ax, (label, field) in zip(axes, drawn.items(), strict=True):
         moved, (node, hinge) = field.nodes + factor * field.displacement, largest_stress(models[label], field)
         text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"

@@ -90,9 +90,8 @@ def title_of(found: NaturalModes, number: int) -> str:
     share, hertz = found.share[number - 1], UNITS["hz"].factor
     largest = int(np.argmax(share))
     value, band = (float(hertz * values[number - 1, -1]) for values in (found.frequency, found.band("frequency")))
-    frequency = digits(value, band)
     direction = found.axes["base"][largest].replace("theta", NAMES["theta"]).replace("x", "X").replace("y", "Y")
-    mode = f"mode {found.axes['mode'][number - 1]}: {frequency} {UNITS['hz']}"
+    mode = f"mode {found.axes['mode'][number - 1]}: {digits(value, band)} {UNITS['hz']}"
     return f"{mode}\neffective mass {share[largest]:.2g} % in {direction}"
 
 

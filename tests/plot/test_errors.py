@@ -164,6 +164,10 @@ def test_numbers_have_the_digits_of_their_bands_and_three_dimensions_are_shown_w
     assert said == [*shares, "12.091 ± 0.013", "−10.67 ± 0.12", "1.42 ± 0.13"]
     text = " ".join(made.texts(waterfall))
     assert "mobility 6, paros-weisbord" in text and "a stage $x_1$: error budget" in text and "assumed" not in text
+    chart = made.budget()
+    chart.values["solid"] = np.where(np.arange(3)[:, None] == 0, chart.values["solid"], np.nan)
+    ax = budget_figure(chart).axes[0]  # a chart has no band, and then no total
+    assert [text.get_text().strip() for text in ax.texts][5:] == ["12.091 ± 0.013", "−10.53"]
     plain = budget_figure(made.budget(outside=False, assumed=("thickness_mm",)))
     assert [label.get_text() for label in plain.axes[0].get_yticklabels()][-2:] == [
         "large displacement",
