@@ -11,7 +11,7 @@ CASES := $(wildcard cases/fig*.toml)
 RESULTS := $(CASES:cases/%.toml=reports/%.json)
 STAGES := $(wildcard geometry/*.toml)
 JOINTS := $(wildcard cases/joints-*.toml)
-ACCEPTED := $(CASES) $(JOINTS) $(wildcard geometry/mobility*.toml) $(wildcard tests/baselines/studies/*.toml flexfem/data/*.json)
+ACCEPTED := $(CASES) $(JOINTS) $(STAGES) $(wildcard tests/baselines/studies/*.toml flexfem/data/*.json)
 PLOT_CODE := $(wildcard flexfem/plot/*.py)
 OTHER_CODE := $(wildcard flexfem/study/*.py flexfem/commands/*.py)
 MODEL_CODE := $(filter-out $(PLOT_CODE) $(OTHER_CODE),$(wildcard flexfem/*.py flexfem/*/*.py flexfem/*/*/*.py))
@@ -82,7 +82,7 @@ claims: $(SETUP) ## measure the paper's claims and other possible causes of its 
 validation: $(TEST_SETUP) ## compare with published problems and other solvers, into reports/verification-manual.md
 	@$(BIN)/python -m tests.validation.manual
 
-regression: $(SETUP) ## compare the computed numbers with the accepted ones in tests/baselines (a minute)
+regression: $(SETUP) ## compare the computed numbers with the accepted ones in tests/baselines (two minutes)
 	@$(FLEXFEM) regression tests/baselines
 
 baselines: $(SETUP) ## accept the present numbers, with make baselines REASON="why"

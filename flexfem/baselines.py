@@ -1,7 +1,7 @@
 """Baselines: accepted numbers of input files, and the comparison of new numbers with them.
 
-A stage and a case are also solved on a mesh that is stored beside the baseline. When these numbers are unchanged and
-others move, the mesh generator has changed and not the solver.
+A stage, a mechanism and a case are also solved on a mesh that is stored beside the baseline. When these numbers are
+unchanged and others move, the mesh generator has changed and not the solver.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from operator import methodcaller
@@ -21,14 +21,21 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.arrays import Array
 from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
+from flexfem.fem.plate_mesh import mesh_layout
+from flexfem.fem.ports import plate_response
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.hinges.strength import Basquin
+from flexfem.mechanism.mechanism import Mechanism, load_plate
+from flexfem.mechanism.plate import components, plate_area
+from flexfem.mechanism.stage import Stage
+from flexfem.questions import plates
 from flexfem.questions.bands import levels
 from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
@@ -61,7 +68,7 @@ COARSER_TABLE = 3e-4  # for other columns
 Numbers: TypeAlias = dict[str, Number]  # by path
 
 
-QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; questions that do not apply are omitted
+QUESTIONS: tuple[tuple[str, Callable[[Any], Result]], ...] = (  # of a stage; those that do not apply are omitted
     ("paper", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(formula=DEFAULT_FORMULA))),
     ("links", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(21, CALIBRATED, True))),
     ("stiffness", lambda stage: stiffness(stage, force=FORCE)),
@@ -75,6 +82,13 @@ QUESTIONS: tuple[tuple[str, Callable[[Stage], Result]], ...] = (  # of a stage; 
     ("gravity", gravity),
     ("budget", lambda stage: budget(stage, plane=True)),
     ("convergence", lambda stage: converge(stage, resolutions=[*levels(RESOLUTION)])),
+)
+OF_MECHANISMS: tuple[tuple[str, Callable[[Any], Result]], ...] = (  # beside those, or instead of them
+    ("drive", drive),
+    ("modes", lambda mechanism: modes(mechanism, resolution=4)),
+    ("large", lambda mechanism: large(mechanism, amplitude=0.2)),
+    ("life", lambda mechanism: life(mechanism, amplitude=AMPLITUDE, law=Basquin(900.0, -0.1))),
+    ("errors", plates.verification),
 )
 
 
@@ -126,7 +140,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
     Parameters
     ----------
     *files : Path
-        Stages, cases, studies, and charts of flexfem itself.
+        Stages, mechanisms, cases, studies, and charts of flexfem itself.
     reason : str
         Why numbers may move; stored in the history of each baseline.
     baselines : Path, optional
@@ -234,7 +248,8 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
             if not math.isclose(one.value, before, rel_tol=0.0, abs_tol=one.accepted):
                 moved = f"moved {one.value - before:+.3g}, accepted {one.accepted:.2g}"
                 yield f"{place} was {before:.15g}, is {one.value:.15g}, {moved}"
-            accepted = one.accepted_band + one.accepted
+            larger = max(1.0, bands[0] / one.band) if bands and one.band > 0 else 1.0
+            accepted = one.accepted_band * larger + one.accepted
             if bands and not np.isnan(one.band) and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted):
                 yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}, accepted {one.accepted_band:.2g}"
         # round-off decides which of equal stresses has the band, so bands are compared by quantity
@@ -266,8 +281,8 @@ def kind_of(path: Path) -> str:
     if path.suffix == ".json" and path.resolve().parent == DATA.resolve():
         return "chart"
     kind = (kind_of_toml(read_toml(path).data) or "").removesuffix(" file")
-    if kind not in ("stage", "case", "study"):
-        raise BadInput(f"{path}: expected a stage, a case, a study, or a chart of flexfem itself")
+    if kind not in ("stage", "mechanism", "case", "study"):
+        raise BadInput(f"{path}: expected a stage, a mechanism, a case, a study, or a chart of flexfem itself")
     return kind
 
 
@@ -300,14 +315,18 @@ def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str 
 def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput, ComputationFailed."""
     match kind_of(path):
-        case "stage":
-            stage = load_feasible(path)
-            for name, question in QUESTIONS:
+        case "stage" | "mechanism":
+            plate = load_plate(path)
+            questions = dict(QUESTIONS)
+            if isinstance(plate, Mechanism):
+                questions |= dict(OF_MECHANISMS)
+                questions.pop("summary", None)  # repeats numbers of stiffness, modes and reach
+            for name, question in questions.items():
                 try:
-                    yield name, _by_path(question(stage).entries())
-                except BadInput:  # the question does not apply to the stage
+                    yield name, _by_path(question(plate).entries())
+                except BadInput:  # the question does not apply to the plate
                     continue
-            yield "mesh", kept(stage, path, folder)
+            yield "mesh", kept(plate, path, folder)
         case "case":
             loaded = LoadedCase(path)
             yield "errors", _by_path(run_case(loaded).entries())
@@ -331,27 +350,54 @@ def _number(path: str, value: float, accepted: float) -> Number:
     return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
-def kept(stage: Stage, path: Path, folder: Path) -> Numbers:
+class Meshable(NamedTuple):
+    """What a stored mesh needs: how it is made, its area, mm^2, its pieces, the ports, and the compliance (k, k)."""
+
+    made: Callable[[int], StageMesh]
+    drawn: float
+    pieces: int
+    ports: Sequence[str]
+    compliance: Callable[[StageMesh], Array]
+
+
+def meshable(plate: Stage | Mechanism) -> Meshable:
+    """Return what the stored mesh of a stage or mechanism needs."""
+    if isinstance(plate, Stage):
+        of_hub = lambda mesh: platform_response(mesh, plate_of(plate)).compliance  # noqa: E731
+        return Meshable(lambda level: build_mesh(plate, level), drawn_area(plate), 1, DIRECTIONS, of_hub)
+    layout = plate.layout
+    return Meshable(
+        lambda level: mesh_layout(layout, level),
+        plate_area(layout),
+        len([*components(layout)]),
+        [port.label for port in layout.ports],
+        lambda mesh: plate_response(layout, mesh).compliance,
+    )
+
+
+def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
     """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it is damaged."""
-    place = folder / f"{path.stem}-{stage.hash[:8]}.npz"
+    place, of = folder / f"{path.stem}-{plate.hash[:8]}.npz", meshable(plate)
     if not place.exists():
-        made = build_mesh(stage, COARSE)
+        made = of.made(COARSE)
         arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {"nodes": made.nodes}
-        arrays |= {"triangles": made.triangles.astype(np.int32), "bodies": made.bodies.astype(np.int8)}
+        arrays |= {"triangles": made.triangles.astype(np.int32), "bodies": made.bodies.astype(np.int16)}
         write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
     held = read_arrays(place, "a stored mesh")
     try:
         edges = {name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")}
         bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))
         mesh = StageMesh(held["nodes"], triangles, bodies, edges)
-        check_triangles(mesh, drawn_area(stage))
+        check_triangles(mesh, of.drawn, of.pieces)
+        C = of.compliance(mesh)
     except (KeyError, IndexError, ValueError, ComputationFailed) as error:
-        raise BadInput(f"{place}: not a mesh of the stage {path}: {error}") from None
-    C = platform_response(mesh, plate_of(stage)).compliance
+        raise BadInput(f"{place}: not a mesh of {path}: {error}") from None
     size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
     return _by_path(
-        _number(f"compliance.{DIRECTIONS[i]}.{DIRECTIONS[j]}", float(C[i, j]), ON_KEPT * float(size[i, j]))
-        for i, j in np.ndindex(3, 3)
+        _number(
+            f"compliance.{of.ports[i]}.{of.ports[j]}".replace(" ", "_"), float(C[i, j]), ON_KEPT * float(size[i, j])
+        )
+        for i, j in np.ndindex(C.shape)
     )
 
 

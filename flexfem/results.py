@@ -255,6 +255,11 @@ class Result:
         array = arrays[quantity] if quantity in arrays else np.full_like(self.values[quantity], np.nan)
         return np.asarray(array[place])
 
+    def texts(self, quantity: str, **labels: str) -> list[str]:
+        """Return cells of a table: the values at labels of some axes, each with band and unit, one for each column."""
+        one, places = self.quantities[quantity], [self.axes[axis].index(label) for axis, label in labels.items()]
+        return [self._cell(one, at, False, True) for at in self._shown(one, tuple(labels), places)]
+
     def entries(self) -> Iterator[Number]:
         """Yield all numbers with their paths `quantity.label.label`; blanks in labels become underscores."""
         for name, values in self.values.items():

@@ -97,7 +97,7 @@ FORMATS = {
     "necks": Format(
         Necks,
         "Measured necks",
-        "The nine necks as measured, for `flexfem as-built`, which also reads a CSV file.",
+        "The necks of a stage or mechanism as measured, for `flexfem as-built`, which also reads a CSV file.",
     ),
     "mechanism": Format(
         Mechanism,

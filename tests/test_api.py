@@ -39,6 +39,27 @@ def stage():
     return with_changes({"override": [{"chain": 3, "hinge": "elbow", "neck_mm": 0.55}]}).replace(axis={"base": 3.1})
 
 
+@pytest.mark.slow
+def test_type_checkers_know_the_result_of_a_question_about_a_mechanism_and_about_a_stage(tmp_path):
+    from mypy import api
+
+    lines = [
+        "import flexfem",
+        "from typing import assert_type",
+        "from flexfem.questions.plates import MechanismDrive",
+        "from flexfem.questions.modes import NaturalModes",
+        "def asked(mechanism: flexfem.Mechanism, stage: flexfem.Stage) -> None:",
+        "    assert_type(flexfem.drive(mechanism, layers=3), MechanismDrive)",
+        "    assert_type(flexfem.modes(stage=stage, count=3), NaturalModes)",
+        "    flexfem.stiffness(3)",
+        "    flexfem.gravity(mechanism, angel=3.0)",
+    ]
+    (tmp_path / "asked.py").write_text("\n".join(lines))
+    said, _, _ = api.run(["--strict", f"--config-file={ROOT / 'pyproject.toml'}", str(tmp_path / "asked.py")])
+    errors = [line for line in said.splitlines() if "error:" in line]
+    assert [line.split(":")[1] for line in errors[:2]] == ["8", "9"] and "Unexpected keyword" in errors[1], said
+
+
 def test_import_and_names_load_nothing_that_computes():
     script = (
         "import sys, flexfem; assert flexfem.__version__ and not {'numpy', 'pydantic'} & set(sys.modules)\n"

@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from flexfem import baselines
+from flexfem.analytic.plates import hinge_compliance_of
 from flexfem.baselines import baseline, check, inputs_of, kept, kind_of, read, regression
+from flexfem.fem.ports import plate_of_layout
 from flexfem.mechanism.stage import load_feasible
 from flexfem.questions.stiffness import stiffness
 from flexfem.refused import BadInput
@@ -75,8 +77,33 @@ def test_a_kept_mesh_that_is_not_of_the_stage_is_refused(accepted):
     with np.load(mesh) as held:
         arrays = dict(held)
     np.savez(mesh, **arrays | {"nodes": arrays["nodes"] * 1.01})
-    with pytest.raises(BadInput, match="not a mesh of the stage"):
+    with pytest.raises(BadInput, match="not a mesh of"):
         kept(stage, path, made.parent)
+
+
+def test_a_thousandth_in_a_hinge_or_in_the_modulus_moves_the_numbers_of_a_mechanism(project, monkeypatch, tmp_path):
+    monkeypatch.setattr(baselines, "QUESTIONS", (("rest", lambda plate: stiffness(plate, models="analytic")),))
+    monkeypatch.setattr(baselines, "OF_MECHANISMS", ())
+    (made,) = baseline(project.path("geometry/parallelogram.toml"), reason="first", baselines=tmp_path / "kept")
+    assert check(made) == [] and read(made)["kind"] == "mechanism" and list(made.parent.glob("parallelogram-*.npz"))
+
+    def softer(*profile_and_plate):
+        return 1.001 * hinge_compliance_of(*profile_and_plate)
+
+    def stiffer(layout, layers=None):
+        return plate_of_layout(layout._replace(youngs_modulus=1.001 * layout.youngs_modulus), layers)
+
+    with monkeypatch.context() as planted:
+        planted.setattr("flexfem.analytic.plates.hinge_compliance_of", softer)
+        said = check(made)
+    (line,) = (each for each in said if "rest.stiffness.analytic.theta.theta was" in each)
+    before, after = (float(line.split(word)[1].split(",")[0]) for word in ("was ", "is "))
+    assert after / before == pytest.approx(1 / 1.001, rel=1e-9) and all(": rest." in each for each in said)
+    with monkeypatch.context() as planted:
+        planted.setattr("flexfem.fem.ports.plate_of_layout", stiffer)
+        said = check(made)
+    assert said[0].startswith("parallelogram: mesh.compliance.output_x.output_x was ")
+    assert all(": mesh." in each for each in said)
 
 
 def test_a_file_without_a_baseline_beside_others_is_named(accepted, project):
@@ -113,7 +140,7 @@ def test_a_reason_is_asked_for_and_kept(accepted):
 def test_files_that_have_no_numbers_are_refused(project):
     other = project.path("geometry/mobility6.toml").with_name("other.toml")
     other.write_text("a = 1\n")
-    with pytest.raises(BadInput, match="expected a stage, a case, a study"):
+    with pytest.raises(BadInput, match="expected a stage, a mechanism, a case, a study"):
         kind_of(other)
 
 

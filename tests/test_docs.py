@@ -17,6 +17,7 @@ from pathlib import Path
 
 import pytest
 
+from flexfem import load
 from flexfem.design.requirements import load_requirements
 from flexfem.files.writing import digest
 from flexfem.mechanism.stage import load_stage
@@ -50,9 +51,9 @@ def now(source):
     if name.startswith("cases/design-"):
         found = load_requirements(ROOT / name)
         asked = found.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
-        return digest([asked, found.stage.model_dump(mode="json", exclude={"name", "provenance"})])[:16]
+        return digest([asked, found.base.model_dump(mode="json", exclude={"name", "provenance"})])[:16]
     if not path:
-        return (load_study if "study-" in name else load_stage)(ROOT / name).hash[:16]
+        return (load_study if "study-" in name else load)(ROOT / name).hash[:16]
     question, _, key = path.partition(".")
     return accepted(name)[question][key][0]
 

@@ -7,7 +7,9 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pytest
 
+import flexfem
 from flexfem.analytic.model import analyse
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.budget import CHART, SHARES
@@ -98,3 +100,22 @@ def test_the_sizes_of_the_reference_meshes_are_those_solved():
     found = re.search(r"reference stages \((\d+),(\d+) and (\d+),(\d+) unknowns\)", PAGES)
     unknowns = [accepted(name)["convergence"]["unknowns.8_across_a_neck"][0] for name in ("mobility6", "mobility3")]
     assert [int("".join(found.group(k, k + 1))) for k in (1, 3)] == unknowns
+
+
+@pytest.mark.slow
+def test_the_answers_for_the_xy_stage_are_those_of_the_commands(tmp_path):
+    flexfem.new_stage(tmp_path / "mine.toml", kind="xy-stage")
+    mechanism = flexfem.load(tmp_path / "mine.toml")
+    stiffness, reach, modes = (ask(mechanism) for ask in (flexfem.stiffness, flexfem.reach, flexfem.modes))
+    at_rest = {"free": 1.0, "stress": 1e-3, "yield_range": 1.0}
+    asked = [(stiffness, name, factor, {"direction": "x"}) for name, factor in at_rest.items()]
+    asked += [(reach, "ends", 1e3, {"others": "free", "end": "high", "direction": "x"})]
+    asked += [(modes, "frequency", 0.5 / np.pi, {"mode": "1"})]
+    rows = table("| quantity | command | analytic model | finite elements |")
+    for (of, name, factor, at), (_, _, analytic, elements) in zip(asked, rows, strict=True):
+        value = {model: factor * of.at(name, model=model, **at) for model in ("analytic", "finite elements")}
+        require_shown(re.findall(NUMBER, analytic), [float(np.max(value["analytic"]))])
+        band = factor * of.band(name, model="finite elements", **at)
+        largest = np.argmax(value["finite elements"])
+        shown = [float(np.ravel(each)[largest]) for each in (value["finite elements"], band)]
+        require_shown(re.findall(NUMBER, elements), shown)

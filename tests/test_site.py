@@ -20,7 +20,7 @@ from flexfem import baselines
 
 ROOT = Path(__file__).parent.parent
 THEORY = (ROOT / "docs/theory.md").read_text()
-API = (ROOT / "docs/api.md").read_text()
+API = "".join(page.read_text() for page in (ROOT / "docs/api").glob("*.md"))
 EXAMPLES = sorted(set((ROOT / "examples").glob("*.py")) - {ROOT / "examples/claims.py"})
 
 

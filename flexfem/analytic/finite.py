@@ -86,16 +86,16 @@ class _Plate:
     The nodes at the ends of a hinge move with its bodies; those at the ground have the three numbers after the last.
     """
 
-    def __init__(self, layout: Layout, beams: int, engaged: bool) -> None:
+    def __init__(self, layout: Layout, engaged: bool) -> None:
         moving, count = moving_bodies(layout), len(layout.joints)
         material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
-        marks = {profile: divided_profile(profile, beams) for profile in {joint.profile for joint in layout.joints}}
+        marks = {profile: divided_profile(profile, BEAMS) for profile in {joint.profile for joint in layout.joints}}
         stiff = {profile: beam_stiffness(profile, at, *material) for profile, at in marks.items()}
-        self.beams, self.lengths = beams, np.array([joint.profile.length for joint in layout.joints])
-        self.size = 3 * len(moving) + 3 * count * (beams - 1)
+        self.lengths = np.array([joint.profile.length for joint in layout.joints])
+        self.size = 3 * len(moving) + 3 * count * (BEAMS - 1)
         place = np.array([joint.place + np.exp(1j * joint.heading) * marks[joint.profile] for joint in layout.joints])
-        column, bodies = np.full((count, beams + 1), self.size), {body: 3 * i for i, body in enumerate(moving)}
-        column[:, 1:-1] = 3 * len(moving) + 3 * np.arange(count * (beams - 1)).reshape(count, -1)
+        column, bodies = np.full((count, BEAMS + 1), self.size), {body: 3 * i for i, body in enumerate(moving)}
+        column[:, 1:-1] = 3 * len(moving) + 3 * np.arange(count * (BEAMS - 1)).reshape(count, -1)
         column[:, [0, -1]] = [[bodies.get(body, self.size) for body in joint.bodies] for joint in layout.joints]
         self.column, self.arm = column, np.zeros_like(place)  # of the nodes, from the reference points of their bodies
         centre = np.zeros(self.size // 3 + 1, dtype=complex)
@@ -186,18 +186,17 @@ class _Plate:
         return None
 
 
-def displaced(layout: Layout, loads: Array, engaged: bool = False, beams: int = BEAMS) -> FiniteResponse:
+def displaced(layout: Layout, loads: Array, engaged: bool = False) -> FiniteResponse:
     """Return the equilibria under dead loads (s, k) on the ports, N and N mm, followed one from the other.
 
     engaged : actuators act as springs, too: the load of one with a free stroke is its stiffness times the stroke.
-    beams : number for every hinge.
 
     Raises
     ------
     ComputationFailed: a body can move without load, or there is no equilibrium near the one before: the mechanism
         buckles, or a load is far too large.
     """
-    plate, found = _Plate(layout, beams, engaged), list[tuple[Array, Array, Array, bool]]()
+    plate, found = _Plate(layout, engaged), list[tuple[Array, Array, Array, bool]]()
     q, f = np.zeros(plate.size), np.zeros(plate.ports)
     for number, target in enumerate(np.asarray(loads, dtype=float)):
         done, share = 0.0, 1.0
@@ -209,9 +208,9 @@ def displaced(layout: Layout, loads: Array, engaged: bool = False, beams: int = 
                 raise ComputationFailed(f"no equilibrium beyond {done:.3g} of load {number + 1}: it is too large")
         f = target
         state, P, _, K = plate.tangent(q, f)
-        ends = state.forces.reshape(-1, beams, 3)
+        ends = state.forces.reshape(-1, BEAMS, 3)
         near, far = -ends[:, 0, 1], ends[:, -1, 2]
-        tension = ends[:, (beams - 1) // 2 : beams // 2 + 1, 0].mean(axis=1)
+        tension = ends[:, (BEAMS - 1) // 2 : BEAMS // 2 + 1, 0].mean(axis=1)
         wrenches = np.stack([tension, (near - far) / plate.lengths, (near + far) / 2], axis=1)
         stable = bool(np.linalg.eigvalsh(K)[0] > 0)
         found.append((plate.loads(q)[0], P.T @ np.linalg.solve(K, P), wrenches, stable))

@@ -26,7 +26,7 @@ from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
 from flexfem.mechanism.plate import cuts_of
 from flexfem.mechanism.profiles import Profile
-from flexfem.refused import ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 
 ACROSS = np.polynomial.legendre.leggauss(2)  # over the height of a hinge
 SLIVER = 1e-12  # mm^2; what remains of coincident edges of two polygons may have no length at all
@@ -36,11 +36,11 @@ STILL = (
 
 
 class NetworkResponse(NamedTuple):
-    """Response to unit loads on k ports.
+    """Response to unit loads on k ports, of designs (...) with different hinges.
 
-    compliance : (k, k), displacements of the ports (rows), mm or rad per N or N mm; further columns are other cases.
-    wrenches : (h, 3, k), tension N, transverse force V and moment M at the centre of each hinge, in its axes, on its
-        end at the second body. The tension of a section is N; its moment, at x from the centre, is `M - x V`.
+    compliance : (..., k, k), displacements of ports (rows), mm or rad per N or N mm; further columns are other cases.
+    wrenches : (..., h, 3, k), tension N, transverse force V and moment M at the centre of each hinge, in its axes, on
+        its end at the second body. The tension of a section is N; its moment, at x from the centre, is `M - x V`.
     """
 
     compliance: Array
@@ -61,7 +61,7 @@ class PlateNetwork(NamedTuple):
     """Matrices of the network of h hinges, m moving bodies and k ports; symbols as in the module's text.
 
     moving : index of each of the m bodies.
-    G : (3 h, 3 m).   A : (3 h, 3 h).   P : (3 m, k).   B : (3 h, k).   D : (k, k).
+    G : (3 h, 3 m).   A : (..., 3 h, 3 h).   P : (3 m, k).   B : (3 h, k).   D : (k, k).
     """
 
     moving: tuple[int, ...]
@@ -72,8 +72,9 @@ class PlateNetwork(NamedTuple):
     D: Array
 
     def solve(self, F: Array, openings: Array) -> tuple[Array, Array]:
-        """Return twists (3 m, n) and wrenches (3 h, n) under loads (3 m, n) on bodies and openings (3 h, n)."""
-        U, w = np.zeros((self.G.shape[1], F.shape[1])), np.zeros((len(self.G), F.shape[1]))
+        """Return twists (..., 3 m, n), wrenches (..., 3 h, n) under loads (3 m, n) on bodies, openings (3 h, n)."""
+        designs = self.A.shape[:-2]
+        U, w = np.zeros((*designs, self.G.shape[1], F.shape[1])), np.zeros((*designs, len(self.G), F.shape[1]))
         by_motion = np.linalg.solve(self.A, self.G)
         for _ in range(2):  # the second removes the round-off of stiff hinges in series with compliant ones
             by_opening = np.linalg.solve(self.A, openings - self.G @ U + self.A @ w)
@@ -128,19 +129,23 @@ def network_of_plate(
 ) -> PlateNetwork:
     """Return the network of a layout with loads on `ports`; other than `bodies` are rigid.
 
-    hinges : (h, 3, 3), compliances at their centres in their axes; by default `Profile.compliance`.
+    hinges : (..., h, 3, 3), compliances at their centres in their axes, of several designs for A (..., 3 h, 3 h); by
+        default `Profile.compliance`.
 
-    Raises ComputationFailed as `moving_bodies`.
+    Raises ComputationFailed as `moving_bodies`, BadInput without hinges.
     """
+    if not layout.joints:
+        raise BadInput("no [[hinge]], which the analytic models need, expected models 'elements'")
     moving, k, h = moving_bodies(layout), len(ports), len(layout.joints)
     column = {body: 3 * i for i, body in enumerate(moving)}
-    G, A, P = np.zeros((3 * h, 3 * len(moving))), np.zeros((3 * h, 3 * h)), np.zeros((3 * len(moving), k))
+    designs = () if hinges is None else hinges.shape[:-3]
+    G, A, P = np.zeros((3 * h, 3 * len(moving))), np.zeros((*designs, 3 * h, 3 * h)), np.zeros((3 * len(moving), k))
     B, D = np.zeros((3 * h, k)), np.zeros((k, k))
     material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
     axes = [to_axes(joint.place, joint.heading) for joint in layout.joints]
     for row, joint in enumerate(layout.joints):
         at = slice(3 * row, 3 * row + 3)
-        A[at, at] = hinge_compliance_of(joint.profile, *material) if hinges is None else hinges[row]
+        A[..., at, at] = hinge_compliance_of(joint.profile, *material) if hinges is None else hinges[..., row, :, :]
         for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
             if body in column:
                 G[at, column[body] : column[body] + 3] += sign * axes[row]
@@ -175,7 +180,8 @@ def respond(
     """
     net = network_of_plate(layout, layout.ports if ports is None else ports, bodies, hinges)
     U, w = net.solve(net.P, net.B)
-    return NetworkResponse(net.P.T @ U + net.B.T @ w + net.D, w.reshape(len(layout.joints), 3, -1))
+    wrenches = w.reshape(*w.shape[:-2], len(layout.joints), 3, -1)
+    return NetworkResponse(net.P.T @ U + net.B.T @ w + net.D, wrenches)
 
 
 def warmed(
@@ -183,7 +189,6 @@ def warmed(
     expansion: float,
     ground: float,
     bodies: Sequence[ElasticBody] = (),
-    engaged: bool = False,
     hinges: Array | None = None,
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
@@ -229,16 +234,7 @@ def warmed(
             if patch.body in clamps:
                 mean += to_axes(patch.point, 0.0) @ clamps[patch.body]
             motions[j] += np.array(wrench) @ mean
-    wrenches = w.reshape(-1, 3, 3)
-    if engaged and layout.actuators:
-        response = respond(layout, bodies, hinges=hinges)
-        whole = NetworkResponse(
-            *(np.concatenate(parts, axis=-1) for parts in zip(response, (motions, wrenches), strict=True))
-        )
-        motions, wrenches = (
-            part[..., -3:] for part in whole.engaged(layout.drive_ports, layout.stiffness_of_actuators)
-        )
-    return motions, wrenches
+    return motions, w.reshape(-1, 3, 3)
 
 
 def _mean_expansion(layout: Layout, patch: Patch) -> Array:
@@ -325,14 +321,11 @@ def inertia(layout: Layout) -> tuple[tuple[Port, ...], Array]:
 
 
 def _with_masses(
-    layout: Layout, bodies: Sequence[ElasticBody], engaged: bool, hinges: Array | None
+    layout: Layout, bodies: Sequence[ElasticBody], hinges: Array | None
 ) -> tuple[NetworkResponse, tuple[Port, ...], Array]:
     """Response to loads on the k ports of the layout, then on those of its masses; `inertia` of the layout."""
     ports, M = inertia(layout)
-    response = respond(layout, bodies, (*layout.ports, *ports), hinges)
-    if engaged and layout.actuators:
-        response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
-    return response, ports, M
+    return respond(layout, bodies, (*layout.ports, *ports), hinges), ports, M
 
 
 def modes(
@@ -342,7 +335,9 @@ def modes(
 
     The mass of elastic bodies moves with their mean motion; that of clamped bodies is neglected.
     """
-    response, _, M = _with_masses(layout, bodies, engaged, hinges)
+    response, _, M = _with_masses(layout, bodies, hinges)
+    if engaged and layout.actuators:
+        response = response.engaged(layout.drive_ports, layout.stiffness_of_actuators)
     k, L = len(layout.ports), np.linalg.cholesky(M)
     values, vectors = np.linalg.eigh(L.T @ response.compliance[k:, k:] @ L)
     values, vectors = values[::-1], vectors[:, ::-1]
@@ -353,14 +348,10 @@ def modes(
 
 
 def weighed(
-    layout: Layout,
-    accelerations: Array,
-    bodies: Sequence[ElasticBody] = (),
-    engaged: bool = False,
-    hinges: Array | None = None,
+    layout: Layout, accelerations: Array, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
 ) -> tuple[Array, Array]:
     """Return motions (k, c) of the ports and wrenches (h, 3, c) of the hinges by accelerations (c, 2), mm/s^2."""
-    response, ports, M = _with_masses(layout, bodies, engaged, hinges)
+    response, ports, M = _with_masses(layout, bodies, hinges)
     k = len(layout.ports)
     forces = M @ np.array([port.parts[0][1][:2] for port in ports]) @ np.asarray(accelerations).T
     return response.compliance[:k, k:] @ forces, response.wrenches[:, :, k:] @ forces

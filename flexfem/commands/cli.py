@@ -129,7 +129,7 @@ def design(
     workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="Processes for finite elements.")] = 1,
     json: Json = False,
 ) -> None:
-    """Find the best stage that meets requirements, and check it by finite elements; exit code 1 if none does."""
+    """Find the best stage or mechanism for requirements, checked by finite elements; exit code 1 if none meets them."""
     os.environ.update(ONE_THREAD)  # before the import of numpy: threads change the last bits of results
     from flexfem.design.run import run_design
 

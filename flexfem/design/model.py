@@ -18,10 +18,11 @@ from flexfem.design.scatter import REFUSED, NeckScatter
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
-from flexfem.study.answer import answer_designs
-from flexfem.study.columns import ERRORS, STIFFNESSES
+from flexfem.study.answer import answer_designs, joined
+from flexfem.study.columns import ERRORS, STIFFNESSES, Rows
 from flexfem.study.factors import Column
 from flexfem.study.loaded import designs_of, evaluated, stage_of
 from flexfem.units import UNITS
@@ -140,6 +141,7 @@ class Model:
     soft: int | None = None
     counts: Counter[str] = field(default_factory=Counter)
     say: Say = silent
+    known: dict[bytes, Rows] = field(default_factory=dict)  # rows of mechanisms, which take 20 ms each
 
     def __post_init__(self) -> None:
         requirements = self.loaded.requirements
@@ -166,11 +168,12 @@ class Model:
     def columns(self, values: Array) -> tuple[dict[str, Array], AnyArray]:
         """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for designs without any."""
         study, requirements = self.loaded.study, self.loaded.requirements
-        self.counts["analytic"] += len(values)
-        rows = answer_designs(study, values)
+        rows = self._rows(values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
         columns = dict(zip(study.outputs, rows.values.T, strict=True))
         columns |= {column.name: values[:, k] for k, column in enumerate(study.columns)}
+        if isinstance(self.loaded.base, Mechanism):
+            return columns, reason
         with np.errstate(all="ignore"):
             designs = designs_of(study, values)
             if requirements.used & {*MASS}:
@@ -184,6 +187,18 @@ class Model:
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
                 columns |= dict(zip(SCATTERED, couplings.T, strict=True))
         return columns, reason
+
+    def _rows(self, values: Array) -> Rows:
+        """Return the rows of designs (n, d) by the analytic model; those of a mechanism are kept."""
+        if not isinstance(self.loaded.base, Mechanism):
+            self.counts["analytic"] += len(values)
+            return answer_designs(self.loaded.study, values)
+        names = [row.tobytes() for row in np.ascontiguousarray(values)]
+        for name, row in zip(names, values, strict=True):
+            if name not in self.known:
+                self.counts["analytic"] += 1
+                self.known[name] = answer_designs(self.loaded.study, row[None])
+        return joined(self.loaded.study, [self.known[name] for name in names])
 
     def _masses(self, values: Array, reason: AnyArray) -> Array:
         """Return the masses (n,), kg, of the drawn stages; write why a design cannot be drawn to `reason` (n,)."""
@@ -255,6 +270,8 @@ class Model:
 
     def drawable(self, values: Array) -> bool:
         """Return whether a design (d,) can be drawn, without overlap of its bodies."""
+        if isinstance(self.loaded.base, Mechanism):  # each with a result is drawn
+            return True
         self.counts["drawn"] += 1
         try:
             check_feasible(stage_of(self.loaded.study, values))
@@ -263,10 +280,13 @@ class Model:
         return True
 
     def constraints(self, values: Array, quantities: Array) -> Array:
-        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, and gaps over the link width."""
+        """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, gaps over the link width."""
         low, high = self.ends
         q = quantities[:, self.objectives :]
         ends = [((q - low) / self.sizes)[:, np.isfinite(low)], ((high - q) / self.sizes)[:, np.isfinite(high)]]
+        ends.append(self.margins(quantities)[:, len(self.sizes) :])
+        if isinstance(self.loaded.base, Mechanism):
+            return np.hstack(ends)
         with np.errstate(all="ignore"):
             designs = designs_of(self.loaded.study, values)
             checks = conditions(designs)
@@ -275,7 +295,7 @@ class Model:
                 for word in ("notch", "covers", "closer", "hub larger")
             )
             gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]
-        return np.hstack([*ends, self.margins(quantities)[:, len(self.sizes) :], gaps])
+        return np.hstack([*ends, gaps])
 
 
 def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:

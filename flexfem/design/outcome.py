@@ -20,21 +20,24 @@ from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, one_line, path_of
 from flexfem.files.toml import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
+from flexfem.questions.plates import sharp_roots
 from flexfem.results import versions
 from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, with_warnings
 from flexfem.study.factors import Factor, columns_of
-from flexfem.study.findings import non_dominated
-from flexfem.study.loaded import stage_of
+from flexfem.study.findings import factor, non_dominated
+from flexfem.study.loaded import plate_of, stage_of
 from flexfem.units import unit_of
 
 PLANE_ALONE = {
     *outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS, *outputs.FREQUENCIES, *outputs.ERRORS,
     *outputs.CROSSES, *outputs.BANDS,
 }  # fmt: skip
+DISTANT = 0.2  # gap between the models above which one correction may not hold in all ranges
 SHOWN = 200  # steps of a history
 ACTIVE = 1e-3  # largest relative margin of an active requirement, at the optimum without steps
 END = 1e-4  # of a range within which a dimension is at its end
@@ -74,6 +77,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         seed=required.seed,
         accuracy_percent=required.accuracy_percent,
         design=space.named(last.values),
+        units={column.name: factor(column).unit for column in loaded.columns},
         relaxed=space.named(best.relaxed),
         stage=stage.to_toml(),
         feasible=feasible,
@@ -101,9 +105,9 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     )
 
 
-def designed_stage(loaded: LoadedRequirements, values: Array) -> Stage:
-    """Return the stage of a design (d,); the provenance of its free dimensions is the design, else that of the base."""
-    base, stage, required = loaded.stage, stage_of(loaded.study, values), loaded.requirements
+def designed_stage(loaded: LoadedRequirements, values: Array) -> Stage | Mechanism:
+    """Return the plate of a design (d,); the provenance of its free dimensions is the design, else that of the base."""
+    base, stage, required = loaded.base, plate_of(loaded.study, values), loaded.requirements
     source = f"designed: {required.name}, seed {required.seed}"
     sources, members = dict(base.provenance), dict[str, list[int]]()
     for path in (path for column in loaded.columns for path in column.keys):
@@ -334,6 +338,11 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
         if 100 * last.gap <= required.accuracy_percent:
             still = "a requirement is still not met with its band, or within it where no room is left"
         warnings.append(f"after {len(rounds)} rounds {still}")
+    if isinstance(loaded.base, Mechanism):
+        if rounds[0].proof.gap > DISTANT:
+            far = f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the first round"
+            warnings.append(f"{far}: designs in other parts of the ranges may be better")
+        return [*warnings, *sharp_roots(loaded.base.layout)]
     row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
     reason = str(with_warnings(loaded.study, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []
@@ -351,7 +360,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
     return warnings
 
 
-def assumptions_of(loaded: LoadedRequirements, stage: Stage) -> tuple[list[str], list[str]]:
+def assumptions_of(loaded: LoadedRequirements, stage: Stage | Mechanism) -> tuple[list[str], list[str]]:
     """Return the key paths, of the stage and of the requirements, that are assumed, and those without a source."""
     required, study = loaded.requirements, replace(loaded.study, base=stage)
     of_file = [key for key, source in required.provenance.items() if is_assumed(source)], required.not_stated

@@ -6,6 +6,7 @@ Space mapping: Bandler et al., IEEE Trans. Microwave Theory Tech. 52 (2004) 337-
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
@@ -24,17 +25,20 @@ from flexfem.design.search import BestDesign, optimum
 from flexfem.files.refusals import place_of
 from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.study import columns as outputs
-from flexfem.study.answer import solved_values
-from flexfem.study.loaded import LoadedStudy, designs_of, stage_of
+from flexfem.study.answer import extra_numbers, solved_values
+from flexfem.study.loaded import LoadedStudy, designs_of, plate_of, stage_of
 from flexfem.study.workers import Failure, Workers, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck for stages with scattered necks
 BY_ELEMENTS, IN_THREE = "finite elements", "finite elements in three dimensions"  # keys of the counts
+MODEL, BY_MESH = re.compile(rf"\.{ANALYTIC}(?=\.|$)"), f".{ELEMENTS.replace(' ', '_')}"  # in the path of a number
 LIMIT = 600.0  # s for one mesh
 LOCAL = 0.01  # gap between the models below which the next search is local to the last design
 ROUNDS = 8  # at most
@@ -91,9 +95,11 @@ def _name_of(inputs: Any) -> str:
     return f"{digest([inputs, dict(versions_of(True))])[:32]}.json"
 
 
-def solved(loaded: LoadedStudy, stage: Stage) -> Row:
-    """Return the outputs of a study for one stage, by finite elements."""
+def solved(loaded: LoadedStudy, stage: Stage | Mechanism) -> Row:
+    """Return the outputs of a study by finite elements; of a mechanism, with their bands after them."""
     try:
+        if isinstance(stage, Mechanism):
+            return [float(each) for each in extra_numbers(loaded, stage).T.flat]
         check_feasible(stage)
         return [float(value) for value in solved_values(stage, loaded)]
     except (BadInput, ComputationFailed) as error:
@@ -113,17 +119,27 @@ class ElementSolver:
 
     @property
     def meshes(self) -> tuple[tuple[int, int], ...]:
-        """Triangles across every neck, and layers, of each mesh, coarse to fine."""
+        """Triangles across every neck, and layers, of each mesh, coarse to fine; the finest of a mechanism."""
         resolution = self.loaded.requirements.resolution
+        if isinstance(self.loaded.base, Mechanism):  # its questions have bands
+            return ((resolution, 2),)
         return SOLID if self.loaded.solid else tuple((level, 2) for level in levels(resolution))
 
     def solve(self, values: Array) -> list[dict[str, float]]:
         """Return the columns of a design (d,) by name on each mesh. Raises ComputationFailed."""
-        stage = stage_of(self.loaded.study, values)
+        return [dict(zip(self.loaded.study.outputs, row, strict=False)) for row in self._rows(values)]
+
+    def bands(self, values: Array) -> dict[str, float]:
+        """Return the bands of the columns of a mechanism by name, where a column has one; none of a stage."""
+        names = self.loaded.study.outputs if isinstance(self.loaded.base, Mechanism) else ()
+        bands = zip(names, self._rows(values)[0][len(names) :], strict=True) if names else ()
+        return {name: band for name, band in bands if np.isfinite(band)}
+
+    def _rows(self, values: Array) -> list[list[float]]:
+        """Return the rows of a design (d,) on each mesh."""
+        stage = plate_of(self.loaded.study, values)
         stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
-        studies = [self._study(*mesh) for mesh in self.meshes]
-        rows = self._solved([(study, stage) for study in studies])
-        return [dict(zip(study.outputs, row, strict=True)) for study, row in zip(studies, rows, strict=True)]
+        return self._solved([(self._study(*mesh), stage) for mesh in self.meshes])
 
     def solve_scattered(self, values: Array, off: Array) -> list[Array]:
         """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3), mm, on each mesh."""
@@ -143,15 +159,16 @@ class ElementSolver:
         changes: dict[str, Any] = {"model": model, "resolution": resolution, "layers": layers, "bands": False}
         changes |= {"links": False, "mobility": None, "formula": required.paper_formula}
         changes |= {"time_limit": LIMIT, "check": None}
+        changes["ask"] = tuple(MODEL.sub(BY_MESH, path) for path in required.ask)
         if solid:
             drive = required.drive if required.drive is not None and required.drive.stroke_um is not None else None
             drive = drive and drive.model_copy(update={"actuators": False})
             changes |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
         return _with_changes(self.loaded.study, changes)
 
-    def _solved(self, tasks: list[tuple[LoadedStudy, Stage]]) -> list[list[float]]:
+    def _solved(self, tasks: list[tuple[LoadedStudy, Stage | Mechanism]]) -> list[list[float]]:
         """Return the rows of outputs of the tasks; tasks with a stored result are not solved again."""
-        inputs = {id(task): [part.model_dump(mode="json") for part in (task[0].study, task[1])] for task in tasks}
+        inputs = {id(task): [task[0].study.model_dump(mode="json"), task[1].to_toml()] for task in tasks}
         self._counted |= {digest(plain) for plain in inputs.values()}
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._counted)
         waiting = [task for task in tasks if self.store.get(inputs[id(task)]) is None]
@@ -269,7 +286,7 @@ def searched(model: Model, near: Array | None, store: Store, everywhere: bool = 
 
 def inputs_of(model: Model) -> list[Any]:
     """Return the inputs of a search besides the code, as plain data."""
-    files = [file.model_dump(mode="json") for file in (model.loaded.requirements, model.loaded.stage)]
+    files = [model.loaded.requirements.model_dump(mode="json"), model.loaded.base.to_toml()]
     corrections = sorted((name, list(correction)) for name, correction in model.corrections.items())
     return [files, np.asarray(model.guard).tolist(), corrections, model.objective, sorted(model.bounds.items())]
 
@@ -288,9 +305,13 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
 
     resolutions = np.array([resolution for resolution, _ in solver.meshes], float)
     required = model.loaded.requirements
-    rows = zip(required.quantities, quantities(*by_mesh), strict=True)
-    bands = np.array([quantity_band(required.names_of(text), resolutions, row) for text, row in rows])
     (q,) = quantities({}).T
+    if widths := solver.bands(values):
+        changed = quantities(*({name: columns[name] + band} for name, band in widths.items()))
+        bands = np.sum(np.abs(changed - q[:, None]), axis=1)
+    else:
+        rows = zip(required.quantities, quantities(*by_mesh), strict=True)
+        bands = np.array([quantity_band(required.names_of(text), resolutions, row) for text, row in rows])
     vanishing = outputs.round_off_of({name: np.array(value) for name, value in columns.items()})
     perturbed = {name: columns[name] + float(step) for name, step in vanishing.items() if name in columns}
     round_off = np.abs(quantities(perturbed)[:, 0] - q)

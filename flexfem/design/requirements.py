@@ -24,6 +24,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.study import plan
+from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, NAMED, Column, Factor, Number, Step
 from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file, is_fixed, require_key_values
@@ -33,11 +34,11 @@ ROUND_OFF = 1e-9  # of a step
 LARGEST = 1e30  # end of a requirement, in its unit; the smallest one is the inverse
 FEWEST = 72  # stages: the maximum of fewer is below the 95 % quantile with a probability of 2.5 % or more
 LEAST_CHECKED = 8  # stages: fewer do not show the scatter of the difference between model and finite elements
-QUANTITY = "Arithmetic on columns and keys of the stage file, as in studies"
+QUANTITY = "Arithmetic on columns and keys of the base file, as in studies"
 MASS = ("mass_kg",)
 DENSITY = "material.density_kg_m3"
 SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
-SHARED = ("name", "stage", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # keys of studies
+SHARED = ("name", "stage", "ask", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # of studies
 
 Scatter: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TOLERANCE)]
 End: TypeAlias = Annotated[float | None, Field(ge=-LARGEST, le=LARGEST, json_schema_extra=OF_THE_KEY)]
@@ -172,7 +173,11 @@ class Requirements(Sourced):
 
     name: Label = Field(description="Name of the designed stage, and title of figures", examples=["Long range"])
     stage: Label = Field(examples=["stage.toml"])
-    """File of the base stage, relative to this one, with the values of all dimensions that are not free"""
+    """File of the base stage, relative to this one, with the values of all dimensions that are not free. It can be a
+    mechanism file: free keys are then `parameters.NAME`, and quantities are numbers of `ask`"""
+    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["stiffness.free.analytic.x"]])
+    """On a mechanism, as in studies: columns by the path of a number in the JSON output of a command, for the analytic
+    model. Finite elements give the same numbers of the designed mechanism"""
     formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
     paper_formula: FormulaName = DEFAULT_FORMULA
     """Formula of the model, with the stage's own mobility, whose errors are `error_x_percent` and the like"""
@@ -201,6 +206,14 @@ class Requirements(Sourced):
     the couplings: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`"""
 
     @model_validator(mode="after")
+    def _keys_fit_the_base(self) -> Requirements:
+        for key in ("tolerance", "paper_formula") if self.on_mechanism else ("ask",):
+            if key in self.model_fields_set:
+                base = "a mechanism, whose numbers are those of ask" if self.on_mechanism else "a stage"
+                raise refusal(f"no {key} in a design of {base}", key)
+        return self
+
+    @model_validator(mode="after")
     def _is_a_valid_study(self) -> Requirements:
         try:
             _ = self.study
@@ -213,7 +226,8 @@ class Requirements(Sourced):
 
     @model_validator(mode="after")
     def _expressions_name_columns(self) -> Requirements:
-        columns = (*self.study.outputs, *MASS, *ERRORS, *(() if self.tolerance is None else SCATTERED))
+        columns = (*self.study.outputs, *(() if self.tolerance is None else SCATTERED))
+        columns += () if self.on_mechanism else (*MASS, *ERRORS)
         known = plan.require_own_names("free", self.free, self.output, columns, SCATTERED)
         for path, expression in self.expressions.items():
             plan.require_known(expression, known, *path)
@@ -229,10 +243,16 @@ class Requirements(Sourced):
                     raise refusal(expected, "require", index, "at_most")
         return self
 
+    @property
+    def on_mechanism(self) -> bool:
+        """Whether free keys are parameters of a mechanism."""
+        return plan.set_parameters(self.free)
+
     @cached_property
     def study(self) -> plan.Study:
         """The study whose factors are the free dimensions. Raises ValidationError like a study file."""
-        content: dict[str, Any] = {name: getattr(self, name) for name in SHARED}
+        shared = [name for name in SHARED if name in self.model_fields_set or not self.on_mechanism]
+        content: dict[str, Any] = {name: getattr(self, name) for name in shared}
         options: dict[str, Any] = {"by_alias": True, "exclude_unset": True, "exclude": {"step", "points"}}
         factors = tuple(free.model_dump(**options) for free in self.free)
         sampling = {"method": "sobol", "designs": 1, "seed": 0}
@@ -274,22 +294,27 @@ class Requirements(Sourced):
 
 @dataclass(frozen=True)
 class LoadedRequirements:
-    """Requirements with their feasible base stage, and the free dimensions as columns with stars expanded."""
+    """Requirements with their feasible base, and the free dimensions as columns with stars expanded."""
 
     path: Path
     requirements: Requirements
-    stage: Stage
+    base: Stage | Mechanism
     columns: tuple[Column, ...]
 
     @cached_property
     def study(self) -> LoadedStudy:
         """The study that evaluates designs by the analytic model."""
-        return LoadedStudy(self.path, self.requirements.study, self.stage, self.columns, self.path.stem)
+        return LoadedStudy(self.path, self.requirements.study, self.base, self.columns, self.path.stem)
+
+    @property
+    def stage(self) -> Stage:
+        """The base stage of a design that is not of a mechanism."""
+        return self.study.stage
 
     @property
     def solid(self) -> bool:
         """Whether finite elements are in three dimensions, as for a base stage corrected for its thickness."""
-        return self.stage.model == "corrected"
+        return self.base.model == "corrected"
 
     @property
     def base_values(self) -> Array:
@@ -297,21 +322,19 @@ class LoadedRequirements:
         values = []
         for column in self.columns:
             ends = column.factor.values or (column.factor.start or 0.0, column.factor.end or 0.0)
-            of_stage = [v for path in column.keys if (v := keys()[path].value_in(self.stage)) is not None]
+            of_stage = [v for path in column.keys if (v := keys()[path].value_in(self.base)) is not None]
             values.append(float(np.clip(np.mean(of_stage or ends[:1]), min(ends), max(ends))))
         return np.array(values)
 
 
 def load_requirements(path: PathLike) -> LoadedRequirements:
-    """Read a requirements file and its base stage.
+    """Read a requirements file and its base stage or mechanism.
 
     Raises BadInput, in one line with file, line and key, for an invalid file, and for an objective that no free
     dimension changes.
     """
     required = validate(Requirements, path)
     stage = base_stage(path, required.study)
-    if isinstance(stage, Mechanism):
-        raise bad_key(path, ("stage",), f"stage = {shown(required.stage)}, expected a stage file, not a mechanism file")
     unused = required.study.unused_keys - required.used - ({DENSITY} if required.used & {*MASS} else set())
     columns = columns_of_file(path, "free", required.free, stage, unused)
     require_key_values(path, required.expressions, columns, stage)
@@ -320,4 +343,6 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
         if all(is_fixed(name, columns, stage) for name in required.names_of(objective.quantity) - derived):
             given = f"objective[{index}].{objective.key} = {shown(objective.quantity)}, expected"
             raise bad_key(path, ("objective", index, objective.key), f"{given} a quantity that free dimensions change")
-    return LoadedRequirements(Path(path), required, stage, columns)
+    loaded = LoadedRequirements(Path(path), required, stage, columns)
+    require_extra_numbers(loaded.study)
+    return loaded

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
+import tomllib
 from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexfem.files.refusals import place_of
-from flexfem.files.toml import Label
+from flexfem.files.toml import Label, kind_of
 from flexfem.refused import BadInput
 from flexfem.results import About, TextTable, number, unsealed
 from flexfem.units import NONE, Unit, unit_of
@@ -141,7 +142,7 @@ class Designed(Record):
     design, relaxed : dict
         The free dimensions in file units, and those of the optimum without steps, by the model.
     stage : str
-        Text of the stage file.
+        Text of the stage or mechanism file.
     feasible : bool
         Whether every requirement is met or within its band.
     agreed : bool
@@ -157,6 +158,7 @@ class Designed(Record):
     seed: int
     accuracy_percent: float
     design: dict[str, float]
+    units: dict[str, str] = {}  # of the dimensions
     relaxed: dict[str, float]
     stage: str
     feasible: bool
@@ -180,6 +182,11 @@ class Designed(Record):
     def about(self) -> About:
         """Name, file, hash and assumptions."""
         return About(self.name, self.file, self.hash, self.assumed, self.not_stated)
+
+    @property
+    def kind(self) -> str:
+        """Kind of the designed plate, "stage" or "mechanism"."""
+        return (kind_of(tomllib.loads(self.stage)) or "stage").removesuffix(" file")
 
     @property
     def state(self) -> str:
@@ -228,7 +235,7 @@ class Designed(Record):
         objectives = [goal.label_with_unit(plain) for goal in self.objectives]
         add(
             "design", "Dimensions of the design",
-            ["dimension (units of the stage file)", "designed", "without steps, by the model", "limit"],
+            [f"dimension (units of the {self.kind} file)", "designed", "without steps, by the model", "limit"],
             ([name, f"{value:.6g}", f"{self.relaxed[name]:.6g}", "at an end of its range" * (name in self.at_ends)]
              for name, value in self.design.items()),
         )  # fmt: skip

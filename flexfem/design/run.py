@@ -1,4 +1,4 @@
-"""Design from Python: from a requirements file to a verified stage."""
+"""Design from Python: from a requirements file to a verified stage or mechanism."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from flexfem.results import write_sealed
 from flexfem.study import MOST_WORKERS
 from flexfem.study.workers import Workers
 
-STAGE = "{}-stage.toml"
+PLATE = "{}-{}.toml"  # by the kind of the plate, "stage" or "mechanism"
 FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
 
@@ -32,15 +32,16 @@ def run_design(
     workers: int = 1,
     say: Callable[[str], object] = silent,
 ) -> Designed:
-    """Find the best stage that meets requirements, or the one that misses least, and check it by finite elements.
+    """Find the best stage or mechanism for requirements, or the one that misses least, and check it by finite elements.
 
     Parameters
     ----------
     requirements : path
         Requirements file.
     output : path, optional
-        Folder for the stage file, `<stem>-stage.toml`, those of the front, `<stem>-front-1.toml` and so on, and the
-        record, `<stem>-design.json`; an interrupted search resumes from it. None writes nothing.
+        Folder for the stage or mechanism file, `<stem>-stage.toml` or `<stem>-mechanism.toml`, those of the front,
+        `<stem>-front-1.toml` and so on, and the record, `<stem>-design.json`; an interrupted search resumes from it.
+        None writes nothing.
     workers : int
         Processes for finite elements, 1 for this one.
     say : callable
@@ -49,7 +50,7 @@ def run_design(
     Returns
     -------
     Designed
-        The record; its `stage` is the text of a stage file, whose provenance names the designed dimensions.
+        The record; its `stage` is the text of the stage or mechanism file, whose provenance names what is designed.
 
     Raises
     ------
@@ -62,12 +63,13 @@ def run_design(
     if not callable(say):
         raise BadInput(f"say {say!r}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
-    folder, stem, base = None, loaded.path.stem, Path(loaded.stage.origin.path or "")
+    folder, stem, base = None, loaded.path.stem, Path(loaded.base.origin.path or "")
     if output is not None:
         folder = checked_path(output)
         check_folder(folder)
         count = loaded.requirements.front if len(loaded.requirements.objective) > 1 else 0
-        names = [STAGE.format(stem), *(FRONT.format(stem, k + 1) for k in range(count)), f"{stem}-design.json"]
+        kind = "mechanism" if loaded.requirements.on_mechanism else "stage"
+        names = [PLATE.format(stem, kind), *(FRONT.format(stem, k + 1) for k in range(count)), f"{stem}-design.json"]
         names += [f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
         for name in sorted(names, key=len, reverse=True):
             check_name(folder / name, base, loaded.path)
@@ -86,7 +88,7 @@ def _write(found: Designed, folder: Path, base: Path) -> None:
     Stage files of an earlier, longer front are removed, since they look like designs of this one.
     """
     stem = Path(found.file).stem
-    texts = {STAGE.format(stem): found.stage}
+    texts = {PLATE.format(stem, found.kind): found.stage}
     texts |= {FRONT.format(stem, number): design.stage for number, design in enumerate(found.front, 1)}
     for name, text in texts.items():
         write_atomically(folder / name, lambda file, text=text: file.write(text.encode()))  # type: ignore[misc]

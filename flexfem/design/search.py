@@ -12,16 +12,40 @@ from scipy.stats import qmc
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.model import MISSED, REFUSED_MERIT, Model
 
-SAMPLE = 1024  # designs of the initial Sobol sample
-LEAST, MOST, EACH = 24, 96, 12  # population: least, most, designs for each dimension
-GENERATIONS, AGREED = 150, 1e-4  # at most; relative spread of the merits of a generation at convergence
-LOCAL, NARROW = 40, 0.06  # generations and half-width, as a part of every range, of the local search
+AGREED = 1e-4  # relative spread of the merits of a generation at convergence
+NARROW = 0.06  # half-width, as a part of every range, of the local search
 MOVES = 200  # at most, from a design to a neighbour
-BEAM = 4  # designs kept while the dimensions are rounded to steps
 RESOLVED = 6  # neighbours whose continuous dimensions are optimised again
 STEP = 1e-5  # of finite differences, as a part of the range of a dimension
-ITERATIONS = 60
 INWARD = 2e-9  # tightening of the constraints, relative to a size, against the round-off of SLSQP
+
+
+class Effort(NamedTuple):
+    """Designs of the initial Sobol `sample`, sizes of populations, and generations at most.
+
+    A population has `each` designs for each dimension, from `least` to `most`; that of the local search has `near`.
+    `beam` designs are kept while the dimensions are rounded to steps. SLSQP stops after `iterations`, or at `accuracy`.
+    """
+
+    sample: int = 1024
+    least: int = 24
+    most: int = 96
+    each: int = 12
+    generations: int = 150
+    near: int = 32
+    local: int = 40
+    beam: int = 4
+    iterations: int = 60
+    accuracy: float = 1e-10
+
+
+FULL = Effort()
+SPARING = Effort(256, 16, 40, 8, 30, 16, 6, 2, 12, 1e-6)  # for mechanisms, of which each design takes 20 ms
+
+
+def effort_of(model: Model) -> Effort:
+    """Return the effort of searches."""
+    return SPARING if model.loaded.requirements.on_mechanism else FULL
 
 
 class BestDesign(NamedTuple):
@@ -52,6 +76,7 @@ class _Search:
     def __init__(self, model: Model) -> None:
         self.model, self.space, self.seed = model, model.space, model.loaded.requirements.seed
         self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
+        self.effort = effort_of(model)
         self.drawable, self.evaluations_before = dict[bytes, bool](), model.counts["analytic"]
 
     def merit(self, values: Array) -> Array:
@@ -92,13 +117,14 @@ class _Search:
             return merits
 
         order = np.argsort(merit(u), kind="stable")
-        population = u[order[: int(np.clip(EACH * d, LEAST, MOST))]]
-        best = self._evolved(merit, population, np.zeros(d), np.ones(d), GENERATIONS)
+        _, least, most, each, generations, *_ = self.effort
+        population = u[order[: int(np.clip(each * d, least, most))]]
+        best = self._evolved(merit, population, np.zeros(d), np.ones(d), generations)
         return np.asarray(self.space.from_unit(best[None])[0])
 
     def _sample(self) -> Array:
-        """Return the Sobol sample (SAMPLE, d) in the unit cube."""
-        return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed)).random(SAMPLE))
+        """Return the Sobol sample (n, d) in the unit cube."""
+        return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed)).random(self.effort.sample))
 
     def local_optimum(self, start: Array) -> Array:
         """Return the best design (d,) without steps near `start` (d,), by SLSQP and evolution, which passes kinks."""
@@ -106,10 +132,10 @@ class _Search:
         centre = self.space.to_unit(start[None])[0]
         low = np.clip(centre - NARROW, 0, 1)
         high = np.clip(low + 2 * NARROW, 0, 1)
-        sample = qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(32)
+        sample = qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(self.effort.near)
         population = low + (high - low) * sample
         population[0] = np.clip(centre, low, high)
-        best = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, LOCAL)
+        best = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, self.effort.local)
         candidates = np.vstack([start, self.polished(self.space.from_unit(best[None])[0])])
         return np.asarray(candidates[int(np.argmin(self.merit(candidates)))])
 
@@ -158,7 +184,7 @@ class _Search:
             free[k] = False
             rounded = {(*x[:k], value, *x[k + 1 :]) for x in beam for value in space.adjacent(k, x[k])}
             candidates = np.array([self.polished(np.array(start), free) for start in sorted(rounded)])
-            beam = candidates[np.argsort(self.merit(candidates), kind="stable")[:BEAM]]
+            beam = candidates[np.argsort(self.merit(candidates), kind="stable")[: self.effort.beam]]
         starts = space.snapped(np.vstack([beam] if near is None else [beam, near]))
         values, merit = min(map(self._descended, np.unique(starts, axis=0)), key=lambda end: end[1])
         if merit < REFUSED_MERIT:
@@ -215,7 +241,7 @@ def polished(model: Model, start: Array, free: AnyArray) -> Array:
         constraints=[{"type": "ineq", "fun": lambda x: linearised(x)[0][1:].copy(),
                       "jac": lambda x: linearised(x)[1][1:].copy()}],
         method="SLSQP",
-        options={"maxiter": ITERATIONS, "ftol": 1e-10},
+        options={"maxiter": effort_of(model).iterations, "ftol": effort_of(model).accuracy},
     )  # fmt: skip
     u = u0.copy()
     u[variable] = np.clip(found.x, 0, 1)

@@ -33,7 +33,11 @@ def write_deck(mesh: StageMesh, plate: Plate, path: Path) -> None:
     equations tie the hub to them, `u = X - theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large
     rotation, which each program linearises differently.
     """
-    text = "\n".join(_deck(mesh, plate))
+    _write_lines(_deck(mesh, plate), path)
+
+
+def _write_lines(lines: Iterable[str], path: Path) -> None:
+    text = "\n".join(lines)
     write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
 
 
@@ -105,14 +109,9 @@ def write_mesh(mesh: StageMesh, plate: Plate, path: Path) -> None:
     Raises BadInput for an extension that is not in `FORMATS`.
     """
     check_format(path)
-    if path.suffix == ".vtu":
-        write_vtu(mesh, path, {})
-        return
-    if path.suffix == ".inp":
-        write_deck(mesh, plate, path)
-        return
     cells = {"stage": ("triangle6", mesh.triangles)}
-    _write_msh(mesh, cells | {name: ("line3", mesh.edges[name]) for name in ("ground", "hub")}, path)
+    cells |= {name: ("line3", mesh.edges[name]) for name in ("ground", "hub")}
+    _write(mesh, path, _deck(mesh, plate), cells)
 
 
 def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
@@ -120,16 +119,20 @@ def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
 
     An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each unit load on a port.
     """
-    if path.suffix == ".inp":
-        text = "\n".join(_plate_deck(mesh, layout))
-        write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
-        return
-    if path.suffix == ".vtu":
-        write_vtu(mesh, path, {})
-        return
     names = [*(f"body {body.name}" for body in layout.bodies), *(f"hinge {joint.name}" for joint in layout.joints)]
     cells = {name: ("triangle6", mesh.triangles[mesh.bodies == k]) for k, name in enumerate(names)}
-    _write_msh(mesh, cells | {name: ("line3", mesh.edges[name]) for name in mesh.edges if name == "clamped"}, path)
+    cells |= {name: ("line3", edges) for name, edges in mesh.edges.items() if name == "clamped"}
+    _write(mesh, path, _plate_deck(mesh, layout), cells)
+
+
+def _write(mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]) -> None:
+    """Write the lines of `deck` as .inp, the mesh as .vtu, or its `cells` by group as .msh."""
+    if path.suffix == ".inp":
+        _write_lines(deck, path)
+    elif path.suffix == ".vtu":
+        write_vtu(mesh, path, {})
+    else:
+        _write_msh(mesh, cells, path)
 
 
 def _write_msh(mesh: StageMesh, cells: Mapping[str, tuple[str, Index]], path: Path) -> None:

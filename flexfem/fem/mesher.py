@@ -32,6 +32,8 @@ TRIANGLE, EDGE = 2, 1  # gmsh element types, linear
 QUADRATIC_TRIANGLE, QUADRATIC_EDGE = 9, 8
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
+RAY = "ray"  # label of lines between equal sectors of a body
+SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
 STRAIGHT = complex(np.nan)  # centre of a straight edge
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
@@ -130,6 +132,8 @@ class PlateMesh(NamedTuple):
     divisions : number of equal edges along the line with a label.
     largest : triangle size, mm, in each region, far from the points of `gradings`.   growth : of the triangle size with
         the distance from these points.
+    about, turns : centre and number of the rotations that take the faces into each other, and the lines `RAY`; the mesh
+        of one is turned to the others.
     """
 
     regions: list[Region]
@@ -138,6 +142,8 @@ class PlateMesh(NamedTuple):
     gradings: list[Grading]
     largest: list[float]
     growth: float
+    about: complex = 0j
+    turns: int = 1
 
 
 class PlateContours(NamedTuple):
@@ -257,23 +263,36 @@ def mesh_faces(job: Job) -> NamedArrays:
         _set_sizes(mesh.field, job.cones)
         mesh.generate(2)
         labelled = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
-        tags, xyz, _ = mesh.getNodes()
-        index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-        index[tags] = np.arange(len(tags))
-        triangles = [index[mesh.getElementsByType(TRIANGLE, face)[1].reshape(-1, 3)] for face in surfaces]
-        edges = [index[mesh.getElementsByType(EDGE, tag)[1].reshape(-1, 2)] for tag in labelled]
-    used, renumbered = np.unique(np.concatenate(triangles), return_inverse=True)  # without centres of arcs
-    new = np.full(len(tags), -1)
-    new[used] = np.arange(len(used))
+        nodes, triangles, edges = _meshed(mesh, [[face] for face in surfaces], [*labelled], (TRIANGLE, 3), (EDGE, 2))
     per_curve = [len(e) for e in edges]
     return {
-        "nodes": xyz.reshape(-1, 3)[used, :2],
-        "triangles": renumbered.reshape(-1, 3),
+        "nodes": nodes,
+        "triangles": np.concatenate(triangles),
         "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
-        "edges": new[np.concatenate(edges)],
+        "edges": np.concatenate(edges),
         "edge_labels": np.repeat([curve.label for curve in labelled.values()], per_curve),
         "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in labelled.values()], per_curve),
     }
+
+
+def _meshed(
+    mesh: Any, faces: list[list[int]], curves: list[int], triangle: tuple[int, int], edge: tuple[int, int]
+) -> tuple[AnyArray, list[AnyArray], list[AnyArray]]:
+    """Return the nodes (n, 2) of triangles, the triangles of each list of faces, and the edges of each curve.
+
+    triangle, edge : gmsh element type, and number of its nodes.
+    """
+    tags, xyz, _ = mesh.getNodes()
+
+    def elements(kind: tuple[int, int], tag: int) -> AnyArray:
+        return np.reshape(mesh.getElementsByType(kind[0], tag)[1], (-1, kind[1])).astype(np.int64)
+
+    triangles = [np.concatenate([elements(triangle, tag) for tag in part]) for part in faces]
+    used = np.isin(tags, np.concatenate(triangles))  # without centres of arcs and points that set sizes
+    index = np.full(int(tags.max()) + 1, -1)
+    index[tags[used]] = np.arange(np.count_nonzero(used))
+    nodes = xyz.reshape(-1, 3)[used, :2]
+    return nodes, [index[each] for each in triangles], [index[elements(edge, tag)] for tag in curves]
 
 
 def write_extruded(solid: Extruded) -> NamedArrays:
@@ -373,27 +392,23 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
             if label in job.divisions:
                 mesh.setTransfiniteCurve(tag, job.divisions[label] + 1)
         _set_gradings(mesh.field, job, points, faces)
+        if job.turns > 1:
+            _repeat(gmsh.model, job, [tag for label, tag in curves if label == RAY])
         mesh.generate(2)
         mesh.setOrder(2)
-        tags, xyz, _ = mesh.getNodes()
-        index = np.zeros(int(tags.max()) + 1, dtype=np.int64)
-        index[tags] = np.arange(len(tags))
-        meshed = [
-            np.concatenate([index[mesh.getElementsByType(QUADRATIC_TRIANGLE, tag)[1].reshape(-1, 6)] for tag in part])
-            for part in faces
-        ]
-        edges = [index[mesh.getElementsByType(QUADRATIC_EDGE, tag)[1].reshape(-1, 3)] for _, tag in curves]
+        tags = [tag for _, tag in curves]
+        nodes, triangles, edges = _meshed(mesh, faces, tags, (QUADRATIC_TRIANGLE, 6), (QUADRATIC_EDGE, 3))
         areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
-    nodes, triangles = xyz.reshape(-1, 3)[:, :2], np.concatenate(meshed)
-    used, renumbered = np.unique(triangles, return_inverse=True)  # without the points that set sizes
-    new = np.full(len(tags), -1)
-    new[used] = np.arange(len(used))
+    found = np.concatenate(triangles)
+    first, second, third = (nodes[found[:, :3]] @ [1, 1j]).T
+    clockwise = ((second - first).conj() * (third - first)).imag < 0  # in copied meshes
+    found[clockwise] = found[clockwise][:, [0, 2, 1, 5, 4, 3]]
     return {
-        "nodes": nodes[used],
-        "triangles": renumbered.reshape(-1, 6),
-        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in meshed]),
+        "nodes": nodes,
+        "triangles": found,
+        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in triangles]),
         "areas": areas,
-        "edges": new[np.concatenate(edges)] if edges else np.empty((0, 3), dtype=np.int64),
+        "edges": np.concatenate(edges) if edges else np.empty((0, 3), dtype=np.int64),
         "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in edges]),
     }
 
@@ -427,6 +442,29 @@ def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[lis
     if len(owner) != len(model.getEntities(2)):
         raise ValueError("a part of the plate is connected to nothing")
     return curves, [[tag for tag, region in owner.items() if region == index] for index in range(len(job.regions))]
+
+
+def _repeat(model: Any, job: PlateMesh, rays: list[int]) -> None:
+    """Let meshes of faces and rays be copied from those that the rotations take to them.
+
+    Each ray but the first is a copy of the first, which is a copy of nothing: as a side of the last sector it would be.
+    """
+    for dim, tags in ((2, [tag for _, tag in model.getEntities(2)]), (1, rays)):
+        sizes = {tag: float(model.occ.getMass(dim, tag)) for tag in tags}
+        left = {tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2]) - job.about for tag in tags}
+        while left:
+            first, middle = next(iter(left.items()))
+            done = {first}
+            for k in range(dim - 1, job.turns):
+                turn = np.exp(2j * np.pi * k / job.turns)
+                shift, x, y = job.about - turn * job.about, turn.real, turn.imag
+                near = (tag for tag, at in left.items() if abs(at - turn * middle) < SAME_PART)
+                image = next((tag for tag in near if np.isclose(sizes[tag], sizes[first], 1e-6)), first)
+                if image not in done or k == 0:
+                    affine = [x, -y, 0, shift.real, y, x, 0, shift.imag, 0, 0, 1, 0, 0, 0, 0, 1]
+                    model.mesh.setPeriodic(dim, [image], [first], affine)
+                    done.add(image)
+            left = {tag: at for tag, at in left.items() if tag not in done}
 
 
 def _set_gradings(field: Any, job: PlateMesh, points: list[list[int]], faces: list[list[int]]) -> None:

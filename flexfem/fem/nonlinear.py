@@ -346,12 +346,8 @@ def _newton(model: LargeStructure, state: State, goal: Array, hold: bool, scale:
 
 def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step:
     """Take a Newton step towards a load or (hold) a pose; to hold it, the load on the hub is solved for."""
-    structure, internal, loads, solve = (
-        model.structure,
-        model.internal(state),
-        model.loads(state),
-        model.solver(state, goal),
-    )
+    structure, internal = model.structure, model.internal(state)
+    loads, solve = model.loads(state), model.solver(state, goal)
     residual = -internal.forces
     if hold:
         residual[-3:] = 0.0

@@ -11,6 +11,10 @@ is held at its first body and loaded at its second, both of which leave their se
 
 from __future__ import annotations
 
+from collections.abc import Hashable
+from itertools import product
+from typing import NamedTuple
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -19,19 +23,77 @@ from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.ports import contact_forces, plate_of_layout
 from flexfem.fem.structure import NONE, Structure, structure
-from flexfem.mechanism.layout import ElasticBody, End, Layout, Patch, interfaces
+from flexfem.mechanism.layout import ElasticBody, End, Layout, Move, Patch, interfaces
 
+ALIKE = 1e-11  # relative to the coordinates, of points of bodies that are equal
 SOLVES = 3  # refinements remove the round-off of the factorisation
+
+
+class _Marks(NamedTuple):
+    """Points (n, 2) of a body, and hashes (n,) of what is there: first its interfaces, then the ends of its edges.
+
+    The centre of a hinge and a point on its axis; the point of a patch twice; the middle of an edge and one end.
+    """
+
+    points: AnyArray
+    kinds: AnyArray
 
 
 def body_compliances(layout: Layout, mesh: StageMesh) -> tuple[ElasticBody, ...]:
     """Compliances of all bodies that are not fixed, in their order.
 
+    Of bodies that are equal up to a rotation, shift or mirror image, the one with most patches is solved for all.
+
     mesh : of the layout, with edges `end 0 near`, `end 0 far` and so on of the hinges.
     Raises ComputationFailed for a body that no hinge or clamped edge holds.
     """
     moving = [number for number, body in enumerate(layout.bodies) if not body.fixed]
-    return tuple(_elastic_body(layout, mesh, number) for number in moving)
+    solved, found = list[tuple[_Marks, ElasticBody]](), dict[int, ElasticBody]()
+    for body in sorted(moving, key=lambda body: -len(interfaces(layout, body))):
+        at, marks = interfaces(layout, body), _marks(layout, body)
+        for others, other in solved:
+            if (alike := _alike(others, marks)) is not None:
+                move, place = alike
+                T, rows = np.kron(np.eye(len(at)), move.of_twists), (3 * place[: len(at), None] + [0, 1, 2]).ravel()
+                found[body] = ElasticBody(body, at, T @ other.compliance[np.ix_(rows, rows)] @ T.T)
+                break
+        else:
+            found[body] = _elastic_body(layout, mesh, body)
+            solved.append((marks, found[body]))
+    return tuple(found[body] for body in moving)
+
+
+def _marks(layout: Layout, number: int) -> _Marks:
+    marks, body = list[tuple[complex, complex, Hashable]](), layout.bodies[number]
+    for one in interfaces(layout, number):
+        if isinstance(one, Patch):
+            marks.append((one.point, one.point, ("patch", one.radius and round(one.radius, 9))))
+        else:
+            joint = layout.joints[one.hinge]
+            tip = joint.place + joint.profile.length * np.exp(1j * joint.heading)
+            marks.append((joint.place, tip, (joint.profile, joint.cut, one.far)))
+    for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
+        marks += [(complex(edge.at(0.5)), end, ("edge", k in body.clamped)) for end in (edge.start, edge.end)]
+    return _Marks(np.array([mark[:2] for mark in marks]), np.array([hash(mark[2]) for mark in marks]))
+
+
+def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
+    """Return the move from a body to an equal one, and the mark of the first at each of the other; None without one.
+
+    The other body can have fewer patches.
+    """
+    is_patch, those = (marks.points[:, 0] == marks.points[:, 1] for marks in (one, other))
+    if is_patch[0] or not np.array_equal(np.sort(one.kinds[~is_patch]), np.sort(other.kinds[~those])):
+        return None
+    same, tolerance = one.kinds[:, None] == other.kinds, ALIKE * np.abs(one.points).max()
+    for (start, tip), mirrored in product(other.points[same[0]], (False, True)):
+        first, second = Move(mirrored=mirrored)(one.points[0])
+        factor = np.exp(1j * np.angle((tip - start) / (second - first)))
+        move = Move(factor, start - factor * first, mirrored)
+        fits = same & (np.abs(move(one.points)[:, None] - other.points).max(axis=2) < tolerance)
+        if fits.any(axis=0).all() and (fits.any(axis=1) | is_patch).all():
+            return move, fits.argmax(axis=0)
+    return None
 
 
 def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
@@ -97,23 +159,15 @@ def _tied(part: StageMesh, nodes: Index, sections: list[Index], centres: list[co
     section = np.full(len(part.nodes), -1)
     for k, tied in enumerate(sections):
         section[tied] = k
-    of, rows = section[nodes], 2 * np.arange(len(nodes))
-    alone = np.flatnonzero(of < 0)
-    first = 2 * len(alone)
-    parts: list[tuple[AnyArray, ...]] = [((rows[alone, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
-    for k, centre in enumerate(centres):
-        tied = np.flatnonzero(of == k)
-        (x, y), column, one = (
-            (part.nodes[nodes[tied]] - [centre.real, centre.imag]).T,
-            first + 3 * k,
-            np.ones(len(tied)),
-        )
-        for row, freedom, values in ((0, 0, one), (1, 1, one), (0, 2, -y), (1, 2, x)):
-            parts.append((rows[tied] + row, np.full(len(tied), column + freedom), values))
-    entries = [np.concatenate(each) for each in zip(*parts, strict=True)]
-    return sp.csr_array(
-        (entries[2], (entries[0], entries[1])), shape=(2 * len(nodes), first + 3 * len(sections))
-    ), first
+    of = section[nodes]
+    alone, tied = np.flatnonzero(of < 0), np.flatnonzero(of >= 0)
+    first, arms = 2 * len(alone), part.nodes[nodes[tied]] @ [1, 1j] - np.array(centres, dtype=complex)[of[tied]]
+    row, column, one = 2 * tied, first + 3 * of[tied], np.ones(len(tied))
+    parts: list[tuple[AnyArray, ...]] = [((2 * alone[:, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
+    parts += [(row, column, one), (row + 1, column + 1, one)]
+    parts += [(row, column + 2, -arms.imag), (row + 1, column + 2, arms.real)]
+    rows, columns, values = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return sp.csr_array((values, (rows, columns)), shape=(2 * len(nodes), first + 3 * len(sections))), first
 
 
 def _at(point: complex) -> Array:

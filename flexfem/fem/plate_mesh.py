@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
+from contextlib import suppress
 
 import numpy as np
+import shapely
 
+from flexfem.arrays import AnyArray
 from flexfem.fem.mesh import (
     COARSEST,
     GROWTH,
@@ -24,10 +27,20 @@ from flexfem.fem.mesh import (
     jacobians,
     ordered,
 )
-from flexfem.fem.mesher import Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
+from flexfem.fem.mesher import RAY, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
 from flexfem.mechanism.layout import Body, Layout
 from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, reverse
-from flexfem.mechanism.plate import check_layout, components, cuts_of, end_corners, end_lines, joint_loop, neck_line
+from flexfem.mechanism.plate import (
+    TOUCHING,
+    body_polygon,
+    check_layout,
+    components,
+    cuts_of,
+    end_corners,
+    end_lines,
+    joint_loop,
+    neck_line,
+)
 from flexfem.mechanism.profiles import Curve
 from flexfem.refused import ComputationFailed
 
@@ -38,6 +51,8 @@ AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolu
 NARROWEST = 0.1  # width of a place in a body, per mean width, below which it sets no triangle size
 MOST_RAYS = 64  # from a side of a body
 FACING = 0.7  # cosine of the angle between two sides that face each other
+DECIMALS = 9  # of coordinates, mm, of parts that are equal
+BEYOND = 1e-4  # of a line across a body beyond its edge, relative to the distance from the centre
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 
 
@@ -64,10 +79,14 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
     labelled `neck 0` at the centre of a hinge, `end 0 near` and `end 0 far` where it meets its first and second body,
     and `clamped` on the clamped edges of elastic bodies.
 
+    The mesh of a plate that rotations take into itself is cyclic, unless it has round holes: gmsh turns no mesh
+    with a closed circle.
+
     Raises BadInput for a layout that cannot be made, ComputationFailed when the mesh fails its checks, MeshTimeout when
     it takes too long.
     """
     check_layout(layout)
+    about, turns = turns_of(layout)
     fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     necks, lines, divisions = list[Line](), list[Line](), dict[str, int]()
     gradings: dict[tuple[float, float], list[complex]] = {}
@@ -93,11 +112,58 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
         lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
     for patch in dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts):
         if patch.radius is not None and patch.body >= 0 and not layout.bodies[patch.body].fixed:
-            gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).append(patch.point)
+            places = [about + (patch.point - about) * np.exp(2j * np.pi * k / turns) for k in range(turns)]
+            gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).extend(places)
     largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
     cones = [Grading(points, *key) for key, points in gradings.items()]
     job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)
+    if turns > 1:
+        cyclic = job._replace(lines=[*job.lines, *_rays(layout, about, turns)], about=about, turns=turns)
+        with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh that is not cyclic, then
+            return _checked(layout, run_mesher(cyclic, time_limit), divisions)
     return _checked(layout, run_mesher(job, time_limit), divisions)
+
+
+def turns_of(layout: Layout) -> tuple[complex, int]:
+    """Return the centre and the number of the rotations that take the parts of a plate into each other."""
+    marks = list[tuple[complex, complex, Hashable]]()
+    for body in layout.bodies:
+        for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
+            kind, centre = (body.fixed, body.width, k in body.clamped), edge.centre
+            if centre is None:
+                marks += [((edge.start + edge.end) / 2, end, kind) for end in (edge.start, edge.end)]
+            else:  # wherever circles are divided into arcs
+                marks.append((centre, centre, (*kind, round(abs(edge.start - centre), DECIMALS))))
+    marks += [(one.place, one.place + cmath.exp(1j * one.heading), (one.profile, one.cut)) for one in layout.joints]
+    about, count = complex(np.mean([joint.place for joint in layout.joints] or [0j])), len(layout.joints)
+    z = np.array([mark[:2] for mark in marks]) - about
+
+    def seen(turned: AnyArray) -> set[tuple[Hashable, ...]]:
+        rows = np.round(np.column_stack([turned.real, turned.imag]), DECIMALS).tolist()
+        return {(mark[2], *row) for mark, row in zip(marks, rows, strict=True)}
+
+    ways = (turns for turns in range(count, 1, -1) if count % turns == 0)
+    found = (turns for turns in ways if seen(z * np.exp(2j * np.pi / turns)) == seen(z))
+    turns = next(found, 1)
+    return about if turns > 1 else 0j, turns
+
+
+def _rays(layout: Layout, about: complex, turns: int) -> Iterator[Line]:
+    """Yield lines that divide bodies which the rotations take into themselves into sectors, away from their hinges."""
+    sector = 2 * np.pi / turns
+    for index in (k for k, body in enumerate(layout.bodies) if not body.fixed):
+        face = body_polygon(layout, index)
+        if abs(complex(face.centroid.x, face.centroid.y) - about) < TOUCHING:
+            ends = [one.place - about for one in layout.joints if index in one.bodies]
+            at = np.sort(np.angle(ends or [1.0]) % sector)
+            gaps = np.diff([*at, at[0] + sector])
+            first = face.length * np.exp(1j * (at + gaps / 2)[np.argmax(gaps)])
+            for k in range(turns):
+                end = about + first * np.exp(1j * k * sector)
+                ray = shapely.LineString([(about.real, about.imag), (end.real, end.imag)])
+                for piece in filter(shapely.length, shapely.get_parts(shapely.intersection(face, ray))):
+                    near, *_, far = sorted((complex(*point) - about for point in piece.coords), key=abs)
+                    yield Line(RAY, Segment(about + near * (1 - BEYOND), about + far * (1 + BEYOND)), index)
 
 
 def _width(body: Body) -> float:

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
-from flexfem.fem.response import free_displacement, refined_solution
+from flexfem.fem.response import free_displacement, refined_solution, resultants_of
 from flexfem.fem.structure import NONE, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space
 from flexfem.mechanism.layout import Layout, Patch
@@ -75,7 +75,7 @@ def contact_forces(mesh: StageMesh, patch: Patch, lifting: bool = False) -> Arra
     even, along_x, along_y = sums  # nodal forces of densities 1, x and y
     zero = np.zeros_like(even)
     forces = np.moveaxis(np.array([[even, zero], [zero, even], [-along_y, along_x]]), 1, 2)
-    resultants = _resultants(mesh.nodes - point, forces)
+    resultants = resultants_of(mesh.nodes - point, forces)
     if not np.linalg.det(resultants) > SLIVER * resultants[0, 0] ** 2 * resultants[2, 2]:
         raise ComputationFailed(f"no part of body {patch.body} within {radius:g} mm of ({point[0]:g}, {point[1]:g}) mm")
     if lifting:
@@ -101,12 +101,6 @@ def _subdivided() -> tuple[Array, Array]:
     corners = [(i, j, up) for i in range(SUBDIVISION) for j in range(SUBDIVISION - i) for up in (1, 2)]
     points = np.array([(i + up / 3, j + up / 3) for i, j, up in corners if i + j + up <= SUBDIVISION])
     return points / SUBDIVISION, np.full(len(points), 0.5 / len(points))
-
-
-def _resultants(nodes: Array, forces: Array) -> Array:
-    """Force and moment (3, k) about the origin of forces (k, n, 2) at nodes (n, 2)."""
-    (x, y), (fx, fy) = nodes.T, np.moveaxis(forces, -1, 0)
-    return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
 
 
 @dataclass(frozen=True)
@@ -223,9 +217,9 @@ def hinge_stress(response: PlateResponse, loads: Array) -> Array:
     It is the highest at the nodes of the triangles of the hinge. At a sharp root, without a fillet, the stress is
     singular: it grows without limit as the mesh is refined.
     """
-    (stress, starts), flat = response._at_hinges, np.reshape(loads, (-1, len(response.elastic)))
-    if not len(starts):
+    if not response.model.layout.joints:
         return np.zeros((*np.shape(loads)[:-1], 0))
+    (stress, starts), flat = response._at_hinges, np.reshape(loads, (-1, len(response.elastic)))
     ratio, size = response.model.layout.out_of_plane, max(1, LARGEST // max(1, stress[0].size))
     parts = [
         np.maximum.reduceat(von_mises(np.tensordot(flat[start : start + size], stress, axes=1), ratio), starts, axis=1)
@@ -239,11 +233,6 @@ def together(*responses: PlateResponse) -> PlateResponse:
     parts = zip(*((each.motions.T, each.fields, each.elastic, each.reactions) for each in responses), strict=True)
     motions, fields, elastic, reactions = (np.concatenate(part) for part in parts)
     return PlateResponse(responses[0].model, motions.T, fields, elastic, reactions)
-
-
-def plate_layers(layout: Layout, number: int) -> Layers:
-    """Return `number` layers in half the thickness, graded for the narrowest neck."""
-    return mirrored(layout.thickness, number, min(joint.profile.neck for joint in layout.joints))
 
 
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
@@ -272,10 +261,10 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
 
 
 def weight_of(model: PlateModel, accelerations: Array) -> PlateResponse:
-    """Solve for the weight of bodies, payloads and actuators in fields (c, 2), mm/s^2."""
-    rigid, (inertia, attached) = model.structure.rigid_fields()[:2], model.attached
-    unit = mass_of(model.structure, model.layout.density).forces(rigid)
-    for axis in range(2):
+    """Solve for the weight of bodies, payloads and actuators in fields (c, 2), mm/s^2, or (c, 1) out of the plane."""
+    axes, (inertia, attached) = accelerations.shape[1], model.attached
+    unit = mass_of(model.structure, model.layout.density).forces(model.structure.rigid_fields()[:axes])
+    for axis in range(axes):
         unit[axis] += np.tensordot(inertia[axis::3], attached[axis::3], axes=1)
     return model.response(np.tensordot(accelerations, unit, axes=1))
 

@@ -274,7 +274,7 @@ def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
         nodal = np.einsum("keqd,eq,iq->keid", density, batch.weights, batch.phi)
         for force, values in zip(forces, nodal, strict=True):
             np.add.at(force, batch.triangles, values)
-    resultants = _resultants(turned(mesh.nodes, -chain * CHAIN_TURN), forces)
+    resultants = resultants_of(turned(mesh.nodes, -chain * CHAIN_TURN), forces)
     return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), forces, axes=1), chain * CHAIN_TURN)
 
 
@@ -288,7 +288,7 @@ def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
         for hinge, name in enumerate(HINGE_NAMES):
             body = structure(_body_mesh(mesh, 4 * chain + hinge), plate, held=NONE)
             nodes = nodes_on(mesh, f"neck {chain + 1} {name}")
-            wrenches[chain, hinge] = _resultants(mesh.nodes[nodes], body.forces(fields)[:, nodes])
+            wrenches[chain, hinge] = resultants_of(mesh.nodes[nodes], body.forces(fields)[:, nodes])
     return wrenches
 
 
@@ -298,7 +298,7 @@ def _body_mesh(mesh: StageMesh, body: int) -> StageMesh:
     return mesh._replace(triangles=mesh.triangles[in_body], bodies=mesh.bodies[in_body])
 
 
-def _resultants(nodes: Array, forces: Array) -> Array:
+def resultants_of(nodes: Array, forces: Array) -> Array:
     """Force and moment (3, k) about the origin of forces (k, n, 2) at nodes (n, 2)."""
     (x, y), (fx, fy) = nodes.T, np.moveaxis(forces, -1, 0)
     return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])

@@ -169,16 +169,19 @@ class Structure:
     @property
     def pairs(self) -> Pairs:
         """Pairs of free and hub nodes, numbered in this order."""
-        number, moving = np.full(len(self.mesh.nodes), -1), np.concatenate([self.free, self.hub])
+        moving = np.concatenate([self.free, self.hub])
+        number, shape = np.full(len(self.mesh.nodes), -1, dtype=np.int32), (len(moving), len(moving))
         number[moving] = np.arange(len(moving))
         nodes = number[self.mesh.triangles]
         row, column = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         chosen = (column >= 0) & (row >= column)
-        keys, pair = np.unique(row[chosen] * len(number) + column[chosen], return_inverse=True)
-        entries = np.ones(len(pair)), pair, np.arange(len(pair) + 1)  # one in every column
-        assembly = sp.csr_array(sp.csc_array(entries, (len(keys), len(pair))))
-        rows, columns = (part.astype(np.int32) for part in np.divmod(keys, len(number)))
-        return Pairs(rows, columns, chosen, assembly)
+        row, column = row[chosen], column[chosen]
+        joint = sp.csr_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=shape)
+        joint.data = np.arange(joint.nnz)
+        entries = np.ones(len(row)), joint[row, column], np.arange(len(row) + 1)  # one in every column
+        assembly = sp.csr_array(sp.csc_array(entries, (joint.nnz, len(row))))
+        rows = np.repeat(np.arange(len(moving), dtype=np.int32), np.diff(joint.indptr))
+        return Pairs(rows, joint.indices, chosen, assembly)
 
     def tie_hub(self, lower: sp.csr_array, rigid: Array) -> sp.csr_array:
         """Lower triangle (size, size) of T' K T from that of K of free and hub nodes; `rigid`: hub motion per pose."""

@@ -80,8 +80,8 @@ def path_of(text: str, data: Any = None) -> KeyPath:
 
 def _about(array: str, member: Any) -> tuple[str, ...]:
     """Return the values that identify a member of an array, none unless they are plain numbers and words."""
-    values = tuple(_inside(member, key) for key in ABOUT.get(array, ()))
-    if array == "override" and values[1] is None:
+    values = tuple(value for key in ABOUT.get(array, ()) if (value := _inside(member, key)) is not None)
+    if array == "override" and len(values) == 1:
         values = (values[0], "actuator", _inside(member, "actuator"))
     plain = all(type(value) in (int, str) and re.fullmatch(r"\w{1,20}", str(value)) for value in values)
     return tuple(map(str, values)) if plain else ()

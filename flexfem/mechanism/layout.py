@@ -6,13 +6,44 @@ nothing else of a mechanism. Both compute the response to unit loads on its port
 
 from __future__ import annotations
 
-from typing import NamedTuple, TypeAlias
+import cmath
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profiles import Profile
+
+PointOrPoints = TypeVar("PointOrPoints", complex, AnyArray)
+
+
+class Move(NamedTuple):
+    """A rotation with a shift, `factor z + shift`, or with a mirror image, `factor conj(z) + shift`."""
+
+    factor: complex = 1.0
+    shift: complex = 0.0
+    mirrored: bool = False
+
+    def __call__(self, z: PointOrPoints) -> PointOrPoints:
+        return self.factor * (z.conjugate() if self.mirrored else z) + self.shift
+
+    def after(self, first: Move) -> Move:
+        """Return the move that is `first` and then this one."""
+        factor = first.factor.conjugate() if self.mirrored else first.factor
+        return Move(self.factor * factor, self(first.shift), self.mirrored != first.mirrored)
+
+    def heading(self, angle: float) -> float:
+        """Return the moved direction, rad."""
+        return cmath.phase(self.factor * cmath.exp(-1j * angle if self.mirrored else 1j * angle))
+
+    @property
+    def of_twists(self) -> Array:
+        """Matrix (3, 3) from twists x, y, rotation at the global origin to moved ones there."""
+        a, b, side = self.factor, self.shift, -1.0 if self.mirrored else 1.0
+        return np.array(
+            [[a.real, -side * a.imag, side * b.imag], [a.imag, side * a.real, -side * b.real], [0, 0, side]]
+        )
 
 
 class Body(NamedTuple):

@@ -87,6 +87,10 @@ class Material(Dimensioned):
     @model_validator(mode="before")
     @classmethod
     def _complete_registered(cls, data: Any, info: ValidationInfo) -> Any:
+        if isinstance(data, Material):
+            data = data.model_dump(by_alias=info.context != INSIDE, exclude_none=True)
+        elif isinstance(data, str) and info.context == INSIDE:
+            data = {"name": data}
         known = _known(data.get("name")) if isinstance(data, dict) else None
         stated = {key for key in data if not key.startswith("expansion")} if isinstance(data, dict) else set()
         if known is None and stated == {"name"} and isinstance(data["name"], str):
@@ -116,12 +120,14 @@ class Material(Dimensioned):
     def _agrees_with_registered(self, info: ValidationInfo) -> Material:
         known = _known(self.name)
         registered = {} if known is None else known.material.model_dump(by_alias=True, exclude_none=True)
-        values = self.model_dump(by_alias=True)
-        for key, place in zip(KEYS, _keys(info), strict=True):
-            if key in registered and values[key] != registered[key]:
+        for name, key, place in zip(NUMBERS, KEYS, _keys(info), strict=True):
+            if known is not None and key in registered and getattr(self, name) != getattr(known.material, name):
                 number = f"{registered[key]:g}" if isinstance(registered[key], float) else shown(registered[key])
                 raise refusal(f"{number} of the registered material {self.name}, or another name", place)
         return self
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Material) and dict(self) == dict(other)  # also with numbers that are expressions
 
     @property
     def walker(self) -> float:

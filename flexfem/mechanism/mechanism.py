@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -16,9 +16,10 @@ from flexfem.files.refusals import key_path, shown, suggestion
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.dimensioned import once
-from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
 from flexfem.mechanism.materials import with_material_of_file
 from flexfem.mechanism.mechanism_file import (
+    PARTS,
     STATED,
     BodyHole,
     Copies,
@@ -39,8 +40,6 @@ GROUND = "ground"  # carries actuators, also where no body has this name
 CUT = 1.02  # default height of a cut relative to the bodies or the profile
 CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
 MOST = 2000  # parts, copies included
-PARTS = ("body", "hinge", "actuator", "point")
-Named = TypeVar("Named")
 
 
 class Mechanism(MechanismContent):
@@ -72,10 +71,6 @@ class Mechanism(MechanismContent):
         with located(changed):
             check_layout(changed.layout)
         return changed
-
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Mechanism:
-        """Return a validated copy with values replaced by name; it has no file."""
-        return self._with_content(self._stated() | dict(update or {}))
 
     def _stated(self) -> dict[str, Any]:
         """Return the stated content by attribute names, with the texts of expressions."""
@@ -127,26 +122,6 @@ def _by_name(array: str, parts: Sequence[dict[str, Any]], changes: Mapping[str, 
     return [{**part, **changes.get(part["name"], {})} for part in parts]
 
 
-class Move(NamedTuple):
-    """A rotation with a shift, `factor z + shift`, or with a mirror image, `factor conj(z) + shift`."""
-
-    factor: complex = 1.0
-    shift: complex = 0.0
-    mirrored: bool = False
-
-    def __call__(self, z: complex) -> complex:
-        return self.factor * (z.conjugate() if self.mirrored else z) + self.shift
-
-    def after(self, first: Move) -> Move:
-        """Return the move that is `first` and then this one."""
-        factor = first.factor.conjugate() if self.mirrored else first.factor
-        return Move(self.factor * factor, self(first.shift), self.mirrored != first.mirrored)
-
-    def heading(self, angle: float) -> float:
-        """Return the moved direction, rad."""
-        return cmath.phase(self.factor * cmath.exp(-1j * angle if self.mirrored else 1j * angle))
-
-
 class PlacedPart(NamedTuple):
     """A part or a copy of one: its table, the names of its bodies, its place, and the name of the part it copies."""
 
@@ -167,9 +142,10 @@ def layout_of(mechanism: Mechanism) -> Layout:
 
 
 def _layout(mechanism: Mechanism) -> Layout:
-    parts = _parts(mechanism)
-    index = {part.name: k for k, part in enumerate(part for part in parts if part.kind == "body")}
-    bodies = tuple(_body(part) for part in parts if part.kind == "body")
+    placed = _parts(mechanism)
+    parts = {kind: [part for part in placed if part.kind == kind] for kind in PARTS}
+    index = {part.name: k for k, part in enumerate(parts["body"])}
+    bodies = tuple(map(_body, parts["body"]))
 
     def body_of(name: str, key: str, ground: bool = False) -> int:
         if name not in index and name == GROUND and ground:
@@ -183,35 +159,32 @@ def _layout(mechanism: Mechanism) -> Layout:
         return Patch(body_of(name, key, ground), place, radius)
 
     joints = list[Joint]()
-    for part in parts:
-        if part.kind == "hinge":
-            ends = tuple(body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
-            joints.append(_joint(part, (ends[0], ends[1]), bodies))
+    for part in parts["hinge"]:
+        ends = tuple(body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
+        joints.append(_joint(part, (ends[0], ends[1]), bodies))
     output = mechanism.output
     points = [("output", patch(output.body, complex(*output.at), output.contact, "output.body"))]
     if bodies[points[0][1].body].fixed:
         raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
-    for part in parts:
-        if part.kind == "point":
-            place = part.move(complex(*part.table.at))
-            points.append((part.name, patch(part.bodies[0], place, part.table.contact, f"{part.key}.body")))
+    for part in parts["point"]:
+        place = part.move(complex(*part.table.at))
+        points.append((part.name, patch(part.bodies[0], place, part.table.contact, f"{part.key}.body")))
     actuators = list[LinearActuator]()
-    for part in parts:
-        if part.kind == "actuator":
-            places = [part.move(complex(*point)) for point in part.table.at]
-            found = (
-                patch(name, place, part.table.contact, f"{part.key}.between[{side}]", ground=True)
-                for side, (name, place) in enumerate(zip(part.bodies, places, strict=True))
+    for part in parts["actuator"]:
+        places = [part.move(complex(*point)) for point in part.table.at]
+        found = (
+            patch(name, place, part.table.contact, f"{part.key}.between[{side}]", ground=True)
+            for side, (name, place) in enumerate(zip(part.bodies, places, strict=True))
+        )
+        near, far = (_contact(each, bodies, part.key, side) for side, each in enumerate(found))
+        direction = (places[1] - places[0]) / abs(places[1] - places[0])
+        rating, mass = part.table.rating, part.table.mass
+        actuators.append(
+            LinearActuator(
+                part.name, (near, far), direction, rating.stiffness, rating.stroke, rating.blocking_force, mass,
+                part.key,
             )
-            near, far = (_contact(each, bodies, part.key, side) for side, each in enumerate(found))
-            direction = (places[1] - places[0]) / abs(places[1] - places[0])
-            rating, mass = part.table.rating, part.table.mass
-            actuators.append(
-                LinearActuator(
-                    part.name, (near, far), direction, rating.stiffness, rating.stroke, rating.blocking_force, mass,
-                    part.key,
-                )
-            )  # fmt: skip
+        )  # fmt: skip
     load, material = mechanism.payload, mechanism.material
     E, nu = material.youngs_modulus, material.poissons_ratio
     strain = mechanism.model == "plane_strain"

@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from functools import reduce
+from operator import or_
+from types import UnionType
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import (
     AfterValidator,
+    BaseModel,
     Field,
     ModelWrapValidatorHandler,
     SerializationInfo,
@@ -20,6 +24,7 @@ from pydantic import (
     ValidatorFunctionWrapHandler,
     WrapSerializer,
     WrapValidator,
+    create_model,
     model_validator,
 )
 
@@ -37,6 +42,7 @@ from flexfem.mechanism.stage_file import Frame
 from flexfem.units import without_unit
 
 MOST_PARAMETERS = 300  # which may each depend on the one before
+PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 STATED = "stated"  # context of a dump: expressions by their texts
 _known: ContextVar[Mapping[str, float]] = ContextVar("values of the parameters by their names without units")
 
@@ -71,7 +77,7 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
                 if used not in values:
                     resolve(used)
             pending.pop()
-            value = float(value_of(value, {used: values[used] for used in names_in(value)}))
+            value = float(value_of(value, values))
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
             raise refusal("a finite number, or an expression that has one", "parameters", key)
         values[name] = float(value)
@@ -101,7 +107,8 @@ def _evaluated(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
     if not isinstance(text, str):
         return handler(value)
     known = _known.get({})
-    number = float(value_of(text, {name: known[name] for name in _names(text, known)}))
+    _names(text, known)
+    number = float(value_of(text, known))
     try:
         return Evaluated(handler(Evaluated(number, text)), text)
     except ValidationError as error:
@@ -122,6 +129,35 @@ class _OrText(Keywords):
 
 
 EXPRESSION = (WrapValidator(_evaluated), WrapSerializer(_dumped), _OrText(dict))  # at the end of the annotations
+Model = TypeVar("Model", bound=BaseModel)
+
+
+def _expressed(annotation: Any) -> Any:
+    """Return a type in which every number may be an expression."""
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return Annotated[parts[0], *parts[1:], *EXPRESSION] if parts[0] is float else annotation
+    changed = tuple(map(_expressed, parts))
+    return reduce(or_, changed) if origin is UnionType else origin[changed] if origin else annotation
+
+
+def with_expressions(model: type[Model]) -> type[Model]:
+    """Return a model of the same fields, whose numbers may be expressions."""
+    hints, fields = get_type_hints(model, include_extras=True), dict[str, Any]()
+    for name, field in model.model_fields.items():
+        kept = {key: getattr(field, key) for key in ("default", "alias", "description", "examples")}
+        fields[name] = (_expressed(hints[name]), Field(**kept, json_schema_extra=field.json_schema_extra))
+    return create_model(model.__name__, __base__=model, __doc__=model.__doc__, __module__=model.__module__, **fields)
+
+
+@with_expressions
+class PlateMaterial(Material):
+    """Material of the plate, isotropic."""
+
+
+@with_expressions
+class PlateFrame(Frame):
+    """Frame to which the plate is fixed."""
 
 
 MOST = 5000  # corners of one outline
@@ -374,15 +410,15 @@ class MechanismContent(PlateFile):
     """Plane model: `plane_stress`, for a plate that is thin compared with its bodies, or `plane_strain`"""
     thickness: Size = Field(alias="thickness_mm", examples=[10.0])
     """Thickness of the plate"""
-    material: Material
-    """Material of the plate, isotropic; its numbers cannot be expressions"""
+    material: PlateMaterial
+    """Material of the plate, isotropic"""
     parameters: Mapping[str, Parameter] = Field(
         default_factory=dict, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
     )
     """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as _mm or _deg, or has
-    none; expressions use it without the unit. Every number of the file, except those of the material, may be an
-    expression in quotes, in the unit of its key: numbers, names, + - * / **, brackets, abs, sqrt, exp, log, log10, min,
-    max, and sin, cos, tan, atan in degrees"""
+    none; expressions use it without the unit. Every number of the file may be an expression in quotes, in the unit of
+    its key: numbers, names, + - * / **, brackets, abs, sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in
+    degrees"""
     body: tuple[PlateBody, ...] = Field(min_length=1)
     """A body; bodies may be drawn as far as the centres of hinges, which cut them"""
     hinge: tuple[PlateHinge, ...] = ()
@@ -393,7 +429,7 @@ class MechanismContent(PlateFile):
     """A linear actuator between two bodies, or between the ground and a body"""
     output: OutputPoint
     """Point at which the mechanism is loaded and its pose is read"""
-    frame: Frame = Field(default_factory=Frame)
+    frame: PlateFrame = Field(default_factory=PlateFrame)
     """Frame to which the plate is fixed. Only thermal drift uses it"""
     payload: OutputPayload | None = None
     """Rigid payload at the output"""
@@ -412,7 +448,7 @@ class MechanismContent(PlateFile):
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> Self:
-        for array in ("body", "hinge", "actuator", "point"):
+        for array in PARTS:
             names = [part.name for part in getattr(self, array)]
             for index, name in enumerate(names):
                 if name in names[:index] or (array == "point" and name == "output"):

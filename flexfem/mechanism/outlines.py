@@ -198,10 +198,10 @@ def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outli
     for point, radius, before, after in zip(bends[1:], radii[1:], ahead, ahead[1:], strict=False):
         turn = cmath.phase(after / before)
         tangent = radius * math.tan(abs(turn) / 2)
-        path += polyline(start, point - tangent * before)
+        stop = point - tangent * before
+        path += polyline(start, stop)
         start = point + tangent * after
         if tangent > SHORTEST:
-            stop = point - tangent * before
             path.append(Segment(stop, start, stop + 1j * before * math.copysign(radius, turn)))
     return Outline(loop, [edges[2 * n - 1], edges[n - 1]], (*path, *polyline(start, bends[-1])))
 

@@ -6,7 +6,7 @@ Points are complex, mm.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ import shapely
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
-from flexfem.mechanism.profiles import Curve, Ellipse, Spline
+from flexfem.mechanism.profiles import Curve, backwards, mapped
 from flexfem.refused import BadInput
 
 TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost
@@ -29,21 +29,6 @@ HEIGHTS = np.linspace(-1, 1, 9)  # across its end, per half the height
 STEEP = np.tan(np.deg2rad(60.0)) * (1 + 1e-6)  # straight flanks at 60 degrees are not steep, whatever the round-off
 OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
-
-
-def _mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
-    """Return a curve after a rigid motion or a reflection of its points."""
-    if isinstance(curve, Spline):
-        return Spline(tuple(map(move, curve.points)))
-    start, end = move(curve.start), move(curve.end)
-    if isinstance(curve, Ellipse):
-        centre = move(curve.centre)
-        return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
-    return Segment(start, end, None if curve.centre is None else move(curve.centre))
-
-
-def _backwards(curve: Curve) -> Curve:
-    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
 
 
 def _position(joint: Joint, z: complex) -> complex:
@@ -60,9 +45,9 @@ def _corner(joint: Joint, side: int) -> complex:
 def joint_loop(joint: Joint) -> list[Curve]:
     """Return the closed counter-clockwise loop of a hinge: lower edge, far end, upper edge, near end."""
     upper, near, far = joint.profile.edge(), _corner(joint, -1), _corner(joint, 1)
-    loop = [_mapped(curve, lambda z: z.conjugate()) for curve in upper]
-    loop += [Segment(far.conjugate(), far), *map(_backwards, reversed(upper)), Segment(near, near.conjugate())]
-    return [_mapped(curve, partial(_position, joint)) for curve in loop]
+    loop = [mapped(curve, lambda z: z.conjugate()) for curve in upper]
+    loop += [Segment(far.conjugate(), far), *map(backwards, reversed(upper)), Segment(near, near.conjugate())]
+    return [mapped(curve, partial(_position, joint)) for curve in loop]
 
 
 def neck_line(joint: Joint) -> Segment:
@@ -154,6 +139,12 @@ def body_polygon(layout: Layout, index: int) -> Any:
         raise BadInput(f"{_key(body)}: {reason}, expected an outline that does not meet itself, and holes inside it")
     boxes = [shapely.Polygon(polygon_points(cut)) for cut in cuts_of(layout, index)]
     return shapely.difference(drawn, shapely.union_all(boxes))
+
+
+def plate_area(layout: Layout) -> float:
+    """Return the area of all bodies and hinges, mm^2. Raises BadInput as `body_polygon`."""
+    bodies = [body_polygon(layout, index) for index in range(len(layout.bodies))]
+    return float(np.sum(shapely.area([*bodies, *map(joint_polygon, layout.joints)])))
 
 
 def _checked_polygon(layout: Layout, index: int) -> Any:

@@ -41,7 +41,8 @@ class PlateFile(Dimensioned, Sourced):
     @classmethod
     def _add_registered_sources(cls, data: Any) -> Any:
         material, stated = (data.get(key) for key in ("material", "provenance")) if isinstance(data, dict) else (0, 0)
-        sources = sources_of(material.get("name") if isinstance(material, dict) else getattr(material, "name", None))
+        name = material.get("name") if isinstance(material, dict) else getattr(material, "name", material)
+        sources = sources_of(name)
         if not sources or not isinstance(stated, dict | None):
             return data
         return data | {"provenance": sources | (stated or {})}
@@ -55,6 +56,11 @@ class PlateFile(Dimensioned, Sourced):
     @once
     def entries(self) -> tuple[tuple[str, Any], ...]:
         return super().entries
+
+    @property
+    @once
+    def sources(self) -> dict[str, str | None]:
+        return super().sources
 
     @property
     @once
@@ -73,7 +79,11 @@ class PlateFile(Dimensioned, Sourced):
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
-        return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+        return self._with_content(self._stated() | dict(update or {}))
+
+    def _stated(self) -> dict[str, Any]:
+        """Return the stated content by attribute names."""
+        return {name: getattr(self, name) for name in self.model_fields_set}
 
     def _with_content(self, content: dict[str, Any]) -> Self:
         """Return a table of this content, without the provenance of keys of this one that no longer exist."""

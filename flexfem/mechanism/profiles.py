@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -77,6 +77,22 @@ Curve = Segment | Spline | Ellipse
 Refinement = tuple[tuple[complex, ...], float, float]
 
 
+def mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
+    """Return a curve after a rigid motion or a reflection of its points."""
+    if isinstance(curve, Spline):
+        return Spline(tuple(map(move, curve.points)))
+    start, end = move(curve.start), move(curve.end)
+    if isinstance(curve, Ellipse):
+        centre = move(curve.centre)
+        return Ellipse(start, end, centre, move(curve.centre + curve.major) - centre)
+    return Segment(start, end, None if curve.centre is None else move(curve.centre))
+
+
+def backwards(curve: Curve) -> Curve:
+    """Return the same curve in the opposite direction."""
+    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
+
+
 class Concentration(NamedTuple):
     """Stress concentration factors (...), relative to a straight bar as wide as the neck; functions of t/R.
 
@@ -135,6 +151,10 @@ class Profile:
             if isinstance(value, int | float) and not (0 < value < math.inf or value == each.default == 0):
                 raise BadDimension(FILE_KEYS.get(each.name, each.name), "a number > 0")
 
+    def with_neck(self, neck: float) -> Profile:
+        """Return the profile with another neck, mm; all heights change by the same amount."""
+        return replace(self, neck=neck)
+
     @property
     def length(self) -> float:
         """Length along the axis, mm."""
@@ -161,32 +181,35 @@ class Profile:
 
     def edge(self) -> list[Curve]:
         """Return the upper edge from -length / 2 to length / 2, split at 0; the lower edge is its mirror image."""
-        return [_mirrored(curve) for curve in reversed(self.half())] + self.half()
+        return [backwards(mapped(curve, lambda z: -z.conjugate())) for curve in reversed(self.half())] + self.half()
 
     @property
     def end_height(self) -> float:
         """Larger height at the two ends, mm."""
         return float(np.max(self.height(np.array([-0.5, 0.5]) * self.length)))
 
-    def compliance(self, youngs_modulus: float, poissons_ratio: float, thickness: float) -> Array:
-        """Compliance (3, 3) of the far end relative to the near one, at the centre: axial, transverse, rotation.
+    def compliance(
+        self, youngs_modulus: float, poissons_ratio: float, thickness: float, thicker: ArrayLike = 0.0
+    ) -> Array:
+        """Compliance (..., 3, 3) of the far end relative to the near one, at the centre: axial, transverse, rotation.
+
+        thicker : (...), mm, added to all heights, as a thicker neck does.   nan where no height is left.
 
         Notes
         -----
         A Timoshenko beam of the local height: `int dx / (E A)`, `int x^2 / (E I) dx + kappa int dx / (G A)` and
         `int dx / (E I)`. A force at the centre and a moment are uncoupled for a profile symmetric about its centre.
         """
-        E, b = youngs_modulus, thickness
-        axial, bending, moment, rotation = (self._integral(n, m) for n, m in ((0, 1), (2, 3), (1, 3), (0, 3)))
-        shear = SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
-        return np.array([[axial, 0, 0], [0, 12 * bending + shear, -12 * moment], [0, -12 * moment, 12 * rotation]]) / (
-            E * b
-        )
-
-    def _integral(self, power: int, of_height: int) -> float:
-        """Integral of `x^power / height^of_height` over the length."""
         x, weights = self.quadrature
-        return float(np.sum(weights * x**power / self.height(x) ** of_height))
+        added = np.asarray(thicker, dtype=float)[..., None]
+        height = self.height(x) + np.where(added > -self.neck, added, np.nan)
+        axial, cube = np.sum(weights / height, axis=-1), height**3
+        rotation, moment, bending = (12 * np.sum(weights * x**n / cube, axis=-1) for n in range(3))
+        found = np.zeros((*axial.shape, 3, 3))
+        found[..., 0, 0], found[..., 2, 2] = axial, rotation
+        found[..., 1, 1] = bending + SHEAR_CORRECTION * 2 * (1 + poissons_ratio) * axial
+        found[..., 1, 2] = found[..., 2, 1] = -moment
+        return found / (youngs_modulus * thickness)
 
     @cached_property
     def quadrature(self) -> tuple[Array, Array]:
@@ -273,16 +296,6 @@ class Profile:
         return tuple(map(complex, x.tolist())), size, radius
 
 
-def _mirrored(curve: Curve) -> Curve:
-    """Return the curve reflected at the y axis, in the opposite direction."""
-    if isinstance(curve, Spline):
-        return Spline(tuple(-z.conjugate() for z in reversed(curve.points)))
-    start, end = -curve.end.conjugate(), -curve.start.conjugate()
-    if isinstance(curve, Ellipse):
-        return Ellipse(start, end, -curve.centre.conjugate(), -curve.major.conjugate())
-    return Segment(start, end, None if curve.centre is None else -curve.centre.conjugate())
-
-
 def _rise(x: Array, radius: float) -> Array:
     """Rise (...) of a circle at a distance x from its lowest point, without cancellation; x up to the radius."""
     return np.asarray(x**2 / (radius + np.sqrt(np.maximum(radius**2 - x**2, 0.0)))) if radius else np.zeros(np.shape(x))
@@ -311,15 +324,21 @@ class Circular(Profile):
 
 
 @dataclass(frozen=True)
-class Elliptical(Profile):
-    """Two half-ellipse notches of a depth, mm, each."""
+class Spanned(Profile):
+    """A profile whose length is a dimension, `span`, mm."""
 
     span: float
-    depth: float
 
     @property
     def length(self) -> float:
         return self.span
+
+
+@dataclass(frozen=True)
+class Elliptical(Spanned):
+    """Two half-ellipse notches of a depth, mm, each."""
+
+    depth: float
 
     @property
     def root_radius(self) -> float:
@@ -337,20 +356,15 @@ class Elliptical(Profile):
 
 
 @dataclass(frozen=True)
-class Leaf(Profile):
+class Leaf(Spanned):
     """A leaf spring of uniform height with fillets of radius `fillet` at its roots, inside its length; mm."""
 
-    span: float
     fillet: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if 2 * self.fillet >= self.span - SHORTEST:
             raise BadDimension("fillet", f"less than half the length, {self.span / 2:g} mm")
-
-    @property
-    def length(self) -> float:
-        return self.span
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -397,15 +411,10 @@ def _quadruple(z: complex) -> tuple[complex, ...]:
 
 
 @dataclass(frozen=True)
-class Parabolic(Profile):
+class Parabolic(Spanned):
     """Two parabolic notches of a depth, mm, each."""
 
-    span: float
     depth: float
-
-    @property
-    def length(self) -> float:
-        return self.span
 
     @property
     def root_radius(self) -> float:
@@ -476,6 +485,9 @@ class Tabulated(Profile):
         if np.any(np.diff(rows[:, 0]) <= SHORTEST) or np.any(rows[:, 1] <= 0):
             raise BadDimension("table", "ascending positions and heights > 0")
         object.__setattr__(self, "neck", float(rows[:, 1].min()))
+
+    def with_neck(self, neck: float) -> Tabulated:
+        return Tabulated(tuple((x, height + neck - self.neck) for x, height in self.table))
 
     @classmethod
     def of(cls, height: Callable[[Array], Array], length: float, rows: int = 129) -> Tabulated:

@@ -6,7 +6,7 @@ import os
 import shlex
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
@@ -15,8 +15,8 @@ from markupsafe import Markup
 
 from flexfem import studies
 from flexfem.analytic.responses import require_expansion
+from flexfem.arrays import Array
 from flexfem.design.result import Designed, is_design, read_design
-from flexfem.fem.fields import neck_maxima
 from flexfem.files.inputs import require_unread
 from flexfem.files.provenance import is_assumed, values_by_key
 from flexfem.files.refusals import checked_path, place_of
@@ -25,31 +25,38 @@ from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
 from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage import HINGE_NAMES, Stage, load_feasible
+from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import assumptions_said, counted
-from flexfem.models import solve
-from flexfem.page.section import PageSection, facts, html_of, notes, sentence, shown_figure, table, tables_of
+from flexfem.page.key import ENDS, SHARES, Ask, opening
+from flexfem.page.section import (
+    PageSection,
+    facts,
+    folded,
+    html_of,
+    notes,
+    shown_figure,
+    table,
+    tables_of,
+)
 from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
-from flexfem.plot.fields import stress_figure
-from flexfem.plot.plate import mechanism_figure, plane_fields
+from flexfem.plot.fields import plane_fields, stress_figure
+from flexfem.plot.plate import mechanism_figure
 from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
 from flexfem.questions import plates
-from flexfem.questions.budget import budget
 from flexfem.questions.check import MechanismReport, StageReport, check_mechanism, check_stage
 from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
-from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, Fields, Progress, TextTable, record_parts, versions
+from flexfem.results import AXES, ELEMENTS, Fields, Progress, TextTable, record_parts, versions
 from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 
@@ -58,12 +65,13 @@ if TYPE_CHECKING:
 
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
+Opened: TypeAlias = Callable[[Markup], Markup]  # returns the drawing with the key results
 Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alternative text of the figure
 QUESTIONS: dict[str, Section] = {
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
-    "budget": ("Error budget", partial(budget, plane=True), "Bars of the shares of the error by direction."),
-    "drive": ("Drive", partial(reach, models="analytic"), "Poses that the drive reaches."),
+    "budget": ("Error budget", SHARES, "Bars of the shares of the error by direction."),
+    "drive": ("Drive", ENDS, "Poses that the drive reaches."),
     "large": ("Large displacements", large, "Tangent stiffness and errors of linear theory over the command."),
     "modes": ("Natural modes", modes, "Shapes of the modes listed in the table."),
     "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
@@ -71,8 +79,8 @@ QUESTIONS: dict[str, Section] = {
 }
 OF_MECHANISMS: dict[str, tuple[Callable[..., Any], ...]] = {  # questions of the sections that a mechanism has
     "analytic": (partial(stiffness, models="analytic"),),
-    "elements": (partial(stiffness, models="elements"),),
-    "budget": (plates.verification, partial(budget, plane=True)),
+    "elements": (stiffness,),
+    "budget": (plates.verification, SHARES),
     "stress": (),
     "drive": (plates.drive, plates.reach),
     "large": (large,),
@@ -87,6 +95,7 @@ DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]]
     "search": ("Search", None, ""),
 }
 PROVENANCE = "Sources of the numbers"
+WITHOUT_MESH = frozenset(("analytic", "drive", "life"))  # sections of a stage
 STRESS_AMPLITUDES = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
 KINDS = {"assumed": "assumed", "not_stated": "source not stated"}  # labels of the kinds of assumptions
 
@@ -295,12 +304,17 @@ def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subje
             required_law(stage.material)
         if "drift" in sections:
             require_expansion(stage)
-    checked = check_stage(stage)
+    checked, meshed = check_stage(stage), not WITHOUT_MESH.issuperset(sections)
+    if meshed:  # both models are in the same plane problem
+        origin, stage = stage.origin, stage.model_copy(update={"model": stage.model})
+        stage.__dict__["origin"] = origin
+    ask = _asking(stage)
+    opened = partial(opening, stage, ask, sections, meshed)
     assumed, not_stated = _assumptions([checked, *([checked.drive] if checked.drive else [])])
-    parts: list[Part] = [("stage", partial(_drawing_section, stage, checked))]
+    parts: list[Part] = [("stage", partial(_drawing_section, stage, checked, opened))]
     for name in (name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)):
         options = {"amplitude": amplitude} if name == "life" else {}
-        section = partial(_result_section, name, stage, **options)
+        section = partial(_result_section, name, ask, **options)
         parts.append((name, partial(_stress_section, stage) if name == "stress" else section))
     parts.append(("sources", partial(_provenance_section, _provenance(stage, assumed, not_stated), "source")))
     return Subject(stage.name, "Stage", assumed, not_stated, parts)
@@ -313,14 +327,21 @@ def _mechanism_subject(mechanism: Mechanism, sections: Sequence[str]) -> Subject
         if "drift" in sections:
             require_expansion(mechanism)
     assumed, not_stated = list(mechanism.assumed), list(mechanism.not_stated)
-    parts: list[Part] = [("mechanism", partial(_mechanism_section, mechanism, check_mechanism(mechanism)))]
+    ask = _asking(mechanism)
+    opened = partial(opening, mechanism, ask, sections, {*sections} != {"analytic"})
+    parts: list[Part] = [("mechanism", partial(_drawing_section, mechanism, check_mechanism(mechanism), opened))]
     for name in (name for name in SECTIONS if name in sections and name in OF_MECHANISMS):
         if name == "stress":
-            parts.append((name, partial(_mechanism_stress, mechanism)))
+            parts.append((name, partial(_stress_section, mechanism)))
         elif name != "drive" or mechanism.layout.actuators:
-            parts.append((name, partial(_answers_section, name, mechanism)))
+            parts.append((name, partial(_answers_section, name, ask)))
     parts.append(("sources", partial(_provenance_section, _provenance(mechanism, assumed, not_stated), "source")))
     return Subject(mechanism.name, "Mechanism", assumed, not_stated, parts)
+
+
+def _asking(subject: Stage | Mechanism) -> Ask:
+    """Return a function that answers every question about a subject once."""
+    return cache(lambda question: question(subject))
 
 
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
@@ -346,41 +367,54 @@ def _section(name: str, title: str, *parts: Markup) -> PageSection:
     return PageSection(name, title, Markup("").join(parts))
 
 
-def _result_section(name: str, stage: Stage, **options: Any) -> PageSection:
+def _result_section(name: str, ask: Ask, **options: Any) -> PageSection:
     """Return the tables and the figure of the result of a question."""
     title, question, description = QUESTIONS[name]
-    result = question(stage, **options)
+    result = ask(partial(question, **options) if options else question)
     figure = [shown_figure(f"{name}-figure", lambda: figures_of(result)[""], description)] if description else []
     return _section(name, title, tables_of(result), *figure)
 
 
-def _answers_section(name: str, mechanism: Mechanism) -> PageSection:
+def _answers_section(name: str, ask: Ask) -> PageSection:
     """Return the tables of the results of all questions of a section."""
-    results = [question(mechanism) for question in OF_MECHANISMS[name]]
-    title = Markup("<p>{}</p>") if results[1:] else Markup("")
-    parts = (title.format(sentence(result.title)) + tables_of(result) for result in results)
-    return _section(name, QUESTIONS[name][0], *parts)
+    return _section(name, QUESTIONS[name][0], *(tables_of(ask(question)) for question in OF_MECHANISMS[name]))
 
 
-def _mechanism_section(mechanism: Mechanism, checked: MechanismReport) -> PageSection:
-    """Return the drawing of a mechanism with its bodies, hinges, points and actuators."""
-    pairs, tables = record_parts(checked._replace(provenance={}), plain=False)
-    text = f"Drawing to scale of the mechanism {mechanism.name}: bodies, hinges, output and actuators."
-    figure = shown_figure("drawing", partial(mechanism_figure, mechanism), text)
-    return _section("mechanism", "The mechanism", figure, facts(pairs), *map(table, tables), notes(checked.warnings))
+def _drawing_section(subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Opened) -> PageSection:
+    """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
+    without: dict[str, Any] = {"provenance": {}}  # it has a section of its own
+    if isinstance(checked, StageReport) and checked.drive:
+        without["drive"] = checked.drive._replace(provenance={})
+    pairs, tables = record_parts(checked._replace(**without), plain=False)
+    draw = partial(drawing_figure, subject) if isinstance(subject, Stage) else partial(mechanism_figure, subject)
+    figure = shown_figure(
+        "drawing", draw, f"Drawing to scale of {subject.name}: bodies, hinges and drive.", table(tables[0])
+    )
+    parts = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
+    kind = "stage" if isinstance(subject, Stage) else "mechanism"
+    return _section(kind, f"The {kind}", opened(figure), notes(checked.warnings), parts)
 
 
-def _mechanism_stress(mechanism: Mechanism) -> PageSection:
-    """Return the von Mises stress of a mechanism by finite elements for each displacement of its output."""
-    drawn, columns = dict[str, Fields](), list[list[str]]()
-    for axis, amplitude in enumerate(STRESS_AMPLITUDES):
-        found = plates.stiffness(mechanism, models="elements", displacement=tuple(amplitude * np.eye(3)[axis]))
-        drawn[_command(axis)] = plane_fields(found.fields)
-        columns.append([significant(float(stress)) for stress in found.at("hinge_stress", model=ELEMENTS)])
-    rows = [[joint.name, *cells] for joint, *cells in zip(mechanism.layout.joints, *columns, strict=True)]
-    data = table(TextTable(["hinge", *(f"{name} ({STRESS})" for name in drawn)], rows, 1))
-    text = "The mechanism displaced in each direction, coloured by von Mises stress."
-    note = "Displacements of the output, with the other directions held; the amplitudes are assumed."
+def _stress_section(subject: Stage | Mechanism) -> PageSection:
+    """Return the von Mises stress by finite elements for displacements in X, in Y (of a mechanism) and in theta."""
+    drawn, stresses, stage = dict[str, Fields](), dict[str, Array](), isinstance(subject, Stage)
+    for axis in (0, 2) if stage else (0, 1, 2):
+        held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
+        found, name = stiffness(subject, models="elements", displacement=held), _command(axis)
+        fields = plane_fields(found.fields)
+        drawn[name] = Fields(*fields) if stage else fields
+        stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=ELEMENTS))
+    labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]] if stage else found.axes["hinge"]
+    rows = [[label, *map(significant, row)] for label, *row in zip(labels, *stresses.values(), strict=True)]
+    head = ["hinge", *(f"{name} ({STRESS})" for name in drawn)]
+    data = table(TextTable(head, rows, 1, "Highest von Mises stress at each hinge"))
+    highest = "; ".join(
+        f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
+        f"{percent(100 * float(stress.max()) / subject.material.yield_strength)} of the yield strength"
+        for name, stress in stresses.items()
+    )
+    note = f"The other directions are held; the amplitudes are assumed. {highest}."
+    text = f"The deformed {'stage' if stage else 'mechanism'} coloured by von Mises stress."
     figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
     return _section("stress", "Stress", notes([note], "note"), figure)
 
@@ -426,35 +460,5 @@ def _provenance_section(rows: Sequence[Sequence[str]], last: str) -> PageSection
     )
     tag = Markup('<span class="tag">{}</span>')
     marked = [[row[0], row[1] if row[1] == "stated" else tag.format(row[1]), row[2]] for row in rows]
-    return _section("provenance", PROVENANCE, opening, table(TextTable(["key of the file", "kind", last], marked, 3)))
-
-
-def _drawing_section(stage: Stage, checked: StageReport) -> PageSection:
-    """Return the drawing of a stage with its dimensions, hinges and actuators."""
-    drive = checked.drive and checked.drive._replace(provenance={})  # provenance has a section of its own
-    pairs, tables = record_parts(checked._replace(drive=drive, provenance={}), plain=False)
-    text = f"Drawing to scale of the stage {stage.name}: platform, three chains of two links and three notch hinges."
-    figure = shown_figure("drawing", partial(drawing_figure, stage), text, table(tables[0]))
-    return _section("stage", "The stage", figure, facts(pairs), *map(table, tables[1:]), notes(checked.warnings))
-
-
-def _stress_section(stage: Stage) -> PageSection:
-    """Return the von Mises stress of a stage by finite elements at 50 um in X and at 1 mrad."""
-    model, fields, necks = solve(stage), dict[str, Fields](), {}
-    for axis in (0, 2):
-        name = _command(axis)
-        fields[name] = model.fields(model.force(STRESS_AMPLITUDES[axis] * np.eye(3)[axis]))
-        necks[name] = neck_maxima(stage, model.mesh, fields[name].stress)
-    rows = [[f"{hinge} hinge, chain {k + 1}", *(significant(float(stress[k, n])) for stress in necks.values())]
-            for k in range(3) for n, hinge in enumerate(HINGE_NAMES)]  # fmt: skip
-    head = ["neck", *(f"{name} ({STRESS})" for name in necks)]
-    data = table(TextTable(head, rows, 1, "Largest von Mises stress at each neck"))
-    highest = "; ".join(
-        f"{name}: {significant(float(stress.max()))} {STRESS} at most, "
-        f"{percent(100 * float(stress.max()) / stage.material.yield_strength)} of the yield strength"
-        for name, stress in necks.items()
-    )
-    text = "The deformed stage coloured by von Mises stress."
-    figure = shown_figure("stress-figure", partial(stress_figure, fields), text, data)
-    note = f"The other directions are held; the amplitudes are assumed. {highest}."
-    return _section("stress", "Stress", notes([note], "note"), figure)
+    listed = folded("All numbers with their sources", table(TextTable(["key of the file", "kind", last], marked, 3)))
+    return _section("provenance", PROVENANCE, opening, listed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import colorsys
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -14,8 +15,9 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from flexfem.arrays import Array
-from flexfem.plot.style import headless, rendered
+from flexfem.arrays import AnyArray, Array
+from flexfem.plot.stage import boundary_of
+from flexfem.plot.style import drawn_box, headless, rendered
 from flexfem.plot.text import significant
 
 if TYPE_CHECKING:
@@ -28,6 +30,11 @@ TEMPLATES = Path(__file__).with_name("templates")
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
 FONTS = "'DejaVu Sans', Verdana, sans-serif"  # both have the same letter widths
 POINTS = 72.0  # per inch
+PAD = 4.0  # points around a figure
+COLOUR = re.compile(r"(?<=fill: |roke: )#((?!440154)[0-9a-f]{6})")  # in a style of SVG, but for the lowest stress
+HATCHED = re.compile(r'fill="(#[0-9a-f]{6})"')  # ground of a hatch
+THEMED = re.compile(r"var\(--c([0-9a-f]{6})")
+DRAWN, WIDE, STEP = 0.07, 560.0, 1.0  # largest drawn displacement over the size of a plate; its width, steps of lines
 TARGET = 5.0  # points, half the side of a pointer target on a marker
 MARKERS = 300  # largest number on a curve with pointer targets
 
@@ -61,8 +68,19 @@ def html_of(sections: Sequence[PageSection], **page: Any) -> str:
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()  # no other script may run
     policy = f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'sha256-{digest}'; "
     policy += "base-uri 'none'; form-action 'none'"
+    used = sorted({colour for section in sections for colour in THEMED.findall(section.html)})
+    dark = "".join(f"--c{colour}: {dark_of(colour)}; " for colour in used)
+    style += f"@media screen and (prefers-color-scheme: dark) {{ svg.drawn {{ {dark}}} }}\n"
     code = {"policy": policy, "script": Markup(script), "style": Markup(style)}
     return str(markup("page.html", sections=sections, **page, **code))
+
+
+def dark_of(colour: str) -> str:
+    """Return the colour of the dark theme in place of six hexadecimal digits: the hue stays, light becomes dark."""
+    hue, light, saturation = colorsys.rgb_to_hls(*(int(colour[k : k + 2], 16) / 255 for k in (0, 2, 4)))
+    return "#" + "".join(
+        f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, 0.92 - 0.83 * light, saturation)
+    )
 
 
 def table(content: TextTable, sortable: bool = True) -> Markup:
@@ -73,8 +91,21 @@ def table(content: TextTable, sortable: bool = True) -> Markup:
 
 def tables_of(result: Result) -> Markup:
     """Return all tables, sentences and warnings of a result."""
+    about = sentence(result.heading().removeprefix(f"{result.about.name}: "))
     tables = [table(content, sortable=False) for content in result.tables(plain=False)]
-    return Markup("").join([*tables, notes([*result.sentences(), *result.warnings], "note")])
+    texts = notes(result.warnings), notes(result.sentences(), "note")
+    return Markup("").join([Markup('<p class="settings">{}</p>').format(about), *tables, *texts])
+
+
+def beside(*parts: Markup) -> Markup:
+    """Return parts in columns, on narrow screens below each other."""
+    return Markup('<div class="beside">{}</div>').format(Markup("").join(parts))
+
+
+def folded(title: str, *parts: Markup) -> Markup:
+    """Return parts that are shown on request."""
+    html = Markup("").join(parts)
+    return Markup("<details><summary>{}</summary>\n{}\n</details>").format(title, html) if html.strip() else html
 
 
 def facts(pairs: Iterable[tuple[str, str | Markup]]) -> Markup:
@@ -100,9 +131,42 @@ def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: 
     """
     with headless() as lines:
         figure = draw()
-    caption = " ".join(map(sentence, lines))
-    svg = inline_svg(figure, name)
-    return markup("figure.html", name=name, svg=svg, caption=caption, description=description, data=data)
+    return framed(name, inline_svg(figure, name), " ".join(map(sentence, lines)), description, data)
+
+
+def framed(name: str, svg: Markup, caption: str, description: str, data: Markup | None = None) -> Markup:
+    """Return an SVG element with its caption; arguments as of `shown_figure`."""
+    numbers = folded("Numbers of this figure", data) if data else Markup("")
+    return markup("figure.html", name=name, svg=svg, caption=caption, description=description, data=numbers)
+
+
+def moving_svg(nodes: Array, triangles: AnyArray, field: Array, swings: bool = True) -> Markup:
+    """Return a mesh (n, 2) that moves by a field (n, 2), exaggerated, in front of its outline at rest.
+
+    swings : to both sides of the position at rest, as a mode; otherwise from rest to the field and back.
+    """
+    low, size = nodes.min(axis=0), np.ptp(nodes, axis=0)
+    largest, room = float(np.linalg.norm(field, axis=1).max()) or 1.0, (DRAWN + 0.01) * size.max()
+    scale, width = WIDE / (size[0] + 2 * room), size + 2 * room
+    following = {int(first): (int(middle), int(last)) for first, last, middle in boundary_of(triangles)}
+    loops = list[list[int]]()
+    while following:
+        at = next(iter(following))
+        loops.append([at])
+        while at in following:
+            middle, last = following.pop(at)
+            for node in (middle, last):
+                if scale * np.linalg.norm(nodes[node] - nodes[loops[-1][-1]]) >= STEP:
+                    loops[-1].append(node)
+            at = last
+
+    def path(share: float) -> str:
+        moved = (nodes + share * DRAWN * float(size.max()) / largest * field - low + room) * scale
+        moved[:, 1] = width[1] * scale - moved[:, 1]
+        return "".join("M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in moved[loop].tolist()) + "Z" for loop in loops)
+
+    rest, ends = path(0.0), (path(1.0), path(-1.0)) if swings else (path(0.0), path(1.0))
+    return markup("moving.html", wide=WIDE, high=float(width[1] * scale), rest=rest, ends=ends)
 
 
 def inline_svg(figure: Figure, name: str) -> Markup:
@@ -114,10 +178,14 @@ def inline_svg(figure: Figure, name: str) -> Markup:
     text = re.sub(r"(?s)<metadata>.*?</metadata>|<defs>\s*<style.*?</defs>", "", text[text.index("<svg") :])
     text = re.sub(r'\b(id="|href="#)', rf"\1{name}-", text.replace("url(#", f"url(#{name}-"))
     text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)  # hundredths of a point
-    text = text.replace("'DejaVu Sans'", FONTS)
-    width = figure.get_figwidth() * 96.0  # CSS pixels per inch
-    opening = f'<svg class="drawn" style="max-width: {width:.0f}px" '
-    text = re.sub(r'<svg |\s(width|height)="[\d.]+pt"', lambda m: opening if m[0] == "<svg " else "", text, count=3)
+    text = HATCHED.sub(r'style="fill: \1"', text.replace("'DejaVu Sans'", FONTS))
+    text = COLOUR.sub(r"var(--c\1, #\1)", text)
+    (left, low), (right, high) = drawn_box(figure) * POINTS
+    box = left - PAD, figure.get_figheight() * POINTS - high - PAD, right - left + 2 * PAD, high - low + 2 * PAD
+    opening = (
+        f'<svg class="drawn" style="max-width: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'
+    )
+    text = re.sub(r'<svg\b|\s(width|height|viewBox)="[^"]*"', lambda m: "" if m[1] else opening, text, count=4)
     targets = "".join(
         Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format(*target)
         for target in _targets(figure)
@@ -128,7 +196,7 @@ def inline_svg(figure: Figure, name: str) -> Markup:
 def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]:
     """Yield left, top, width and height in points from the upper left corner, and text, of all markers and bars."""
     for ax in figure.axes:
-        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel()
+        x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel().replace("\n", " ")
         for line in ax.lines:
             xy = np.asarray(line.get_xydata(), dtype=float)
             if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MARKERS:

@@ -7,18 +7,28 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any, TypeAlias
 
+import numpy as np
 from markupsafe import Markup
 
 from flexfem.files.provenance import is_assumed
-from flexfem.page.section import PageSection, facts, notes, shown_figure, table
+from flexfem.page.section import PageSection, facts, folded, notes, shown_figure, table
 from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import SPACE, TextTable, thousands
 from flexfem.study.factors import Column, Factor, columns_of
-from flexfem.study.findings import Record, Refused, Source, factor, model_words, sampling_words
+from flexfem.study.findings import (
+    ParetoFront,
+    Record,
+    Refused,
+    Source,
+    factor,
+    model_words,
+    sampling_words,
+)
 from flexfem.study.loaded import LoadedStudy
 
 DIGITS = 5
+TEN = 10  # designs of a front that are listed at once
 ROWS = 400  # of a table; the JSON of flexfem study plot holds all
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and the function that makes the section
 
@@ -30,11 +40,11 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
     ----------
     source, found : from `studies.study_findings`.   status : from `studies.study_status`.
     """
-    parts: list[Part] = [("settings of the study", partial(setup_section, source, status))]
+    parts = list[Part]()
     for n, shown in enumerate(found.values(), 1):
         title = source.loaded.study.figure[n - 1].title or f"Figure {n}"
         parts.append((f"figure {n}", partial(_figure_section, f"study-figure-{n}", title, shown)))
-    return parts
+    return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
 def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSection:
@@ -44,8 +54,13 @@ def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSecti
     rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
     limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
     names = sum(isinstance(value, str) for value in numbers.rows[0])
-    data = table(TextTable([*numbers.head.values()], rows, names, numbers.caption + limit))
-    return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title, data))
+    head, data = [*numbers.head.values()], Markup("")
+    if isinstance(shown, ParetoFront) and len(rows) > TEN:
+        kept = [rows[k] for k in np.linspace(0, len(rows) - 1, TEN).round().astype(int)]
+        data = table(TextTable(head, kept, names, "Ten designs of the front, from one end to the other"))
+    whole = table(TextTable(head, rows, names, numbers.caption + limit))
+    listed = folded("All designs of the front" if data else "Numbers of this figure", whole)
+    return PageSection(name, title, shown_figure(f"{name}-chart", partial(page_of, shown), title) + data + listed)
 
 
 def formatted(value: float) -> str:

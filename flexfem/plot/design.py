@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 import tomllib
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullFormatter
 
-from flexfem.design.result import Designed, FrontDesign, Goal, Requirement
+from flexfem.design.result import Designed, Goal, Requirement
 from flexfem.files.refusals import shown
+from flexfem.files.toml import kind_of
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
-from flexfem.plot.stage import draw_outline, fit_to_one_scale, plot_stage
+from flexfem.plot.plate import draw_plate, front_page
+from flexfem.plot.stage import draw_outline, fit, label_axes
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
-from flexfem.plot.text import significant
+from flexfem.plot.text import percent, significant
 from flexfem.refused import BadInput
+from flexfem.study.findings import Caption
 
-LABEL_WIDTH, FONT_SIZE = 2.7, 7.5  # of a requirement's name: in, points
+LABEL_WIDTH, FONT_SIZE = 1.5, 8.5  # of a requirement's name: in, points
 MARKS = {"met": "o", "within the band": "s", "missed": "X"}
-COLUMNS, CELL_WIDTH = 4, 2.75  # panels per row; width of a panel, in
+COLUMNS = 4  # panels per row
 SENSITIVITY_NOTE = (
-    "Change of each quantity (%) when one dimension increases by 1 %: logarithmic derivatives of the corrected model "
-    "at the design, by central differences, one-sided where only one side can be made. Dimensions are not rounded to "
-    "their steps."
+    "Change of each quantity when one dimension increases by 1 %: derivatives of the corrected model at the design. "
+    "Dimensions are not rounded to workshop steps."
 )
 FRONT_NOTE = (
-    "Designs that no other design improves in both objectives, by finite elements; each number is a stage file. The "
-    "chosen design is the best in the first objective; the model is corrected at this design only."
+    "By finite elements, no design is better in both objectives than one of these. The chosen design is the best in "
+    "the first objective; the model is corrected at this design only."
 )
 
 
@@ -36,52 +41,53 @@ FRONT_NOTE = (
 def design_figure(found: Designed) -> Figure:
     """Draw the stage, the margins of its requirements, the history of the search and, for two objectives, the front."""
     state = "every requirement is met" if found.feasible else "not every requirement is met"
-    evaluations = ", ".join(f"{n:,} by {name}" for name, n in found.evaluations.items() if name != "drawn")
     lines = [
         "; ".join(f"{goal.label}: {goal.formatted()}, {goal.checked_by}" for goal in found.objectives) + f"; {state}.",
-        "; ".join(f"{name} {value:g}" for name, value in found.design.items()) + " (units of the stage file).",
-        f"Evaluations: {evaluations}. Seed {found.seed}. Corrected model and finite elements differ by at most "
-        f"{significant(found.rounds[-1].gap_percent, 2)} % in any quantity at this design.",
-        *found.warnings,
+        "; ".join(f"{name} {x:g} {found.units.get(name, '')}".rstrip() for name, x in found.design.items()) + ".",
+        "Corrected model and finite elements differ by at most "
+        f"{percent(found.rounds[-1].gap_percent)} in any quantity at this design.",
+        *(f"Warning: {warning}." for warning in found.warnings),
     ]
-    columns = 4 if found.front else 3
-    size = 3.6 * columns + 0.2, max(4.6, 0.42 * len(found.requirements) + 1.6)
-    figure, axes = panels(size, found.name, lines, 1, columns, found)
-    titled(plot_stage(axes[0], _stage(found.stage)), "a", "designed stage")
-    titled(plot_margins(axes[1], found), "b", "margins of the requirements")
-    titled(plot_history(axes[2], found), "c", "first search, by the analytic model")
+    layout = ((10.6, 8.2), 2, 2) if found.front else ((14.0, 4.9), 1, 3)
+    figure, axes = panels(layout[0], found.name, lines, *layout[1:], found)
+    plate = _plate(found.stage)
+    fit(axes[0], draw_plate(axes[0], plate) if isinstance(plate, Mechanism) else draw_outline(axes[0], plate))
+    label_axes(axes[0])
+    titled(axes[0], "a", f"designed {found.kind}")
+    titled(plot_margins(axes[1], found), "b", "requirements")
+    titled(plot_history(axes[2], found), "c", "search with the analytic model")
     if found.front:
-        titled(plot_tradeoff(axes[3], found), "d", "front")
+        titled(plot_tradeoff(axes[3], found), "d", "best designs in both objectives")
     return figure
 
 
-def _stage(text: str) -> Stage:
-    return Stage.model_validate(tomllib.loads(text))
+def _plate(text: str) -> Stage | Mechanism:
+    content = tomllib.loads(text)
+    return (Mechanism if kind_of(content) == Mechanism.kind else Stage).model_validate(content)
 
 
 def plot_margins(ax: Axes | None, found: Designed) -> Axes:
     """Draw the margin of every requirement, in per cent of its limit, with its band; return `ax`, or new axes."""
-    ax, last = new_axes() if ax is None else ax, len(found.requirements) - 1
-    margins = [requirement.margin_percent for requirement in found.requirements]
-    ax.axvline(0.0, color=INK, linewidth=1.2)
-    for k, (margin, requirement) in enumerate(zip(margins, found.requirements, strict=True)):
-        row, colour = last - k, COLOURS[1] if requirement.verdict == "missed" else COLOURS[0]
+    ax = new_axes() if ax is None else ax
+    margins, names, hollow = [requirement.margin_percent for requirement in found.requirements], [], False
+    for row, (margin, requirement) in enumerate(zip(margins, found.requirements, strict=True)):
+        colour = COLOURS[1] if requirement.verdict == "missed" else COLOURS[0]
+        solid = requirement.checked_by.startswith("finite")
+        hollow |= not solid
         ax.plot([0, margin], [row, row], color=colour, linewidth=4, alpha=0.45, solid_capstyle="butt")
         ax.errorbar(
             margin, row, xerr=requirement.band_percent or 0.0, fmt=MARKS[requirement.verdict], color=colour, capsize=4,
-            markersize=6, markerfacecolor=colour if requirement.checked_by.startswith("finite") else "white",
+            markersize=6, markerfacecolor=colour if solid else "white",
         )  # fmt: skip
         active = ", limits the objective" if requirement.active else ""
-        text = wrapped(f"{requirement.label}: {requirement.verdict}{active}", LABEL_WIDTH, FONT_SIZE)
-        ax.annotate(text, (0.02, row + 0.12), xycoords=("axes fraction", "data"), size=FONT_SIZE, va="bottom",
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0})  # fmt: skip
+        limits = f"{requirement.limits} {requirement.unit}".rstrip()
+        names.append(f"{requirement.label}, {limits}: {requirement.verdict}{active}")
     ax.set_xscale("symlog", linthresh=1.0)
-    limits = 2.0 * min([0.0, *margins]) - 1.0, 2.0 * max([1.0, *map(abs, margins)])
-    ax.set(xlim=limits, ylim=(-0.5, max(last + 0.8, 0.8)), yticks=[])
+    style.name_rows(ax, names, LABEL_WIDTH, FONT_SIZE)
+    ax.set_xlim(2.0 * min([0.0, *margins]) - 1.0, 2.0 * max([1.0, *map(abs, margins)]))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(NullFormatter())
-    ax.set_xlabel("margin to the limit (%), linear scale below 1 %;\nbars: uncertainty; hollow: analytic model")
-    ax.grid(axis="x")
+    ax.set_xlabel("margin to limit (%); bars: uncertainty" + "\nhollow: not checked by finite elements" * hollow)
     return ax
 
 
@@ -90,10 +96,17 @@ def plot_history(ax: Axes | None, found: Designed) -> Axes:
     ax, goal = new_axes() if ax is None else ax, found.objectives[0]
     best = [(step.evaluations, step.objective) for step in found.history if step.objective is not None]
     if best:
-        ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label="best feasible design")
-        ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label="final design, finite elements")
+        met, final = "best design that meets all requirements", "final design by finite elements"
+        ax.step(*np.array(best, dtype=float).T, where="post", color=COLOURS[0], label=met)
+        ax.plot(found.history[-1].evaluations, goal.value, "D", color=INK, label=final)
         ax.set_ylabel(wrapped(goal.label_with_unit(), 3.2, 9.0))
-        ax.legend(framealpha=0.8, edgecolor="none")
+        sign, word = (1.0, "drop") if goal.better == "larger" else (-1.0, "rise")
+        for (_, before), (count, after) in pairwise(best):
+            if sign * after < sign * before:
+                at, text = (count, (before + after) / 2), f"{word}: rounding to\nworkshop steps"
+                arrow, place = {"arrowstyle": "-|>", "color": INK}, (-30, -18 * sign)
+                ax.annotate(text, at, place, textcoords="offset points", ha="right", va="center", arrowprops=arrow)
+        ax.legend(loc="center right", framealpha=0.8, edgecolor="none")
     else:
         missed = [(step.evaluations, 100 * step.missed) for step in found.history]
         ax.step(*np.array(missed).T, where="post", color=COLOURS[1])
@@ -129,25 +142,14 @@ def plot_tradeoff(ax: Axes | None, found: Designed) -> Axes:
 
 @style.in_house_style
 def front_figure(found: Designed) -> Figure:
-    """Draw the front and, to one scale, every design on it."""
-    count = len(found.front) + 1
-    rows = -(-count // COLUMNS)
-    size, title = (CELL_WIDTH * COLUMNS, (CELL_WIDTH + 0.9) * rows), f"{found.name}: front"
-    figure, (plane, *drawings) = panels(size, title, [FRONT_NOTE], rows, COLUMNS, found, count)
-    plot_tradeoff(plane, found)
-    outlines = [draw_outline(ax, _stage(point.stage)) for ax, point in zip(drawings, found.front, strict=True)]
-    fit_to_one_scale(drawings, np.vstack(outlines))
-    for number, (ax, point) in enumerate(zip(drawings, found.front, strict=True), 1):
-        ax.set_title(f"{number}:  {_objectives(found, point)}", loc="left", size=FONT_SIZE)
-        ax.set(xticks=[], yticks=[])
-        ax.set_xlabel("\n".join(f"{name} {value:.5g}" for name, value in point.design.items()), size=FONT_SIZE)
-    return figure
-
-
-def _objectives(found: Designed, point: FrontDesign) -> str:
-    values = zip(found.objectives, point.values, strict=True)
-    lines = [f"{goal.label} {significant(value, 4)} {goal.unit}".rstrip() for goal, value in values]
-    return "\n".join(lines if point.met else [*lines, "a requirement is not met"])
+    """Draw the front, every design on it to one scale, and a table of their numbers."""
+    sizes = [f"{name} ({found.units[name]})" if found.units.get(name) else name for name in found.design]
+    rows = [["design", *(goal.label_with_unit() for goal in found.objectives), *sizes]]
+    for number, point in enumerate(found.front, 1):
+        values = [*(significant(x, 4) for x in point.values), *(f"{x:.5g}" for x in point.design.values())]
+        rows.append([f"{number}" if point.met else f"{number}, missed", *values])
+    caption = Caption(f"{found.name}: best designs", [FRONT_NOTE], found.assumed, found.not_stated)
+    return front_page(caption, partial(plot_tradeoff, found=found), [_plate(each.stage) for each in found.front], rows)
 
 
 @style.in_house_style

@@ -23,13 +23,13 @@ from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot import style
-from flexfem.plot.stage import STEP, draw_outline, fit, place_label, write
+from flexfem.plot.stage import STEP, draw_outline, fit, place_label
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, NOTE_COLOUR, PALE, titled
-from flexfem.plot.text import minus, round_factor, scientific, significant
+from flexfem.plot.text import minus, round_factor, significant
 from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
-from flexfem.questions.reach import KINDS, PoseEdge, Reach
+from flexfem.questions.reach import KINDS, Reach
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC
 from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
@@ -48,29 +48,34 @@ VISIBLE = 0.06  # largest drawn displacement of the platform over the size of th
 @style.in_house_style
 def command_figure(found: Drive) -> Figure:
     """Draw a driven stage at a pose: its stacks, their strokes and forces by criterion, and open-loop errors."""
-    errors = [len(found.error)] if "error" in found.values else []
-    heights = [min(max(0.34 * n + 0.75, 1.9), 9.0) for n in (len(found.command), len(found.stroke), *errors)]
-    heights[1] = max(heights[1], 5.8 - heights[0])
+    errors = len(found.error) if "error" in found.values else 0
+    heights = [min(max(0.27 * n + 0.75, 1.9), 9.0) for n in (len(found.command), len(found.stroke))]
+    heights = [heights[0], max(heights[1], 5.8 - heights[0]), *([0.4 * errors + 1.2] if errors else [])]
     factor = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found), 1)}."
     load = f" under a load of {_numbers(found.load, FORCES)}" if np.any(found.load) else ""
     pose = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.settings['strokes by']}."
-    lines = [f"{pose}{factor if np.any(found.pose) else ''} Stacks are not to scale."]
+    lines = [f"{pose}{factor if np.any(found.pose) else ''} Stacks are not drawn to scale."]
     lines += [warning for warning in found.warnings if "this pose" in warning]
     title = f"{found.about.name}: strokes and forces for a pose"
-    figure = style.below_header((WIDTH, sum(heights) + 0.7), title, lines, found.about)
-    parts = figure.subfigures(1 + len(errors), squeeze=False, height_ratios=[sum(heights[:2]), *heights[2:]])[:, 0]
+    figure = style.below_header((WIDTH, sum(heights) + 0.9), title, lines, found.about)
+    rows = [sum(heights[:2]) + 0.6, *heights[2:]]
+    parts = figure.subfigures(len(rows), squeeze=False, height_ratios=rows)[:, 0]
     ratios: dict[str, Any] = {"width_ratios": [1.5, 1.0], "height_ratios": heights[:2]}
     axes: dict[str, Axes] = parts[0].subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], **ratios)
-    axes |= dict(zip(DIRECTIONS, parts[1].subplots(1, 3), strict=True)) if errors else {}
-    titled(plot_strokes(axes["strokes"], found), "b", "strokes by actuator")
-    titled(plot_forces(axes["forces"], found), "c", "stack forces; right: blocking forces")
+    titled(plot_strokes(axes["strokes"], found), "b", "strokes of the actuators (numbers: stacks)")
+    titled(plot_forces(axes["forces"], found), "c", "forces of the stacks")
+    handles = style.handles_of([axes["strokes"], axes["forces"]])
+    place: Any = {"loc": "upper center", "frameon": False, "bbox_to_anchor": (0.5, -0.14)}
+    axes["forces"].legend(handles.values(), handles.keys(), ncols=3, **place)
+    if errors:
+        parts[1].suptitle("Error of the pose by finite elements, for the strokes by each model", size=10.5)
     for letter, direction in zip("def", DIRECTIONS if errors else (), strict=False):
-        ax = plot_open_loop(axes[direction], found, direction)
-        titled(ax, letter, f"error of finite elements in {NAMES[direction]}")
+        ax = axes[direction] = parts[1].add_subplot(1, 3, DIRECTIONS.index(direction) + 1)
+        titled(plot_open_loop(ax, found, direction), letter, NAMES[direction])
         ax.tick_params(labelleft=direction == "x")
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    titled(plot_drive(axes["stage"], found), "a", f"strokes from rest and forces, by {CRITERIA[0]}")
-    style.legend_below(figure, list(axes.values()), 4)
+    titled(plot_drive(axes["stage"], found), "a", f"stage at the pose, strokes and forces of {CRITERIA[0]}")
+    axes["stage"].legend(ncols=2, **place)
     return figure
 
 
@@ -93,17 +98,16 @@ def plot_strokes(ax: Axes, found: Drive) -> Axes:
 
 
 def plot_forces(ax: Axes, found: Drive) -> Axes:
-    """Draw the forces, a bar per stack and criterion, with preload and blocking force; return `ax`."""
+    """Draw the forces, a bar per stack and criterion, with preloads and, below, the blocking force; return `ax`."""
     force = dict(zip(found.axes["criterion"], found.force.T, strict=True))
-    preload, values = found.preload, np.concatenate([*force.values(), found.preload])
+    preload, blocking = found.preload, sorted({f"{value:.4g}": value for value in found.blocking_force}.values())
+    values = np.concatenate([*force.values(), preload])
     limits = min(0.0, 1.12 * float(values.min())), 1.12 * max(float(values.max()), 1e-9)
     _bars(ax, force)
     ax.plot(preload, np.arange(len(preload)), "|", color=INK, markersize=17.0, label="preload", zorder=5)
-    look: Any = {"transform": ax.get_yaxis_transform(), "va": "center", "size": 8.0, "color": "#404040"}
-    for row, value in enumerate(found.blocking_force.tolist()):
-        ax.text(1.015, row, f"{value:.4g} {FORCES[0]}", **look)
     _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.axes["stack"])])
-    ax.set(xlabel=f"force ({FORCES[0]}); a contact opens at zero", xlim=limits)
+    ends = " to ".join(f"{value:.4g}" for value in dict.fromkeys((blocking[0], blocking[-1])))
+    ax.set(xlabel=f"force ({FORCES[0]}); limits: 0 and blocking force {ends} {FORCES[0]}", xlim=limits)
     return ax
 
 
@@ -166,7 +170,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
         look = {"color": INK, "linewidth": 2.4} if carrier == "frame" else {"color": GREY, "linewidth": 1.2}
         ax.plot(mount[:, 0], mount[:, 1], zorder=3.5, **look)
     shaft = LONGEST_ARROW * width * along * force[:, None] / (np.max(np.abs(force)) or 1.0)
-    label = f"force on the pushed body, longest arrow {np.max(np.abs(force)):.4g} {FORCES[0]}"
+    label = f"force on the pushed body, up to {np.max(np.abs(force)):.4g} {FORCES[0]}"
     scaled: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "zorder": 6}
     ax.quiver(*contact.T, *shaft.T, color=NOTE_COLOUR, label=label, **scaled)
     if np.any(found.pose):
@@ -215,7 +219,6 @@ def _box(contact: Array, along: Array, width: float) -> Array:
     return np.array([front + aside, front - aside, rear - aside, rear + aside])
 
 
-LISTED = 12  # at most: edges whose limits are listed, the longest ones
 AZIMUTH, ELEVATION = -62.0, 24.0  # degrees, of the line of sight, from the X axis and from the plane
 FILLS = dict(zip(KINDS, ("#E4E8EC", "#9DC3E0", "#C9B458", "#D98A6A"), strict=True))  # by a face's rarest kind
 LIMIT_HATCHES = dict(zip(KINDS, ("", "////", "\\\\\\\\", "...."), strict=True))
@@ -224,51 +227,38 @@ LIMIT_HATCHES = dict(zip(KINDS, ("", "////", "\\\\\\\\", "...."), strict=True))
 @style.in_house_style
 def reach_figure(found: Reach) -> Figure:
     """Draw the reachable poses with the limits that bound them: the section at theta = 0, and the solid."""
-    um, model = MICROMETRE, found.settings["analytic model"]
-    ranges = ", ".join(f"{NAMES[axis]} {_ends(found, k)}" for k, axis in enumerate(NAMES))
+    um = MICROMETRE
     load = f"load {_numbers(found.load, FORCES)}" if np.any(found.load) else "no load"
     lines = [
-        f"Limits: stroke, contact opening, blocking force and yield at the necks, by {model}; {load}; linear. "
-        "Below: limits of the numbered edges; strokes: + longest, \N{MINUS SIGN} shortest.",
-        f"Ranges with the other two commands zero: {ranges}. About rest: circle of "
-        f"{um.factor * float(found.circle):.4g} {um} at θ = 0, ball of {um.factor * float(found.ball):.4g} {um}; "
-        f"rotations are multiplied by l₃ = {found.about.lever:g} {LENGTH}.",
+        f"Limits: stroke, contact opening, blocking force and yield at the necks; {load}. Model: "
+        f"{found.settings['analytic model']}. Largest ball of poses about rest: {um.factor * found.ball:.4g} {um}, "
+        f"with θ as l₃ θ, l₃ = {found.about.lever:g} {LENGTH}."
     ]
     title = f"{found.about.name}: reachable poses within all limits of the drive"
-    figure = style.below_header((WIDTH, 7.6), title, lines, found.about)
+    figure = style.below_header((WIDTH, 7.9), title, lines, found.about)
     spatial: Any = {"b": {"projection": "3d"}}
-    axes = figure.subplot_mosaic([["a", "b"], ["c", "d"]], height_ratios=(3.2, 1.0), per_subplot_kw=spatial)
-    titled(plot_section(axes["a"], found), "a", "at θ = 0")
-    titled(plot_solid(axes["b"], found), "b", "all poses, rotations drawn as l₃ θ")
-    edges = listed(found)
-    half = (len(edges) + 1) // 2
-    for ax, part in zip((axes["c"], axes["d"]), (edges[:half], edges[half:]), strict=True):
-        limits = [f"{k}  {edge.by}".replace(", longest", " +").replace(", shortest", " −") for k, edge in part]
-        text = "\n".join(style.wrapped(limit, WIDTH / 2 - 0.8, 7.5) for limit in limits)
-        ax.axis("off")
-        ax.text(0.0, 1.0, text, transform=ax.transAxes, va="top", size=7.5, color=INK, linespacing=1.3)
+    axes = figure.subplot_mosaic([["a", "b"], ["c", "c"]], height_ratios=(3.4, 1.3), per_subplot_kw=spatial)
+    titled(plot_section(axes["a"], found), "a", "poses at θ = 0")
+    titled(plot_solid(axes["b"], found), "b", "all poses")
+    rows = [("axis", "end of the range", "limited by (other axes at zero)")]
+    for (others, direction, end), by in found.fields.stops.items():
+        if others == "zero":
+            value = float(found.at("ends", others=others, end=end, model=ANALYTIC, direction=direction))
+            unit = COMMANDS[DIRECTIONS.index(direction)]
+            limits = ". ".join(f"{kind}: {'; '.join(places)}" for kind, places in by.by_kind.items())
+            limits = limits.replace(", longest", " (longest)").replace(", shortest", " (shortest)")
+            rows.append((NAMES[direction], minus(f"{unit.factor * value:z.4g} {unit}"), limits))
+    style.table(axes["c"], rows, (0.6, 1.3, 9.0))
     return figure
 
 
-def _ends(found: Reach, axis: int) -> str:
-    unit = COMMANDS[axis]
-    low, high = (unit.factor * float(end[axis]) for end in found.at("ends", others="zero", model=ANALYTIC))
-    return "none" if np.isnan(low) else minus(f"{low:z.4g} to {high:z.4g} {unit}")
-
-
-def listed(found: Reach) -> list[tuple[int, PoseEdge]]:
-    """Return the longest edges of the section, at most `LISTED`, numbered counter-clockwise."""
-    section = found.fields.section
-    longest = np.argsort([np.linalg.norm(edge.end - edge.start) for edge in section])[-LISTED:]
-    return list(enumerate((section[k] for k in sorted(longest)), start=1))
-
-
 def plot_section(ax: Axes, found: Reach) -> Axes:
-    """Draw the reachable poses at theta = 0, with edges by kind of limit, the longest numbered; return `ax`."""
+    """Draw the reachable poses at theta = 0, with edges by kind of limit; return `ax`."""
     unit, section, rest = COMMANDS[0], found.fields.section, found.rest[:2]
     ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
     ax.grid()
-    ax.plot(*(unit.factor * rest), "+", color=INK, markersize=9.0, label="zero commands")
+    ax.plot(*(unit.factor * rest), "+", color=INK, markersize=9.0)
+    ax.text(float(unit.factor * rest[0]), float(unit.factor * rest[1]), "  rest", va="bottom", color=INK)
     if not section:
         ax.text(0.5, 0.7, "no reachable area at θ = 0", transform=ax.transAxes, ha="center", color=INK)
         return ax
@@ -280,15 +270,13 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         dashes = style.DASHES[index % len(style.DASHES)]
         look: Any = {"linestyles": dashes, "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
         ax.add_collection(LineCollection(lines, label=" and ".join(kinds) or "no limit", zorder=3, **look))
-    middle, size = corners.mean(axis=0), np.ptp(corners, axis=0).max()
-    for k, edge in listed(found):
-        at = unit.factor * (edge.start + edge.end) / 2
-        write(ax, at + 0.05 * size * (at - middle) / np.linalg.norm(at - middle), f"{k}", size=8.5)
     if found.circle > 0:
-        (x, y), look = unit.factor * rest, {"edgecolor": GREY, "linewidth": 0.9, "label": "circle about rest"}
-        ax.add_patch(Circle((x, y), unit.factor * float(found.circle), fill=False, **look))
-    ax.margins(x=0.12, y=0.3)
-    ax.legend(loc="upper center", ncols=2, frameon=False)
+        (x, y), radius = unit.factor * rest, unit.factor * float(found.circle)
+        ax.add_patch(Circle((x, y), radius, fill=False, edgecolor=GREY, linewidth=0.9))
+        text = f"largest circle about rest\nradius {radius:.4g} {unit}"
+        ax.text(x, y - 0.75 * radius, text, ha="center", va="center", color=GREY)
+    ax.margins(0.08)
+    ax.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False, title="limited by", alignment="left")
     return ax
 
 
@@ -325,14 +313,15 @@ def plot_solid(ax: Any, found: Reach) -> Any:
         polygons = [corners[list(face)] for face, by, shown in faces if shown and by.kinds == kinds]
         ax.add_collection3d(Poly3DCollection(polygons, **look))
         handles.append(Patch(label=" and ".join(kinds), **look))
-    ax.legend(handles=handles, loc="upper center", ncols=2, frameon=False, handleheight=1.4)
+    place: Any = {"loc": "upper right", "alignment": "left", "frameon": False}
+    ax.legend(handles=handles, handleheight=1.4, title="limited by", **place)
     return ax
 
 
 COLUMNS: dict[Any, str] = {
     "tangent": "tangent stiffness",
-    "along": "linear theory, error along command",
-    "across": "linear theory, error across command",
+    "along": "error of (18) along the command",
+    "across": "error of (18) across the command",
 }
 MARKS: Any = {"linestyle": "none", "markerfacecolor": "none", "markersize": 7.5, "markeredgewidth": 1.4, "zorder": 4}
 THEORIES: dict[int, tuple[str, dict[str, Any]]] = {
@@ -342,7 +331,6 @@ THEORIES: dict[int, tuple[str, dict[str, Any]]] = {
     HELD: ("finite elements held at the command", MARKS | {"marker": "s", "color": COLOURS[2]}),
     LOADED: ("finite elements under the load of exact equilibrium", MARKS | {"marker": "v", "color": COLOURS[3]}),
 }
-ROUND_OFF_AXIS = 1e-4  # per cent: half the range of the axis of a panel that shows nothing but round-off
 
 
 @style.in_house_style
@@ -356,13 +344,12 @@ def large_figure(found: Large) -> Figure:
     near, far = (" and ".join(f"±{unit.factor * share * end:g} {unit}" for unit, end in ends) for share in (0.1, 1.0))
     mesh = f", and nonlinear finite elements ({settings['unknowns']} unknowns)" if "unknowns" in settings else ""
     lines = [
-        f"Pseudo-rigid stage of mobility {settings['mobility']}, {settings['formula']}{mesh}, each compared with "
-        "its own linear solution: linear theory (18) is the line at zero. Error: linear position under the load that "
-        "holds the stage at the command, minus the command; along the command it is the deviation of the load from "
-        "(18). Rotations are multiplied by l₃.",
-        f"Largest position error of linear theory within {near}: {found.position[0]:.2f} %, within {far}: "
-        f"{found.position[1]:.2f} %; the second-order terms change the tangent compliance there by up to "
-        f"{found.terms[0]:.2f} and {found.terms[1]:.2f} %.",
+        f"Pseudo-rigid stage of mobility {settings['mobility']}, {settings['formula']}{mesh}; each model is compared "
+        "with its own linear solution, (18). Error: displacement by (18) under the load that holds the stage at the "
+        "command, minus the command. Rotations are multiplied by l₃.",
+        f"Largest error of (18) within {near}: {found.position[0]:.2f} %, within {far}: {found.position[1]:.2f} %. The "
+        f"second-order terms change the tangent compliance there by up to {found.terms[0]:.2f} and "
+        f"{found.terms[1]:.2f} %.",
     ]
     title = f"{found.about.name}: large displacements and the second-order terms of (16)"
     figure, axes = style.panels((WIDTH, 8.5), title, lines, 3, 3, found.about)
@@ -399,14 +386,15 @@ def plot_large(
     if not across:
         return ax
     if max(np.max(np.abs(curves[:, EXACT])) for curves in values) < ROUND_OFF:
-        ax.set(ylim=(-ROUND_OFF_AXIS, ROUND_OFF_AXIS), yticks=[0.0])
-        style.boxed(ax, 0.75, f"round-off only, axis ±{scientific(ROUND_OFF_AXIS)} %")
-    else:
-        last = np.array([curves[-1, EXACT] for curves in values])
-        close = np.ptp(last) < 0.1 * np.ptp(ax.get_ylim())
-        text: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
-        for component, end in zip(components, last.tolist(), strict=True):
-            up = 6.0 * np.sign(end - last.mean()) if close else 0.0
-            ax.annotate(f"in {NAMES[component]}", (float(commanded[-1]), end), (7, up), **text)
-        ax.set_xlim(right=1.4 * float(commanded[-1]))
+        ax.clear()
+        ax.set_axis_off()
+        ax.text(0.5, 0.5, "zero (round-off)", transform=ax.transAxes, ha="center", va="center", color=INK, size=10)
+        return ax
+    last = np.array([curves[-1, EXACT] for curves in values])
+    close = np.ptp(last) < 0.1 * np.ptp(ax.get_ylim())
+    text: dict[str, Any] = {"textcoords": "offset points", "va": "center", "size": 9.5}
+    for component, end in zip(components, last.tolist(), strict=True):
+        up = 6.0 * np.sign(end - last.mean()) if close else 0.0
+        ax.annotate(f"in {NAMES[component]}", (float(commanded[-1]), end), (7, up), **text)
+    ax.set_xlim(right=1.4 * float(commanded[-1]))
     return ax

@@ -8,47 +8,70 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from flexfem.arrays import Array
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import banded, minus, scientific
 from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import Verification
+from flexfem.results import number
 from flexfem.units import DIRECTIONS, LENGTH, Direction, unit_for
 
-ROUND_OFF = 1e-9  # of the commanded amplitude: above the round-off of 1e5 equations, below any real error
-ROUND_OFF_AXIS = 1e-6  # of the commanded amplitude: half the range of the axis where there is only round-off
+ROUND_OFF = 1e-7  # per cent of the command: above the round-off of 1e5 equations, below any real error
 THINNEST, THICKEST = 1.4, 3.4  # points: earlier curves are thicker, and so visible below later ones
 WIDTH = 8.27  # in
 LEGEND_WIDTH, NAME_WIDTH = 1.65, 2.1  # in, of a legend's text, and of the name of a share
-DRIVES = {"force": "force by (18)", "joints": "joints imposed by (29)", "strokes": "strokes commanded by (29)"}
+DRIVES = {
+    "force": "under the force of the analytic model, (18)",
+    "joints": "with the joint rotations of the analytic model, (29)",
+    "strokes": "with the strokes of the analytic model, (29)",
+}
+SHARE_NAMES = (
+    "omitted hinge freedoms", "hinge formula", "rigid links, pads and platform", "remainder", "large displacement"
+)  # fmt: skip
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
 
 @style.in_house_style
 def error_figure(result: Verification, displacement: bool = False) -> Figure:
-    """Draw a verification as one page of three panels, X, Y and theta: Figs. 5 to 7 of the paper.
+    """Draw a verification as one page with a panel for every direction: Figs. 5 to 7 of the paper.
 
     `displacement` : in the commanded direction draw the displacement, as the captions of Figs. 5(a) and 7(c) state,
-    not its error. A panel with nothing but round-off says so; its axis ends at 1e-6 of the command.
+    not its error. Below the panels, a line names the cross directions without error, which have no panel.
     """
     quantity = "in the commanded direction, its error across" if displacement else "minus commanded displacement"
     drive = "large displacements in both models" if result.analysis == "nonlinear" else DRIVES[result.drive]
     solid = result.elements == "three_dimensional"
     where, band = (" in three dimensions", "band of mesh and layers") if solid else ("", "mesh band")
+    zero = [each for each in DIRECTIONS if each != result.direction and not np.any(percentages(result, each))]
+    shown = [each for each in DIRECTIONS if each not in zero]
     levers = ", ".join(f"{lever:g}" for lever in sorted({model.lever for model in result.models.values()}))
+    rotations = f" Rotations are multiplied by l₃ = {levers} {LENGTH}." if "theta" in (result.direction, *shown) else ""
     lines = [
-        f"Finite-element displacement{where} {quantity}, {drive}. ±, shaded: {band}.",
-        f"Percentages at the largest command, relative to it; rotations are multiplied by l₃ = {levers} {LENGTH}.",
+        f"Finite-element displacement{where} {quantity}, {drive}.",
+        f"100 %: largest commanded motion.{rotations} ±, shaded: {band}.",
     ]
-    figure, axes = panels((WIDTH, 8.6), result.name, lines, 3, assumptions=result)
-    for letter, ax, freedom in zip("abc", axes, DIRECTIONS, strict=True):
+    figure, axes = panels((WIDTH, 2.6 * len(shown) + 0.8), result.name, lines, len(shown), assumptions=result)
+    for letter, ax, freedom in zip("abc", axes, shown, strict=False):
         along = freedom == result.direction
         titled(ax, letter, f"{NAMES[freedom]}, {'commanded' if along else 'cross'} direction")
         plot_errors(ax, result, freedom, along and displacement)
         ax.label_outer()
+    if zero:
+        names, plural = " and ".join(NAMES[each] for each in zero), "s" * (len(zero) - 1)
+        text = f"Cross direction{plural} {names}: zero error (below 10⁻⁹ of the commanded motion)."
+        figure.supxlabel(text, x=style.MARGIN / WIDTH, ha="left", size=9.5, color=INK)
     figure.align_ylabels()
     return figure
+
+
+def percentages(result: Verification, freedom: Direction) -> Array:
+    """Return the errors (curves, points) in one direction in per cent of the largest command, round-off as zero."""
+    levers = np.array([result.models[label].lever for label in result.curves])
+    comparable = levers ** ((freedom == "theta") - float(result.direction == "theta"))  # rotations as lengths
+    errors = 100 * result.at("error", direction=freedom) * comparable[:, None] / np.max(np.abs(result.commanded))
+    return np.where(np.abs(errors).max(axis=1, keepdims=True) < ROUND_OFF, 0.0, errors)
 
 
 def plot_errors(ax: Axes, result: Verification, freedom: Direction, displacement: bool = False) -> Axes:
@@ -57,40 +80,36 @@ def plot_errors(ax: Axes, result: Verification, freedom: Direction, displacement
     The legend beside the axes states the percentages at the largest command. `displacement` : draw the displacement in
     the commanded direction instead, and the command in grey.
     """
-    x, errors = np.array(result.commanded), result.at("error", direction=freedom)
-    levers = {"theta": [result.models[label].lever for label in result.curves]}  # scale rotations to lengths
-    scale = np.divide(levers.get(result.direction, 1.0), levers.get(freedom, 1.0)) * np.ones(len(result.curves))
-    amplitude, largest = float(np.max(np.abs(x))), float(np.max(np.abs(errors)))
-    round_off = bool(np.all(np.abs(errors).max(axis=-1) < ROUND_OFF * amplitude * scale))
-    half = ROUND_OFF_AXIS * amplitude * float(scale.max()) if round_off else 1.1 * largest
-    command = unit_for(result.direction, amplitude)
-    unit = command if displacement else unit_for(freedom, half if round_off else largest)
-    base, quantity = (unit.factor * x, "displacement") if displacement else (0.0 * x, "error")
-    ax.plot(command.factor * x, base, color=GREY, linewidth=0.8, zorder=1, label="_command")
+    x, errors = np.array(result.commanded), percentages(result, freedom)
+    amplitude = float(np.max(np.abs(x)))
+    unit = unit_for(result.direction, amplitude)
+    per_cent = unit.factor * amplitude / 100 if displacement else 1.0
+    base, x = (unit.factor * x if displacement else 0.0 * x), unit.factor * x
+    ax.plot(x, base, color=GREY, linewidth=0.8, zorder=1, label="_command")
     size, count = 9.0 if len(errors) < 5 else 6.5 if len(errors) < 9 else 5.0, len(errors)
     lines, texts = [], []
     for index, label in enumerate(result.curves):
         percent, band = (float(read("percent", curve=label, direction=freedom)) for read in (result.at, result.band))
-        y = base + unit.factor * errors[index]
-        lines += ax.plot(command.factor * x, y, label=f"{label} ", **curve_style(index, count, len(x)))
-        if not round_off:
-            half_band = unit.factor * np.abs(x) * scale[index] * band / 100.0
+        y = base + per_cent * errors[index]
+        lines += ax.plot(x, y, label=f"{label} ", **curve_style(index, count, len(x)))
+        if np.any(errors[index]):
+            half_band = per_cent * band * np.abs(x) / np.max(np.abs(x))
             look: dict[str, Any] = {"color": lines[-1].get_color(), "alpha": 0.3, "linewidth": 0, "zorder": 1.5}
-            ax.fill_between(command.factor * x, y - half_band, y + half_band, **look)
+            ax.fill_between(x, y - half_band, y + half_band, **look)
         text = wrapped(f"{label}: {'error ' if displacement else ''}{banded(percent, band)}", LEGEND_WIDTH, size)
         texts.append(f" {text}" if text.startswith("_") else text)  # matplotlib hides labels that begin with _
     ax.margins(x=0.03)
     ax.grid()
-    ax.set(ylabel=f"{quantity} in {NAMES[freedom]} ({unit})", xlabel=f"commanded {NAMES[result.direction]} ({command})")
+    ax.set_xlabel(f"commanded {NAMES[result.direction]} ({unit})")
+    ax.set_ylabel("Positioning error,\n% of the commanded motion")
     style.legend_beside(ax, handles=lines, labels=texts, fontsize=size, handlelength=4.4, labelspacing=0.6)
     if displacement:
+        ax.set_ylabel(f"displacement in {NAMES[freedom]} ({unit})")
         ax.text(0.99, 0.04, "grey: displacement = command", transform=ax.transAxes, ha="right", color=INK, size=9)
         return ax
-    if half > 0:
-        ax.set_ylim(-half * unit.factor, half * unit.factor)
+    half = 1.1 * float(np.max(np.abs(errors))) or 1.0
+    ax.set_ylim(-half, half)
     ax.locator_params(axis="y", nbins=7)
-    if round_off:
-        style.boxed(ax, 0.8, f"round-off only: largest {scientific(largest * unit.factor)} {unit}")
     return ax
 
 
@@ -112,50 +131,49 @@ def curve_style(index: int, curves: int, points: int) -> dict[str, Any]:
 def budget_figure(budget: Budget) -> Figure:
     """Draw the error budget of the commanded direction, one panel per direction."""
     lines = [
-        f"Error of the finite elements under the force by (18), {budget.settings['model']}, and its contributions, "
-        "which add up to the total. Error bar: mesh band of the total.",
-        _outside(budget),
+        f"Error of the finite elements under the force of the analytic model, (18): {budget.settings['model']}. "
+        "Each bar begins where the previous one ends. Blue increases the error, orange decreases it. ±: mesh bands."
     ]
-    figure, axes = panels((WIDTH, 7.7), f"{budget.about.name}: error budget", lines, 3, assumptions=budget.about)
+    figure, axes = panels((WIDTH, 8.6), f"{budget.about.name}: error budget", lines, 3, assumptions=budget.about)
     for letter, ax, direction in zip("abc", axes, DIRECTIONS, strict=True):
         plot_budget(ax, budget, direction)
         titled(ax, letter, f"command in {NAMES[direction]}")
         ax.label_outer()
+    style.share_x(axes)
     return figure
 
 
-def _outside(budget: Budget) -> str:
-    """Sentence on the contributions that the planar total does not contain."""
-    contributions = []
-    for label in (CHART, MEASURED) if "solid" in budget.values else ():
-        values, bands = budget.at("solid", outside=label), budget.band("solid", outside=label)
-        parts = [
-            f"{NAMES[axis]} {value:+.2f}" + (f" ± {band:.2f}" if band > 0 else "")
-            for axis, value, band in zip(DIRECTIONS, values, bands, strict=True)
-        ]
-        if np.all(np.isfinite(values)):
-            contributions.append(f"{label}: {minus(', '.join(parts))} percentage points")
-    return f"Outside the planar total: {'; '.join(contributions) or 'out of plane, not known'}."
-
-
 def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
-    """Draw the shares of the error of the command in one direction, their total and its band; return `ax`.
+    """Draw the shares of the error of the command in one direction, their sums and the bands of these; return `ax`.
 
-    Raises BadInput for a direction other than x, y or theta.
+    The effect of three dimensions follows the total in the plane where it is known: by finite elements, or else by the
+    hinge chart. Raises BadInput for a direction other than x, y or theta.
     """
-    values, names = budget.at("share", direction=direction), [*budget.axes["share"][:-1], "total"]
-    band, total = float(budget.band("share", share=TOTAL, direction=direction)), float(values[-1])
-    ends = np.concatenate([[0.0], np.cumsum(values[:-1])])
-    reach = float(np.max(np.abs([*ends, total])))
-    for row, value in enumerate(values[:-1]):
-        look: dict[str, Any] = {"color": COLOURS[row % len(COLOURS)], "hatch": style.HATCHES[row % 7]}
-        ax.barh(row, value, left=ends[row], height=0.62, edgecolor="white", **look)
-        ax.plot([ends[row + 1]] * 2, [row - 0.31, row + 1.31], color=GREY, linewidth=0.8)
-        ax.text(max(ends[row : row + 2]) + 0.015 * reach, row, minus(f"{value:+.3f}"), va="center", color=INK)
-    bar = ax.barh(len(values) - 1, total, height=0.62, color=INK, xerr=band, ecolor=COLOURS[1], capsize=4)
-    ax.bar_label(bar, [minus(f"{total:.3f} ± {band:.3f} %")], padding=3, color=INK)
-    style.name_rows(ax, names, NAME_WIDTH)
-    ax.set(xlim=(1.05 * min(0.0, *ends), 1.3 * reach), xlabel="error in the commanded direction (% of the command)")
+    shares, total = budget.at("share", direction=direction)[:-1], budget.at("share", direction=direction)[-1]
+    band = float(budget.band("share", share=TOTAL, direction=direction))
+    rows = [(name, value, 0.0) for name, value in zip(SHARE_NAMES, shares.tolist(), strict=True)]
+    rows.append(("total in the plane", float(total), band))
+    for label in (MEASURED, CHART) if "solid" in budget.values else ():
+        value, width = (float(read("solid", outside=label, direction=direction)) for read in (budget.at, budget.band))
+        if np.isfinite(value):
+            rows.append(("effect of three dimensions", value, float(np.nan_to_num(width))))
+            rows += [("total in three dimensions", float(total) + value, band + width)] if width > 0 else []
+            break
+    start, ends, places = 0.0, [0.0], int(max(-np.floor(np.log10(band)), 0))
+    for row, (name, value, width) in enumerate(rows):
+        whole = name.startswith("total")
+        start = 0.0 if whole else start
+        colour = INK if whole else COLOURS[int(value < 0)]
+        ax.barh(row, value, left=start, height=0.62, color=colour, xerr=width or None, ecolor=GREY, capsize=4)
+        text = minus(number(value, width) if width else f"{value:+.{places}f}")
+        ax.text(max(start, start + value) + width, row, f"  {text}", va="center", color=INK)
+        start += value
+        ends.append(start)
+        if row < len(rows) - 1:
+            ax.plot([start] * 2, [row - 0.31, row + 1.31], color=GREY, linewidth=0.8)
+    style.name_rows(ax, [name for name, *_ in rows], NAME_WIDTH)
+    low, high = min(ends), max(ends)
+    ax.set(xlim=(low - 0.05 * (high - low), high + 0.3 * (high - low)), xlabel="error, % of the commanded motion")
     return ax
 
 
@@ -184,13 +202,13 @@ def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:
         largest = max(largest, float(error[0]))
         look = curve_style(index, len(DIRECTIONS), len(size)) | {"markevery": 1}
         order_text = "no order" if np.isnan(order) else f"order {order:.2f}"
-        text = f"{NAMES[axis]}: {study.verdicts[index]}, {order_text}, band {band:.1e}"
+        text = f"{NAMES[axis]}: {study.verdicts[index]}, {order_text}, band {scientific(band, 2)}"
         ax.plot(size, error, label=wrapped(text, LEGEND_WIDTH, 8.5), **look)
         bar = [[max(0.0, band - error[-1])], [0.0]]
         ax.errorbar(size[-1:], [band], bar, color=look["color"], capsize=3 + 2 * index)
     slope = 2 * largest * (size / size[0]) ** ORDER
     ax.plot(size, slope, color=GREY, linewidth=0.9, dashes=(2, 2), label=f"order {ORDER}")
-    ax.set(xscale="log", yscale="log", xlabel="triangle size at the necks / t", ylabel="relative mesh error")
+    ax.set(xscale="log", yscale="log", xlabel="triangle size / neck width", ylabel="relative error of the compliance")
     ax.set_xticks(size, [f"1/{n}" for n in resolutions])
     ax.yaxis.set_major_formatter(lambda value, _: scientific(value))
     ax.minorticks_off()

@@ -142,16 +142,17 @@ def life_figure(found: Life) -> Figure:
     """Draw the S-N curve with the necks of both models on it."""
     settings, first = found.settings, []
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
-        cycles = "infinite life" if np.isinf(life) else f"{life:.3g} cycles"
+        cycles = "infinite life" if np.isinf(life) else f"{significant(life, 3)} cycles"
         chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
-        first.append(f"By {model}: {cycles}, first at the {HINGE_NAMES[hinge]} hinge of chain {chain + 1}")
+        first.append(f"{model.capitalize()}: {cycles}, first at the {HINGE_NAMES[hinge]} hinge of chain {chain + 1}")
     law, *_, left_out = found.notes
+    motion = f"amplitude {settings['amplitude']} about {settings['about']}".replace(" um", f" {MICROMETRE}")
     lines = [
-        f"{settings['material']}; amplitude {settings['amplitude']} about {settings['about']}. {'. '.join(first)}.",
-        f"{law}. {left_out}; notch sensitivity {settings['notch sensitivity']:g}.",
+        f"{settings['material']}; {motion}. {'. '.join(first)}.",
+        f"{law}. {left_out[0].upper()}{left_out[1:]}; notch sensitivity {settings['notch sensitivity']:g}.",
     ]
     title = f"{found.about.name}: fatigue life of the necks"
-    figure, (ax,) = panels((9.0, 5.2), title, lines, 1, assumptions=found.about)
+    figure, (ax,) = panels((10.6, 5.2), title, lines, 1, assumptions=found.about)
     plot_life(ax, found)
     return figure
 
@@ -180,7 +181,7 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     style.log_ticks(ax.yaxis, ax.get_ylim())
     ax.set_ylabel(f"equivalent fully reversed stress amplitude ({STRESS})")
     ax.grid(which="major")
-    ax.legend(loc="lower left", framealpha=1.0, edgecolor="none", ncols=2)
+    style.legend_beside(ax)
     return ax
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import shapely
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, LogNorm, Normalize
@@ -18,11 +19,13 @@ from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes
 from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
+from flexfem.questions.setup import MeshFields
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, Fields, PlateFields
-from flexfem.units import DIRECTIONS, STRESS, unit_for
+from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
 
-VISIBLE = 0.05  # largest drawn displacement over the size of the stage
+VISIBLE = 0.05  # largest drawn displacement over the size of the stage, less where parts would cross
+SMALLER = 6  # at most: reductions of a factor
 DECADES = 4  # of stress; lower stresses have the lowest colour
 EQUAL_STRESS = 1e-6  # relative difference of stresses equal by symmetry: above round-off, below mesh noise
 ROUND_OFF = 1e-9  # of the largest component of a pose; smaller components are zero by symmetry
@@ -47,13 +50,13 @@ def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values
 
 
 def plot_displacement(
-    ax: Axes | None, fields: Fields, *, factor: float | None = None, norm: LogNorm | None = None
+    ax: Axes | None, fields: Fields | MeshFields, *, factor: float | None = None, norm: LogNorm | None = None
 ) -> Axes:
     """Draw a plate displaced by finite elements, coloured by von Mises stress, and its undeformed outline in grey.
 
     `factor`, `norm` : exaggeration and stress scale; default: chosen for the fields. Returns `ax`, or new axes.
     """
-    ax = ax or new_axes()
+    ax, fields = ax or new_axes(), plane_fields(fields) if isinstance(fields, MeshFields) else fields
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
     moved, triangles = fields.nodes + factor * fields.displacement, fields.triangles
     if isinstance(fields, PlateFields):
@@ -67,6 +70,15 @@ def plot_displacement(
     return ax
 
 
+def plane_fields(fields: MeshFields) -> PlateFields:
+    """Return the fields of a figure, in three dimensions as those of a stage."""
+    mesh, made = fields.mesh, fields.made()
+    field, stress = made["displacement"], made["von_mises"]
+    if fields.heights is not None:
+        field, stress = field[:, 0, :2], stress.max(axis=1)
+    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
+
+
 def _fill(ax: Axes, nodes: Array, triangles: AnyArray) -> None:
     """Fill rigid bodies."""
     grid = Triangulation(nodes[:, 0], nodes[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
@@ -74,10 +86,20 @@ def _fill(ax: Axes, nodes: Array, triangles: AnyArray) -> None:
     draw_boundary(ax, nodes, boundary_of(triangles), INK, 0.5)
 
 
-def exaggeration(*fields: Fields) -> float:
-    """Return a round factor that makes the largest displacement visible without distorting the shape."""
+def exaggeration(*fields: Fields, signs: tuple[float, ...] = (1.0,)) -> float:
+    """Return a round factor that makes the largest displacement visible, with no part drawn through another.
+
+    signs : of the displacements that are drawn.
+    """
     largest = max(np.linalg.norm(each.displacement, axis=1).max() / np.ptp(each.nodes, axis=0).max() for each in fields)
-    return round_factor(VISIBLE / float(largest)) if largest > 0 else 1.0
+    factor = round_factor(VISIBLE / float(largest)) if largest > 0 else 1.0
+    for _ in range(SMALLER):
+        moved = [(each, each.nodes + sign * factor * each.displacement) for each in fields for sign in signs]
+        outlines = [at[boundary_of(each.triangles)[:, [0, 2, 1]]] for each, at in moved]
+        if all(shapely.is_simple(shapely.MultiLineString(list(outline))) for outline in outlines):
+            break
+        factor = round_factor(0.7 * factor)
+    return factor
 
 
 def stress_scale(*fields: Fields) -> LogNorm:
@@ -115,15 +137,15 @@ def displaced(
     Returns figure, panels and exaggeration.
     """
     factor, norm, rows = exaggeration(*fields.values()), stress_scale(*fields.values()), -(-len(fields) // columns)
-    wide, high = np.ptp(np.concatenate([each.nodes for each in fields.values()]), axis=0)
-    plates = all(isinstance(each, PlateFields) for each in fields.values())
-    share = float(np.clip(1.08 * high / wide, 0.3, 1.2)) if plates else 0.92
-    size = (columns * width + 0.3, rows * (share * width + 0.6) + 0.8)
+    everywhere = [at for each in fields.values() for at in (each.nodes, each.nodes + factor * each.displacement)]
+    wide, high = np.ptp(np.concatenate(everywhere), axis=0)
+    size = (columns * width + 0.3, rows * (float(np.clip(high / wide, 0.3, 1.2)) * width + 0.6) + 0.8)
     key = f" × {significant(factor, 1)}; grey: at rest. Colour: von Mises stress on a logarithmic scale."
     figure, axes = panels(size, title, [lines[0] + key, *lines[1:]], rows, columns, assumptions, len(fields))
     for ax, (label, field) in zip(axes, fields.items(), strict=True):
         ax.set_title(wrapped(label, width - 0.3, 11), size=11)
         plot_displacement(ax, field, factor=factor, norm=norm)
+        fit(ax, np.concatenate(everywhere), 0.03)
     draw_scale(figure, figure.axes, norm, f"von Mises stress ({STRESS})", extend="min")
     return figure, axes, factor
 
@@ -133,12 +155,13 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     """Draw the deformed stage of every curve at full command, with von Mises stress and its largest value."""
     models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
-    lines = [f"Deformed stage at the full command {NAMES[result.direction]} = {value} {command}, displacements"]
+    title = f"Stress in the displaced stage, {NAMES[result.direction]} = {value} {command}"
+    lines = [f"{result.name}: finite elements at the largest command, displacements"]
     if result.elements == "three_dimensional":
         lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
-    figure, axes, factor = displaced(result.name, lines, drawn, columns, result)
+    figure, axes, factor = displaced(title, lines, drawn, columns, result)
     for ax, (label, field) in zip(axes, drawn.items(), strict=True):
         moved, (node, hinge) = field.nodes + factor * field.displacement, largest_stress(models[label], field)
         text = f"largest {significant(float(field.stress[node]), 3)} {STRESS} near {hinge}"
@@ -163,19 +186,21 @@ def largest_stress(model: CurveModels, fields: Fields) -> tuple[int, str]:
 def drift_figure(found: Drift) -> Figure:
     """Draw the three cases, each with its own exaggeration and stress scale."""
     about, fields, settings = found.about, _warm(found).cases, found.settings
+    expansion = f"{settings['expansion']}, of the frame {settings['frame']}".replace("um/", f"{MICROMETRE}/")
     lines = [
-        f"Expansion {settings['expansion']}, frame {settings['frame']}; both have the same temperature at every point; "
-        "gradients are about the platform's centre. Plane finite elements; grey: at rest; bars: clamped edges, which "
-        "move with the frame. The stress at their corners grows with finer meshes; titles: stress at the necks."
+        f"Plane finite elements. Expansion of the stage {expansion}. Gradients are zero at the platform centre. Grey: "
+        "at rest. Heavy lines: clamped edges, which move with the frame."
     ]
-    figure, axes = panels((13.5, 5.3), f"{about.name}: thermal drift", lines, 1, 3, about)
+    figure, axes = panels((12.0, 5.0), f"{about.name}: displacement and stress by heating", lines, 1, 3, about)
+    everywhere = np.concatenate([each.nodes + exaggeration(each) * each.displacement for each in fields.values()])
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
+        fit(ax, everywhere, 0.03)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
         title, per, _ = WARM[name]
-        text = f"{title}, displacements × {significant(exaggeration(fields[name]), 1)}\n{_pose(pose, about.lever)}"
-        titled(ax, letter, f"{text}; necks up to {significant(float(np.max(stress)), 3)} {STRESS}", size=9.5)
-        label = f"von Mises stress ({STRESS} per {per})"
+        titled(ax, letter, f"{title}, displacements × {significant(exaggeration(fields[name]), 1)}")
+        numbers = f"platform: {_pose(pose, about.lever)}\nnecks: up to {significant(float(np.max(stress)), 3)} {STRESS}"
+        label = f"von Mises stress ({STRESS} per {per})\n\n{numbers}"
         draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
     return figure
 

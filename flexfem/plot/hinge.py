@@ -163,7 +163,7 @@ def plot_thickness(ax: Axes, review: ThicknessReview, freedom: str) -> Axes:
 @style.in_house_style
 def hinge_sketch(model: CurveModels) -> Figure:
     """Draw the labelled sketch of the circular hinge, Fig. 2 of the paper, and the model's hinges in a table below."""
-    heights = (3.4, 0.42 + 0.26 * len(hinge_rows(model)))
+    heights = (3.4, 0.22 * (1 + len(hinge_rows(model))))
     lines = ["Circular hinge of (2) and (3), not to scale; its thickness b is out of the plane. Red: loads."]
     size, title = (WIDTH, sum(heights) + 0.4), f"{model.stage}: circular hinge"
     figure, (axes, table) = panels(size, title, lines, 2, assumptions=model, height_ratios=heights)
@@ -189,12 +189,8 @@ def plot_hinge_table(ax: Axes, stage: Stage | CurveModels) -> Axes:
     Raises BadInput when `stage` is not a stage.
     """
     rows = hinge_rows(stage)
-    ax.set_axis_off()
-    head = ["hinge", f"R ({LENGTH})", f"t ({LENGTH})", f"h ({LENGTH})", "t/R"]
-    table = ax.table(rows, colLabels=head, loc="center", cellLoc="center", edges="horizontal")
-    table.scale(1.0, 1.5)
-    table.auto_set_font_size(False)
-    return ax
+    head = ("hinge", f"R ({LENGTH})", f"t ({LENGTH})", f"h ({LENGTH})", "t/R")
+    return style.table(ax, [head, *rows], [1.5] * 5)
 
 
 def plot_hinge(ax: Axes) -> Axes:

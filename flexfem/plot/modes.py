@@ -20,16 +20,17 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
 from flexfem.plot import style
-from flexfem.plot.fields import draw_field, draw_scale
+from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
 from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, draw_hub, fit
 from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
-from flexfem.plot.text import significant
+from flexfem.plot.text import scientific
 from flexfem.plot.write import write_beside
 from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
 from flexfem.refused import BadInput
+from flexfem.results import Fields
+from flexfem.results import number as digits
 from flexfem.units import DIRECTIONS, UNITS, Direction
 
-DRAWN = 0.07  # largest drawn displacement over the size of the stage
 SHARE = Normalize(0, 1)
 PANEL = 3.6  # in, width
 FRAMES, RATE, SIZE = 24, 16, (4.6, 4.9)  # of an animation: frames per cycle and per second; in
@@ -56,10 +57,10 @@ def modes_figure(found: NaturalModes) -> Figure:
     count = len(found.axes["mode"])
     columns = min(3, count)
     rows = -(-count // columns)
-    size, title = (max(columns * PANEL + 0.3, 7.4), rows * (0.92 * PANEL + 0.55) + 0.8), "natural modes"
+    size, title = (max(columns * PANEL + 0.3, 7.4), rows * (0.8 * PANEL + 0.55) + 0.8), "natural modes"
     figure, axes = panels(size, f"{found.about.name}: {title}", [_header(found)], rows, columns, found.about, count)
     for number, ax in enumerate(axes, start=1):
-        plot_mode(ax, found, number).set_title(wrapped(title_of(found, number), PANEL - 0.2, 10), size=10)
+        plot_mode(ax, found, number).set_title(title_of(found, number), size=10)
     draw_scale(figure, figure.axes, SHARE, "displacement / largest of the mode")
     return figure
 
@@ -74,12 +75,11 @@ def _fields(found: NaturalModes) -> Vibration:
 def _header(found: NaturalModes) -> str:
     """Header of the modes: model, drives, payload, mass and drawing conventions."""
     solid, settings, mass = _fields(found).heights is not None, found.settings, UNITS["kg"]
-    text = "Finite elements in three dimensions;" if solid else "Plane finite elements, motion in the plane only;"
-    text += f" drives {settings['drives']};" + (f" payload {settings['payload']};" if settings["payload"] else "")
+    text = "Finite elements in three dimensions," if solid else "Plane finite elements, motion in the plane only,"
+    text += f" drives {settings['drives']}," + (f" payload {settings['payload']}," if settings["payload"] else "")
     text += (
-        f" mass {mass.factor * float(found.mass):.4g} {mass}. Titles: largest effective modal mass, in "
-        "per cent of the mass or, for rotations, of the moment of inertia. Displacements are exaggerated, each mode "
-        "by its own factor; grey: at rest."
+        f" mass {mass.factor * float(found.mass):.4g} {mass}. Displacements are exaggerated, each mode by its own "
+        "factor; grey: at rest. Effective mass: the largest share of the mass, or of the moment of inertia in rotation."
     )
     mid_plane = " The mid-plane is drawn; contours: deflection w in steps of 0.2 of its maximum, "
     return text + (f"{mid_plane}dashed: opposite sign, thick: zero." if solid else "")
@@ -89,9 +89,10 @@ def title_of(found: NaturalModes, number: int) -> str:
     """Label, frequency with band and largest effective mass of a mode."""
     share, hertz = found.share[number - 1], UNITS["hz"].factor
     largest = int(np.argmax(share))
-    value, band = (hertz * values[number - 1, -1] for values in (found.frequency, found.band("frequency")))
-    label, frequency = found.axes["mode"][number - 1], f"{value:.5g} ± {significant(band, 1)} {UNITS['hz']}"
-    return f"mode {label}: {frequency}; mass {share[largest]:.2g} % in {found.axes['base'][largest]}"
+    value, band = (float(hertz * values[number - 1, -1]) for values in (found.frequency, found.band("frequency")))
+    direction = found.axes["base"][largest].replace("theta", NAMES["theta"]).replace("x", "X").replace("y", "Y")
+    mode = f"mode {found.axes['mode'][number - 1]}: {digits(value, band)} {UNITS['hz']}"
+    return f"{mode}\neffective mass {share[largest]:.2g} % in {direction}"
 
 
 def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float = math.pi / 2) -> Axes:
@@ -120,14 +121,14 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
         moved, values = mesh.nodes + math.sin(phase) * _exaggerated(mesh, field[:, :2]), sizes / sizes.max()
     draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
     draw_hub(ax, mesh.nodes, moved)
-    fit(ax, mesh.nodes, DRAWN + 0.01)
+    fit(ax, mesh.nodes, VISIBLE + 0.01)
     return ax
 
 
 def _exaggerated(mesh: StageMesh, field: Array) -> Array:
-    """Field (n, 2), mm, scaled so that its largest displacement is visible."""
-    largest = float(np.linalg.norm(field, axis=1).max())
-    return np.asarray(DRAWN * float(np.ptp(mesh.nodes, axis=0).max()) / largest * field)
+    """Field (n, 2), mm, scaled so that its largest displacement is visible in both senses."""
+    fields = Fields(mesh.nodes, mesh.triangles, mesh.bodies, field, field[:, 0])
+    return exaggeration(fields, signs=(1.0, -1.0)) * field
 
 
 def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
@@ -144,7 +145,7 @@ def write_animation(found: NaturalModes, number: int, path: Path) -> list[Path]:
     draw_boundary(ax, mesh.nodes, boundary, "#9A9A9A", 0.7)
     moving = LineCollection([], colors=INK, linewidths=1.1, zorder=4)
     ax.add_collection(moving)
-    fit(ax, mesh.nodes, DRAWN + 0.01)
+    fit(ax, mesh.nodes, VISIBLE + 0.01)
     ax.set_axis_off()
 
     def draw(frame: int) -> list[LineCollection]:
@@ -172,9 +173,10 @@ def response_figure(model: DynamicModel, found: NaturalModes) -> Figure:
     for row, kind in enumerate(kinds):
         for column, name in enumerate(DIRECTIONS):
             upper, lower = axes[6 * row + column], axes[6 * row + 3 + column]
-            plot_response(upper, model, name, kind, "magnitude")
+            plot_response(upper, model, name, kind, "magnitude").set_xlabel("")
             plot_response(lower, model, name, kind, "phase")
-            upper.set_title(f"{NAMES[name]} under {'its load' if kind == 'load' else 'strokes'}", loc="left", size=11)
+            under = ("force" if name != "theta" else "moment") if kind == "load" else "strokes"
+            style.titled(upper, "abcdef"[3 * row + column], f"{NAMES[name]} under {under}")
         if kind == "stroke":
             style.legend_beside(upper, fontsize=8)
     return figure
@@ -210,7 +212,7 @@ def plot_response(
     if part == "magnitude":
         unit = model.inputs.units[inputs[0]]
         ax.set(yscale="log", ylabel=f"magnitude ({model.outputs.units[row]}/{f'({unit})' if ' ' in unit else unit})")
-        ax.yaxis.set_major_formatter("{x:.0e}")
+        ax.yaxis.set_major_formatter(lambda value, _: scientific(value).removeprefix("1×"))
         ax.yaxis.set_minor_formatter(NullFormatter())
     else:
         ax.set_ylabel(f"phase ({UNITS['deg']})")

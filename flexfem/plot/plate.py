@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,12 +17,15 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import body_polygon, joint_polygon
-from flexfem.plot.fields import RIGID, displaced
+from flexfem.mechanism.stage import Stage
+from flexfem.plot import stage, style
+from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
-from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
+from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, panels
 from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
-from flexfem.results import PlateFields, Result
+from flexfem.results import Result
+from flexfem.study.findings import Caption
 from flexfem.units import LENGTH, STRESS
 
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
@@ -30,6 +33,7 @@ HATCH = "#9AA2AB"
 CROSS = 0.07  # length of the axes at the output relative to the size
 MANY = 40  # labels above which they are small
 WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
+COLUMNS, CELL_HEIGHT = 4, 1.5  # drawings per row below a front, height of each, in
 
 
 class Mark(NamedTuple):
@@ -148,13 +152,37 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
         "blue: actuators": bool(layout.actuators),
     }
     key = "; ".join(text for text, there in marks.items() if there)
-    lines = [f"thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}", f"{key}; X, Y: output."]
+    facts = f"Thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}."
+    lines = [facts, f"{key.capitalize()}; X, Y: output."]
     outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
     wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
     height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
-    figure, (ax,) = panels((WIDTH, height), mechanism.name, lines, 1, assumptions=mechanism)
+    figure, (ax,) = panels((WIDTH, height), f"{mechanism.name}: drawing", lines, 1, assumptions=mechanism)
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     plot_mechanism(ax, mechanism)
+    return figure
+
+
+def front_page(
+    caption: Caption, plane: Callable[[Axes], object], designs: Sequence[Stage | Mechanism], rows: list[list[str]]
+) -> Figure:
+    """Draw a front and, below it, designs to one scale and the table of their numbers; its first column names them."""
+    widths = [0.75, *[(WIDTH - 1.35) / max(len(rows[0]) - 1, 1)] * (len(rows[0]) - 1)]
+    lines = -(-len(designs) // COLUMNS)
+    heights = [5.0, *[CELL_HEIGHT] * lines, sum(style.fitted(rows, widths)[1])][: 2 * lines + 1]
+    cells = [[f"{k}" if k < len(designs) else "." for k in range(COLUMNS * n, COLUMNS * (n + 1))] for n in range(lines)]
+    mosaic: list[Any] = [["front"] * COLUMNS, *cells, ["table"] * COLUMNS][: len(heights)]
+    figure = below_header((WIDTH, sum(heights) + 0.3), caption.title, caption.lines, caption)
+    axes = figure.subplot_mosaic(mosaic, height_ratios=heights)
+    plane(axes["front"])
+    outlines, drawings = [], [axes[f"{k}"] for k in range(len(designs))]
+    for ax, design, (name, *_) in zip(drawings, designs, rows[1:], strict=True):
+        outlines.append(draw_plate(ax, design) if isinstance(design, Mechanism) else stage.draw_outline(ax, design))
+        ax.set_title(name, weight="bold")
+        ax.set_axis_off()
+    if designs:
+        stage.fit_to_one_scale(drawings, np.vstack(outlines))
+        style.table(axes["table"], rows, widths)
     return figure
 
 
@@ -164,17 +192,10 @@ def load_figure(found: Result) -> Figure:
     assert isinstance(found.fields, MeshFields)
     model = found.axes["model"][-1]
     force, stress = found.at("force", model=model), found.at("hinge_stress", model=model)
+    force = np.where(np.abs(force) > ROUND_OFF * found.sizes("force")[-1], force, 0.0)
     load = zip(NAMES.values(), force.tolist(), ("N", "N", "N mm"), strict=True)
     parts = ", ".join(f"{name} {significant(value)} {unit}" for name, value, unit in load)
     worst = f"up to {significant(float(np.max(stress)))} {STRESS} at hinge {found.axes['hinge'][int(stress.argmax())]}"
     fields, lines = plane_fields(found.fields), [f"Load on the output {parts}: {worst}. Displacements"]
-    return displaced(found.about.name, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]
-
-
-def plane_fields(fields: MeshFields) -> PlateFields:
-    """Return the fields of a figure, in three dimensions as those of a stage."""
-    mesh, made = fields.mesh, fields.made()
-    field, stress = made["displacement"], made["von_mises"]
-    if fields.heights is not None:
-        field, stress = field[:, 0, :2], stress.max(axis=1)
-    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
+    title = f"{found.about.name}: stress under a load"
+    return displaced(title, lines, {"": fields}, 1, found.about, WIDTH - 0.3)[0]

@@ -174,7 +174,8 @@ def scale_bar(ax: Axes) -> None:
 def _draw_bar(ax: Axes, at: Array, longest: float, note: str = "") -> None:
     length = round_factor(longest)
     ax.plot([at[0], at[0] + length], [at[1], at[1]], color=INK, linewidth=2.5, solid_capstyle="butt")
-    ax.text(at[0] + length + 0.05 * longest, at[1], f"{length:g}{SPACE}{LENGTH}{note}", size=7.5, va="center")
+    text, x = f"{length:g}{SPACE}{LENGTH}{note}", at[0] + length + 0.05 * longest
+    ax.text(x, at[1], text, size=7.5, va="center", in_layout=False)
 
 
 def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
@@ -201,7 +202,7 @@ def xy(z: complex) -> tuple[float, float]:
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
-    figure, (ax,) = panels((8.27, 7.6), model.stage, [mesh_size(model), KEY], 1, assumptions=model)
+    figure, (ax,) = panels((8.27, 7.6), f"{model.stage}: mesh", [mesh_size(model), KEY], 1, assumptions=model)
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     plot_mesh(ax, model, fields)
     return figure
@@ -450,11 +451,11 @@ def _draw_partial(ax: Axes, partial: PartialStage) -> Array:
 def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
     """Draw a page with the dimensioned stage, and in its header further data and the missing keys."""
     partial = PartialStage(stage, list(missing))
-    angles = ", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles))
+    angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles)))
     facts = {
         "thickness_mm": f"thickness {stage.thickness:.6g} {LENGTH}",
         "chain.link_width_mm": f"link width {stage.chain.link_width:.6g} {LENGTH}",
-        "chain.joint_angles_deg": f"joint angles {angles} deg",
+        "chain.joint_angles_deg": f"joint angles {angles} {DEGREE}",
         "material.name": stage.material.name,
     }
     lines = ["; ".join(text for key, text in facts.items() if partial.states(key))]
@@ -463,7 +464,8 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
         lines.append(f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
     title = stage.name if partial.states("name") else str(stage.origin)
-    figure, (ax,) = panels((8.27, 7.6), title, [line for line in lines if line], 1, assumptions=partial.assumptions)
+    shown = [line for line in lines if line]
+    figure, (ax,) = panels((8.27, 7.6), f"{title}: drawing", shown, 1, assumptions=partial.assumptions)
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     plot_dimensions(ax, stage, missing)
     return figure

@@ -17,18 +17,15 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from flexfem.arrays import Array, is_wide
-from flexfem.mechanism.mechanism import Mechanism
 from flexfem.plot import style
-from flexfem.plot.plate import draw_plate
-from flexfem.plot.stage import draw_outline, fit_to_one_scale
-from flexfem.plot.style import GREY, INK, NOTE_COLOUR, below_header, in_house_style, panels
+from flexfem.plot.plate import front_page
+from flexfem.plot.style import GREY, INK, NOTE_COLOUR, in_house_style, panels
 from flexfem.plot.text import minus, significant
 from flexfem.plot.write import write_each
 from flexfem.results import SPACE, thousands
 from flexfem.study import findings
 from flexfem.study.findings import (
     AxisText,
-    Chosen,
     Distribution,
     ParetoFront,
     Percentile,
@@ -37,7 +34,7 @@ from flexfem.study.findings import (
     StudyMap,
 )
 
-WIDTH, FONT_SIZE = 8.27, 7.5  # in, of a page; points, below a drawing
+WIDTH, LABEL_WIDTH = 8.27, 4.4  # in, of a page and of the label of an axis
 FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCH_COLOUR = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
 VECTOR_DOTS, MOST_DOTS = 5000, 100_000  # most dots drawn as vectors; most drawn, else a random sample
 HATCHES = ("////", "xxxx", "....", "||||", "----")
@@ -45,7 +42,7 @@ CONTOURS = 8  # approximate number
 BARS = (10, 60)  # fewest and most in a histogram
 DIGITS, NO_INTERVAL = 5, "too few designs for an interval"  # of a percentile
 ROUND_OFF = 1e-12  # of the largest value
-COLUMNS, CELL_WIDTH, MOST_FACTORS = 4, 1.5, 6  # drawings per row, width of each, in, factors below each
+MOST_FACTORS = 6  # in the table of a front
 LETTERS = "ABCDEFGHIJKL"
 PLUS: dict[str, Any] = {"color": NOTE_COLOUR, "marker": "+", "markersize": 13, "markeredgewidth": 2.2}
 
@@ -73,7 +70,8 @@ def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequen
     for (axis, set_scale), quantity, sense in zip(both, (x, y), better, strict=True):
         if quantity is not None:
             set_scale("log" if quantity.log else "linear")
-            axis.set_label_text(quantity.label + (f"  ({sense} is better)" if sense else ""))
+            text = quantity.label + (f", {sense} is better" if sense else "")
+            axis.set_label_text(style.wrapped(text, LABEL_WIDTH, 9.5))
             if quantity.log:
                 low, high = axis.get_view_interval()
                 style.log_ticks(axis, (low, high))
@@ -104,7 +102,7 @@ def plot_map(ax: Axes, shown: StudyMap) -> Axes:
     if shown.base is not None and all(low <= at <= high for at, (low, high) in zip(shown.base, ends, strict=True)):
         ax.plot(*shown.base, "+", color="white", markersize=15, markeredgewidth=4.5, zorder=5)
         ax.plot(*shown.base, linestyle="none", zorder=6, **PLUS)
-        entries.append(Line2D([], [], linestyle="none", label="base stage", **PLUS))
+        entries.append(Line2D([], [], linestyle="none", label="base design", **PLUS))
     if np.isfinite(shown.cells.values).any():
         _draw_bar(ax.inset_axes((1.035, 0.0, 0.04, 1.0)), ax.collections[0], shown)
     if entries:
@@ -160,7 +158,7 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     points, values, missing, *_ = shown.cells
     known, many = np.isfinite(values), len(values) > VECTOR_DOTS
     size = float(np.clip(4e4 / max(len(values), 1), 1.5, 30.0))
-    look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": many, "zorder": 2}
+    look: dict[str, Any] = {"s": size, "linewidths": 0, "rasterized": True, "zorder": 2}
     axes.scatter(points[known, 0], points[known, 1], c=values[known], **look, **colours)
     entries = []
     for mark, (reason, mask) in zip("x+123", missing.items(), strict=False):
@@ -183,7 +181,7 @@ def _draw_contours(
             for label in axes.clabel(lines, fontsize=8.5, fmt=lambda value: minus(f"{value:g}") + unit):
                 label.set_bbox({"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none", "alpha": 0.8})
     if heavy:
-        marks = " and ".join(f"{mark:g}{unit}" for mark in heavy)
+        marks = minus(", ".join(f"{mark:g}{unit}" for mark in heavy))
         entries.append(Line2D([], [], color=INK, linewidth=2.2, label=f"contours of {marks}"))
 
 
@@ -196,7 +194,7 @@ def levels(norm: Normalize, marks: Sequence[float]) -> Array:
 
 def _draw_bar(axes: Axes, mappable: Any, shown: StudyMap) -> None:
     """Draw the colour bar with the marks."""
-    axes.figure.colorbar(mappable, cax=axes).set_label(shown.value.label)
+    axes.figure.colorbar(mappable, cax=axes).set_label(style.wrapped(shown.value.label, LABEL_WIDTH, 9.5))
     low, high = axes.get_ylim()
     if isinstance(mappable.norm, LogNorm):
         style.log_ticks(axes.yaxis, (low, high))
@@ -211,32 +209,11 @@ def _draw_bar(axes: Axes, mappable: Any, shown: StudyMap) -> None:
 @in_house_style
 def pareto_figure(shown: ParetoFront) -> Figure:
     """Draw the Pareto front and, below it to one scale, the chosen designs."""
-    rows, caption, names = -(-len(shown.chosen) // COLUMNS), shown.caption, LETTERS[: len(shown.chosen)]
-    texts = [_design_text(letter, design) for letter, design in zip(names, shown.chosen, strict=True)]
-    height = CELL_WIDTH + 0.155 * max((text.count("\n") + 1 for text in texts), default=0)
-    figure = below_header((WIDTH, 5.2 + rows * height), caption.title, caption.lines, caption)
-    mosaic = [["front"] * COLUMNS, *np.reshape([*names.ljust(rows * COLUMNS, ".")], (rows, COLUMNS)).tolist()]
-    axes = figure.subplot_mosaic(mosaic, height_ratios=[5.2] + rows * [height])
-    plot_front(axes["front"], shown)
-    for letter, text in zip(names, texts, strict=True):
-        axes[letter].set_axis_off()
-        axes[letter].set_title(text, loc="left", size=FONT_SIZE, y=0.0, pad=-2, va="top", linespacing=1.3)
-    if names:
-        drawn = [
-            draw_plate(axes[letter], base) if isinstance(base, Mechanism) else draw_outline(axes[letter], base)
-            for letter, base in zip(names, (design.stage for design in shown.chosen), strict=True)
-        ]
-        fit_to_one_scale([axes[letter] for letter in names], np.vstack(drawn))
-    return figure
-
-
-def _design_text(letter: str, design: Chosen) -> str:
-    """Text below a drawn design: both objectives and its first factors."""
-    shown = design.numbers[: 2 + MOST_FACTORS]
-    lines = [f"{quantity.name}: {significant(value, 3)}{quantity.after}" for quantity, value in shown]
-    hidden = len(design.numbers) - len(shown)
-    lines += [f"and {hidden} more factors"] if hidden else []
-    return "\n".join(style.wrapped(line, CELL_WIDTH, FONT_SIZE) for line in (f"{letter}:  {lines[0]}", *lines[1:]))
+    columns = [quantity for quantity, _ in shown.chosen[0].numbers[: 2 + MOST_FACTORS]] if shown.chosen else []
+    numbers = [[significant(value, 3) for _, value in design.numbers[: len(columns)]] for design in shown.chosen]
+    rows = [["design", *(quantity.label for quantity in columns)]]
+    rows += [[letter, *row] for letter, row in zip(LETTERS, numbers, strict=False)]
+    return front_page(shown.caption, partial(plot_front, shown=shown), [one.stage for one in shown.chosen], rows)
 
 
 def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
@@ -257,7 +234,7 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
     for letter, design in zip(LETTERS, shown.chosen, strict=False):
         style.ring(ax, shown.points[design.place], letter)
     if shown.base is not None:
-        ax.plot(*shown.base, linestyle="none", label="base stage", zorder=3.5, **PLUS)
+        ax.plot(*shown.base, linestyle="none", label="base design", zorder=3.5, **PLUS)
     name_axes(ax, shown.x, shown.y, shown.better)
     ax.grid()
     ax.plot([], [], **look, markersize=4, label=count)
@@ -297,7 +274,7 @@ def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
         entries[-1].set_label(_percentile_text(percentile, quantity.after))
     if scatter.nominal is not None:
         entries.append(ax.axvline(scatter.nominal, color=NOTE_COLOUR, linewidth=1.5, linestyle="dotted", zorder=4))
-        entries[-1].set_label(f"base stage: {significant(scatter.nominal, DIGITS)}{quantity.after}")
+        entries[-1].set_label(f"base design: {significant(scatter.nominal, DIGITS)}{quantity.after}")
     style.legend_beside(ax, handles=entries, fontsize=8.5, handlelength=2.6, labelspacing=0.6)
     ax.set(ylabel="designs", ylim=(0, 1.06 * max(float(counts.max()), 1.0)), xlim=(borders[0], borders[-1]))
     name_axes(ax, quantity)

@@ -16,7 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
+from matplotlib.transforms import Bbox
 
+from flexfem.arrays import Array
 from flexfem.plot.text import assumption_note, significant
 from flexfem.units import Direction
 
@@ -45,6 +47,7 @@ DASHES: tuple[Any, ...] = ("solid", "dashed", "dotted", "dashdot", (0, (3, 1, 1,
 HATCHES = ("", "///", "...", "xxx", "\\\\\\", "+++", "ooo")
 NAMES: dict[Direction, str] = {"x": "X", "y": "Y", "theta": "\N{GREEK SMALL LETTER THETA}"}
 LETTER = {"normal": 0.51, "bold": 0.58}  # mean width of a letter over the font size
+TABLE_SIZE = 8.0  # points
 MARGIN = 0.3  # in, left and right of the header
 RESOLUTION = {"png": 150, "pdf": 200, "svg": 120}  # dots per inch; in vector files of rasterised meshes
 DATES = {"png": "Software", "pdf": "CreationDate", "svg": "Date"}  # omitted: equal figures give equal files
@@ -81,6 +84,13 @@ def rendered(figure: Figure, form: str) -> bytes:
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box is drawn instead
         figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata={DATES[form]: None})
     return buffer.getvalue()
+
+
+def drawn_box(figure: Figure) -> Array:
+    """Return the corners (2, 2), in, from the lower left one of the figure, of all that is drawn."""
+    with house_style(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing")
+        return np.asarray(figure.get_tightbbox().get_points())
 
 
 def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str:
@@ -161,9 +171,14 @@ def legend_beside(axes: Axes, **look: Any) -> None:
     axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), borderaxespad=0.0, frameon=False, **look)
 
 
+def handles_of(axes: Sequence[Axes]) -> dict[str, Any]:
+    """Handles of the legend of panels by label, each label once."""
+    return {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+
+
 def legend_below(figure: Figure, axes: Sequence[Axes], columns: int, **look: Any) -> None:
     """Place one legend below the panels, each label once, in at most `columns` columns that fit the page."""
-    handles = {label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    handles = handles_of(axes)
     look |= {"loc": "outside lower center", "frameon": False}
     for count in range(columns, 0, -1):
         legend = figure.legend(handles.values(), handles.keys(), ncols=count, **look)
@@ -172,10 +187,27 @@ def legend_below(figure: Figure, axes: Sequence[Axes], columns: int, **look: Any
         legend.remove()
 
 
-def boxed(axes: Axes, y: float, text: str) -> None:
-    """Write a remark in a box, centred across a panel, at the fraction `y` of its height."""
-    box = {"boxstyle": "round,pad=0.4", "facecolor": "white", "edgecolor": GREY, "linewidth": 0.7}
-    axes.text(0.5, y, text, transform=axes.transAxes, ha="center", va="center", color=INK, size=10, bbox=box)
+def fitted(rows: Sequence[Sequence[str]], widths: Sequence[float]) -> tuple[list[list[str]], list[float]]:
+    """Texts of a table, its head first, wrapped to columns of some widths, and the heights of its rows; all in in."""
+    made = [
+        [wrapped(text, width - 0.12, TABLE_SIZE, weight) for text, width in zip(row, widths, strict=True)]
+        for row, weight in zip(rows, ["bold", *["normal"] * (len(rows) - 1)], strict=True)
+    ]
+    return made, [0.14 * max(text.count("\n") + 1 for text in row) + 0.08 for row in made]
+
+
+def table(axes: Axes, rows: Sequence[Sequence[str]], widths: Sequence[float]) -> Axes:
+    """Write a table, its head first, that fills a panel, with columns in proportion to some widths; return `axes`."""
+    axes.set_axis_off()
+    texts, heights = fitted(rows, widths)
+    shares = [width / sum(widths) for width in widths]
+    made = axes.table(texts, colWidths=shares, cellLoc="left", edges="horizontal", bbox=Bbox.unit())
+    made.auto_set_font_size(False)
+    for (row, column), cell in made.get_celld().items():
+        cell.PAD = 0.06 / widths[column]
+        cell.set(height=heights[row], linewidth=0.6)
+        cell.set_text_props(size=TABLE_SIZE, weight="normal" if row else "bold", linespacing=1.15)
+    return axes
 
 
 def name_rows(axes: Axes, names: Sequence[str], width: float, size: float = 8.5) -> None:

@@ -35,14 +35,14 @@ def scientific(value: float, digits: int = 1) -> str:
 
 
 def percent(value: float) -> str:
-    """Format a percentage: 14.07 %, 0.123 %, or to one digit where it is round-off: 3×10⁻¹⁴ %."""
+    """Format a percentage: 14.07 %, 0.123 %, or 0 % where it is round-off."""
     if abs(value) < 1e-6:
-        return scientific(value) + SPACE + "%"
+        return f"0{SPACE}%"
     return significant(value, 4 if abs(value) >= 1 else 3) + SPACE + "%"
 
 
 def banded(value: float, band: float) -> str:
-    """Format a percentage and its band to the band's second digit: 14.071 ± 0.015 %; round-off as in `percent`."""
+    """Format a percentage and its band to the band's second digit: 14.071 ± 0.015 %; round-off as 0 %."""
     if abs(value) < 1e-6 or band <= 0:
         return percent(value)
     return minus(number(value, band)).replace(" ", SPACE) + SPACE + "%"

@@ -73,7 +73,8 @@ def gravity(
     payload : float
         Mass of a payload at the centre of the platform, kg.
     layers : int, optional
-        Three-dimensional model of a horizontal plate, with this number of layers in half the thickness, from 3.
+        Three-dimensional model with this number of layers in half the thickness, from 3: of a horizontal plate, for a
+        mechanism of an upright one, too.
     {shared}
 
     Examples

@@ -201,10 +201,10 @@ class Life(Result):
 class MechanismLife(Life):
     """Cycles to failure of the hinges of a mechanism, and the amplitude for a wanted life."""
 
-    equivalent = Quantity("equivalent fully reversed stress", "mpa", HINGE, STRESS, "all", largest=("hinge",))
-    peak = Quantity("largest magnitude of the stress", "mpa", HINGE, STRESS, "all", largest=("hinge",))
-    amplitude = Quantity("amplitude of the stress", "mpa", HINGE, STRESS, "all", shown=False)
-    mean = Quantity("mean of the stress", "mpa", HINGE, STRESS, "all", shown=False)
+    equivalent = Quantity("equivalent fully reversed stress", "mpa", HINGE, plates.PEAK, "all", largest=("hinge",))
+    peak = Quantity("largest magnitude of the stress", "mpa", HINGE, plates.PEAK, "all", largest=("hinge",))
+    amplitude = Quantity("amplitude of the stress", "mpa", HINGE, plates.PEAK, "all", shown=False)
+    mean = Quantity("mean of the stress", "mpa", HINGE, plates.PEAK, "all", shown=False)
     cycles = Quantity("cycles to failure of each hinge", "", HINGE, Gate(0.05), shown=False)
     reading = ("the highest stress of a hinge in the mean pose counts as tension, which is conservative",)
 

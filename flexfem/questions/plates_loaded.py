@@ -12,25 +12,32 @@ from flexfem.analytic import plates as network
 from flexfem.analytic.finite import displaced
 from flexfem.arrays import Array
 from flexfem.fem import ports as fem
+from flexfem.fem.modes import Modes
 from flexfem.fem.nonlinear import equilibria
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import corner_bands, levels
 from flexfem.questions.plates import (
+    ON_MESHES,
+    PEAK,
     ROUND_OFF,
     SOLID_RESOLUTION,
     ElasticParts,
     answer,
     by_models,
     factorised,
+    meshed,
     model_of,
     parts_of,
     stress_by,
 )
-from flexfem.questions.setup import Mesh, ModelAnswer, Models, mesh_of, on_meshes
+from flexfem.questions.setup import Mesh, MeshFields, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, FRESH, SOLID, SOLVED, STRESS, Gate, Progress, Quantity, Result
+from flexfem.results import ELEMENTS, SOLID, SOLVED, Gate, Progress, Quantity, Result
 
 GRAVITY = 9806.65  # mm/s^2, standard gravity
+EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes equal, on a mesh without symmetry
+STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
+LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
 CASES = ("uniform", "gradient in x", "gradient in y")
 
 
@@ -39,17 +46,15 @@ def of_loads(
     mesh: Mesh | None,
     models: Models,
     by_network: Callable[[ElasticParts], dict[str, Array]],
-    of_elements: Callable[[fem.PlateModel], dict[str, Array]],
+    of_size: Callable[[int, int], dict[str, Array]],
     progress: Progress | None,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all models: functions of elastic parts and of a factorised plate; bands from meshes."""
-    return by_models(
-        mesh,
-        models,
-        lambda elastic: by_network(parts_of(mechanism) if elastic else ElasticParts()),
-        lambda *size: of_elements(factorised(mechanism, *size)),
-        progress,
-    )
+    """Return the values of all models: functions of elastic parts, and of resolution and layers; bands from meshes."""
+
+    def of_network(elastic: bool) -> dict[str, Array]:
+        return by_network(parts_of(mechanism) if elastic else ElasticParts())
+
+    return by_models(mesh, models, of_network, of_size, progress)
 
 
 class MechanismModes(Result):
@@ -60,18 +65,19 @@ class MechanismModes(Result):
     columns = ("model", "direction", "motion")
     reading = (
         "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
+        "no share: the output hardly moves; modes of equal frequency: the first one moves along x, where any does",
         "modes out of the plane are computed with layers only, a payload as a flat body at mid-plane; the analytic "
         "models have no mass in the hinges, so they lack the modes in which leaf springs themselves vibrate, and their "
         "numbers shift against those of finite elements from there on",
     )
-    frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
+    frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
     share = Quantity(
         "motion of the output by finite elements", "percents", ("mode", "direction"), Gate(1e-3, absolute=1e-4), "all"
     )
     tilt = Quantity(
         "motion of the output out of the plane", "percents", ("mode", "motion"), Gate(1e-3, absolute=1e-4), "all"
     )
-    labels: ClassVar = {"motion": ("z", "tilt x", "tilt y")}
+    labels: ClassVar = {"motion": LIFTED}
 
 
 def modes(
@@ -90,32 +96,36 @@ def modes(
     if engaged and not mechanism.layout.actuators:
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     count, lever = arguments.integer("count", count, 100), mechanism.layout.lever
+    kept, fields = dict[str, Modes](), None  # modes of the finest mesh, which is the last
 
     def by_network(parts: ElasticParts) -> dict[str, Array]:
         found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
     def of_size(resolution: int, layers: int) -> dict[str, Array]:
-        """Return frequencies and motions (modes, 3) of the output: in the plane, then with layers out of it."""
+        """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
         parts = list[tuple[Array, Array]]()
         for lifting in (False, True)[: 2 if layers else 1]:
-            found = fem.plate_modes(factorised(mechanism, resolution, layers, lifting), count, engaged)
-            motion = (found.ports[:, :3] * ([1.0, lever, lever] if lifting else [1.0, 1.0, lever])) ** 2
-            parts.append((found.modes.frequencies, 100 * motion / motion.sum(axis=1, keepdims=True)))
+            found = fem.plate_modes(factorised(mechanism, resolution, layers, lifting), count + 1, engaged)
+            kept["found"] = found.modes
+            motion = found.ports[:, :3] * ([1.0, lever, lever] if lifting else [1.0, 1.0, lever])
+            parts.append((found.modes.frequencies[:count], _shares(found.modes.frequencies, motion)[:count]))
         frequency, share = map(np.concatenate, zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
-    def of_network(elastic: bool) -> dict[str, Array]:
-        return by_network(parts_of(mechanism) if elastic else ElasticParts())
-
-    answered, values = by_models(mesh, models, of_network, of_size, progress), dict[str, Array]()
+    answered, values = of_loads(mechanism, mesh, models, by_network, of_size, progress), dict[str, Array]()
     found = {label: ModelAnswer(*({name: part[name] for name in part if name == "frequency"} for part in one))
              for label, one in answered.items()}  # fmt: skip
     names = [str(k + 1) for k in range(count)]
     if mesh is not None:
         share = answered[SOLID if solid else ELEMENTS].values["share"]
         values["share"] = share[:count]
+        shapes = kept["found"]
+        fields = MeshFields(
+            meshed(mechanism, mesh.resolution), lambda: {f"mode {k + 1}": shapes.field(k) for k in range(count)}
+        )
     if solid:
+        fields = None
         order = np.argsort(found[SOLID].values["frequency"], kind="stable")[:count]
         lifted, planar = order >= count, np.flatnonzero(order < count)
         names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
@@ -135,7 +145,22 @@ def modes(
         values["share"] = np.where(lifted[:, None], np.nan, share[order])
         values["tilt"] = np.where(lifted[:, None], share[order], np.nan)
     settings = {"actuators": drives} if mechanism.layout.actuators else {}
-    return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings)
+    return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings, fields=fields)
+
+
+def _shares(frequencies: Array, motion: Array) -> Array:
+    """Return the shares (modes, 3), %, of directions in squared motions (modes, 3) of the output; nan without motion.
+
+    Modes of equal frequency are combined to those of which the first alone moves along x, or else along y.
+    """
+    motion, starts = motion.copy(), np.flatnonzero(np.diff(frequencies) > EQUAL * frequencies[1:]) + 1
+    for group in np.split(motion, starts):
+        sizes = np.linalg.norm(group, axis=0)
+        order = np.argsort(sizes < STILL * sizes.max(), kind="stable")
+        group[:, order] = np.linalg.qr(group[:, order], mode="complete")[1]
+    squares = motion**2
+    whole = squares.sum(axis=1, keepdims=True)
+    return 100 * squares / np.where(whole > STILL**2 * whole.max(), whole, np.nan)
 
 
 class MechanismGravity(Result):
@@ -143,8 +168,14 @@ class MechanismGravity(Result):
 
     title = "displacement under weight"
     main = ("pose", {})
-    pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose", prefixed=True)
-    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), STRESS, "all", largest=("hinge",))
+    labels: ClassVar = {"motion": LIFTED}
+    columns = ("direction", "motion")
+    pose = Quantity("displacement", "motion", ("model", "point", "direction"), ON_MESHES, "pose", prefixed=True)
+    sag = Quantity(
+        "displacement of the output out of the plane of a horizontal plate", ("mm", "rad", "rad"), ("model", "motion"),
+        ON_MESHES, "all", prefixed=True,
+    )  # fmt: skip
+    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), PEAK, "all", largest=("hinge",))
 
 
 def gravity(
@@ -153,10 +184,12 @@ def gravity(
     angle: float = -90.0,
     models: Models = "both",
     resolution: int | None = None,
+    layers: int | None = None,
     progress: Progress | None = None,
 ) -> MechanismGravity:
     """See `flexfem.gravity`."""
-    mesh, angle = mesh_of(models, resolution, None), arguments.between("angle", angle, -360.0, 360.0, " degrees")
+    mesh = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION)
+    angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     field = GRAVITY * np.array([[np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]])
     points = 3 * len(mechanism.layout.points)
 
@@ -164,11 +197,15 @@ def gravity(
         motions, wrenches = network.weighed(mechanism.layout, field, parts.bodies, hinges=parts.hinges)
         return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
 
-    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
-        response = fem.weight_of(model, field)
-        return {"pose": response.motions[:points, 0].reshape(-1, 3), "stress": fem.hinge_stress(response, np.ones(1))}
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        response = fem.weight_of(factorised(mechanism, resolution, layers), field)
+        pose, stress = response.motions[:points, 0].reshape(-1, 3), fem.hinge_stress(response, np.ones(1))
+        if not layers:
+            return {"pose": pose, "stress": stress}
+        lifted = fem.weight_of(factorised(mechanism, resolution, layers, lifting=True), np.array([[-GRAVITY]]))
+        return {"pose": pose, "stress": stress, "sag": lifted.motions[:, 0]}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_size, progress)
     return answer(MechanismGravity, mechanism, found, mesh, settings={"gravity": f"at {angle:g} degrees"})
 
 
@@ -180,10 +217,10 @@ class MechanismDrift(Result):
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
     pose = Quantity(
-        "displacement", "motion", ("case", "point", "model", "direction"), FRESH._replace(absolute=1e-15), "pose",
+        "displacement", "motion", ("case", "point", "model", "direction"), ON_MESHES._replace(absolute=1e-8), "pose",
         prefixed=True,
     )  # fmt: skip
-    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), STRESS, "all", largest=("hinge",))
+    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), PEAK, "all", largest=("hinge",))
 
 
 def drift(
@@ -215,12 +252,12 @@ def drift(
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
         return {"pose": cleared(motions[:points].T.reshape(3, -1, 3)), "stress": stress}
 
-    def of_elements(model: fem.PlateModel) -> dict[str, Array]:
-        response = fem.warmed(model, plate, ground)
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        response = fem.warmed(factorised(mechanism, resolution, layers), plate, ground)
         pose = cleared(response.motions[:points].T.reshape(3, -1, 3))
         return {"pose": pose, "stress": fem.hinge_stress(response, np.eye(3))}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_elements, progress)
+    found = of_loads(mechanism, mesh, models, by_network, of_size, progress)
     return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)
 
 
@@ -242,12 +279,12 @@ class MechanismLarge(Result):
     )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
     pose = Quantity(
-        "displacement of the output", "motion", ("load", "theory", "direction"), SOLVED, "pose", prefixed=True
+        "displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose", prefixed=True
     )
     stiffness = Quantity(
-        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), SOLVED
+        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
     )
-    strain = Quantity("largest strain of finite elements", "", ("load",), STRESS, "all", shown=False)
+    strain = Quantity("largest strain of finite elements", "", ("load",), PEAK, "all", shown=False)
 
 
 def large(

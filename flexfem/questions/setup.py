@@ -9,7 +9,21 @@ from functools import cache, wraps
 from itertools import chain
 from pathlib import Path
 from types import MappingProxyType, NoneType
-from typing import Any, Literal, NamedTuple, TypeAlias, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    Concatenate,
+    Literal,
+    NamedTuple,
+    ParamSpec,
+    Protocol,
+    TypeAlias,
+    TypeVar,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+    overload,
+)
 
 import numpy as np
 
@@ -32,6 +46,10 @@ Value = TypeVar("Value")
 Step = TypeVar("Step")
 Kind = TypeVar("Kind", bound=Result)
 Function = TypeVar("Function", bound=Callable[..., Any])
+Options = ParamSpec("Options")
+Fewer = ParamSpec("Fewer")
+OfStage = TypeVar("OfStage", covariant=True)
+OfMechanism = TypeVar("OfMechanism", covariant=True)
 
 SHARED = {
     "stage : Stage": "The stage.",
@@ -84,18 +102,35 @@ def question(function: Function) -> Function:
     return cast(Function, checked)
 
 
-def for_mechanisms(answer: Callable[..., Any]) -> Callable[[Function], Function]:
+class OfBoth(Protocol[Options, OfStage, OfMechanism]):
+    """A question about stages and mechanisms; a mechanism has the same options or fewer."""
+
+    @overload
+    def __call__(self, stage: Stage, *args: Options.args, **kwargs: Options.kwargs) -> OfStage: ...
+    @overload
+    def __call__(self, stage: Mechanism, *args: Options.args, **kwargs: Options.kwargs) -> OfMechanism: ...
+
+
+def for_mechanisms(
+    answer: Callable[Concatenate[Mechanism, Fewer], OfMechanism],
+) -> Callable[[Callable[Concatenate[Stage, Options], OfStage]], OfBoth[Options, OfStage, OfMechanism]]:
     """Let a question about stages also take a mechanism, with an answer that has the same options or fewer.
 
     The function raises BadInput for a mechanism with an option that the answer lacks; its docstring says so.
     """
 
-    def decorate(function: Function) -> Function:
+    def decorate(
+        function: Callable[Concatenate[Stage, Options], OfStage],
+    ) -> OfBoth[Options, OfStage, OfMechanism]:
         signature, known = inspect.signature(function), inspect.signature(answer).parameters
         text = (function.__doc__ or "").replace("stage : Stage\n", "stage : Stage or Mechanism\n")
+        one, other = (str(each.__annotations__["return"]) for each in (function, answer))
+        text = text.replace(f"-------\n{one}\n", f"-------\n{one}, or {other} of a mechanism\n")
         for key in signature.parameters.keys() - known.keys() - {"stage"}:
             text = re.sub(rf"(?m)^({key} : .*(?:\n    .*)*)", r"\1 Not for a mechanism.", text)
         function.__doc__ = text
+
+        of_mechanism: Callable[..., OfMechanism] = answer
 
         @wraps(function)
         def either(*positional: Any, **named: Any) -> Any:
@@ -107,9 +142,14 @@ def for_mechanisms(answer: Callable[..., Any]) -> Callable[[Function], Function]
             for key in given.keys() - known.keys():
                 option = "mobility, formula or links" if key == "analytic" else f"{key} {given[key]!r}"
                 raise BadInput(f"{option}: an option for the nine-hinge stage, not for a mechanism")
-            return answer(mechanism, **given)
+            return of_mechanism(mechanism, **given)
 
-        return cast(Function, either)
+        stage, *others = signature.parameters.values()
+        shown = signature.replace(
+            parameters=[stage.replace(annotation="Stage | Mechanism"), *others], return_annotation=f"{one} | {other}"
+        )
+        either.__signature__ = shown  # type: ignore[attr-defined]  # of help and of the documentation
+        return cast(OfBoth[Options, OfStage, OfMechanism], either)
 
     return decorate
 
@@ -216,10 +256,13 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
-def about_mechanism(mechanism: Mechanism) -> About:
-    """Return the subject of a result: a mechanism."""
-    doubts = tuple(mechanism.assumed), tuple(mechanism.not_stated)
-    return About(mechanism.name, str(mechanism.origin), mechanism.hash, *doubts, mechanism.layout.lever)
+def about_mechanism(mechanism: Mechanism, files: Mapping[str, Sourced] = NO_FILES) -> About:
+    """Return the subject of a result: a mechanism, and other files by name."""
+    doubts = assumptions([("", mechanism), *((f"{name}: ", file) for name, file in files.items())])
+    lever = mechanism.layout.lever
+    return About(
+        mechanism.name, str(mechanism.origin), mechanism.hash, tuple(doubts.assumed), tuple(doubts.not_stated), lever
+    )
 
 
 def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:

@@ -16,14 +16,28 @@ from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates, setup
+from flexfem.questions import plates, plates_loaded, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
 from flexfem.questions.reach import reach
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SHEET, SOLID, SOLVED, STRESS, Progress, Quantity, Result
+from flexfem.results import (
+    ANALYTIC,
+    COARSER,
+    ELEMENTS,
+    FRESH,
+    SHEET,
+    SOLID,
+    SOLVED,
+    STRESS,
+    Gate,
+    Progress,
+    Quantity,
+    Result,
+)
 from flexfem.units import DIRECTIONS, PLANES
 
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
@@ -88,6 +102,18 @@ class Summary(Result):
     held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED, prefixed=True)
     free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED, prefixed=True)
     free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED, prefixed=True)
+
+
+class MechanismSummary(Summary):
+    """Stiffness, range at yield, force, stress, first frequency, input and ranges of the actuators of a mechanism."""
+
+    stress = Quantity(
+        "hinge stress per displacement", "stress per motion", (*BY_DIRECTION, "hinge"), STRESS, "all",
+        largest=("hinge",),
+    )  # fmt: skip
+    amplification = Quantity("output motion per actuator opening", ("", "", "rad_per_mm"), BY_DIRECTION, COARSER, "all")
+    frequency = Quantity("first natural frequency", "hz", ("model",), Gate(FRESH.relative, 0.2))
+    input_stiffness = Quantity("stiffness at the actuator, output free", "n_per_um", ("model",), COARSER)
 
 
 @setup.for_mechanisms(plates.stiffness)
@@ -255,6 +281,66 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     return soft, hard
 
 
+def _by_direction(found: Stiffness | plates.MechanismStiffness) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return values and bands of an answer at rest with the direction first."""
+    parts = dict[str, Array](), dict[str, Array]()
+    for target, source in zip(parts, (found.values, found.bands), strict=True):
+        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
+            target[name] = np.moveaxis(source[name], -1, 0)
+        if "stiffness" in source:
+            target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
+    return parts
+
+
+def _ends(part: Callable[..., Array], model: str) -> dict[str, Array]:
+    """Return the ranges of the drive by one model; `part` returns the values or bands of an answer of `reach`."""
+    return {
+        f"{name}_{end}": part("ends", others=others, end=end, model=model)
+        for name, others in (("held", "zero"), ("free", "free"))
+        for end in ("low", "high")
+    }
+
+
+def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
+    """Return the plane problem and the yield strength as settings, and the sources of the material as notes."""
+    by_source = dict[str, list[str]]()
+    for key in (key for key in plate.numbers if key.startswith("material")):
+        by_source.setdefault(plate.sources[key] or "not stated", []).append(key)
+    settings = {"plane problem": PLANES[plate.model], "yield strength": f"{plate.material.yield_strength:g} MPa"}
+    return settings, [f"{', '.join(keys)}: {source}" for source, keys in by_source.items()]
+
+
+def _of_mechanism(
+    mechanism: Mechanism,
+    *,
+    models: Models = "both",
+    resolution: int | None = None,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> MechanismSummary:
+    """See `flexfem.summary`."""
+    mesh: dict[str, Any] = {"models": models, "resolution": resolution, "layers": layers}
+    found = plates.stiffness(mechanism, **mesh, progress=progress)
+    (values, bands), (settings, notes) = _by_direction(found), _material(mechanism)
+    first = plates_loaded.modes(mechanism, count=1, **mesh)
+    for target, source, modes in ((values, found.values, first.values), (bands, found.bands, first.bands)):
+        if "frequency" in modes:
+            target["frequency"] = modes["frequency"][0]
+        if len(mechanism.layout.actuators) == 1 and "amplification" in source:
+            target["amplification"] = source["amplification"][0].T
+            target["input_stiffness"] = source["input_stiffness"][0]
+    if mechanism.layout.actuators:
+        driven = plates.reach(mechanism, **mesh)
+        model = driven.axes["model"][-1]
+        values |= _ends(driven.at, model)
+        bands |= _ends(driven.band, model)
+        notes.append(f"drive min, max: by {model}, with the stiffness of all actuators; first frequency: without it")
+    return MechanismSummary(
+        found.about, values, bands, found.axes, settings | found.settings, found.warnings, [*found.notes, *notes]
+    )
+
+
+@setup.for_mechanisms(_of_mechanism)
 @setup.question
 def summary(
     stage: Stage,
@@ -265,7 +351,7 @@ def summary(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Range of a stage in each direction before a neck yields, the force at its end, and the range of its drive.
+    """Range of a stage or mechanism in each direction before a neck yields, the force there, the range of its drive.
 
     Parameters
     ----------
@@ -279,31 +365,16 @@ def summary(
     0.641
     """
     found = stiffness(stage, models=models, analytic=analytic, resolution=resolution, layers=layers, progress=progress)
-    values, bands = dict[str, Array](), dict[str, Array]()
-    for target, source in ((values, found.values), (bands, found.bands)):
-        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
-            target[name] = np.moveaxis(source[name], -1, 0)
-        if "stiffness" in source:
-            target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
+    (values, bands), (settings, notes), warnings = _by_direction(found), _material(stage), list(found.warnings)
     if "thickness" in found.values:
         values["thickness"] = found.thickness
-    warnings, by_source = list(found.warnings), dict[str, list[str]]()
     if stage.actuator:
         try:
             driven = reach(stage, models="analytic", analytic=analytic)
         except ComputationFailed as failure:
             warnings.append(str(failure))
         else:
-            for name, others in (("held", "zero"), ("free", "free")):
-                for end in ("low", "high"):
-                    values[f"{name}_{end}"] = driven.at("ends", others=others, end=end, model=ANALYTIC)
+            values |= _ends(driven.at, ANALYTIC)
             warnings += driven.warnings
-    for key in (key for key in stage.numbers if key.startswith("material")):
-        by_source.setdefault(stage.sources[key] or "not stated", []).append(key)
-    notes = [*found.notes, *(f"{', '.join(keys)}: {source}" for source, keys in by_source.items())]
-    settings = {
-        "mobility": stage.mobility,
-        "plane problem": PLANES[stage.model],
-        "yield strength": f"{stage.material.yield_strength:g} MPa",
-    }
-    return Summary(found.about, values, bands, found.axes, settings | found.settings, warnings, notes)
+    settings = {"mobility": stage.mobility} | settings | found.settings
+    return Summary(found.about, values, bands, found.axes, settings, warnings, [*found.notes, *notes])

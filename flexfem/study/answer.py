@@ -47,7 +47,7 @@ from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, failed_row, row_of, sizes_of, values_of
-from flexfem.study.loaded import LoadedStudy, designs_of, judge, mechanism_of, refusals_of, sample, stage_of
+from flexfem.study.loaded import LoadedStudy, designs_of, judge, plate_of, refusals_of, sample, stage_of
 from flexfem.study.plan import Study, expanded_names
 from flexfem.units import DENSITY
 
@@ -103,20 +103,25 @@ STAGES_BATCH = 512  # the same where every design needs a stage, which takes 60 
 
 def answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
     """Return the rows of the designs from `start` up to `stop`."""
-    if loaded.study.model == "analytic" and not loaded.study.on_mechanism:
-        ends = [*range(start, stop, STAGES_BATCH if needs_stages(loaded.study) else BATCH), stop]
-        batches = [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)]
-    else:
-        batches = [_solved_row(loaded, values) for values in sample(loaded, start, stop)]
-    if not batches:
-        empty = np.array([], dtype=object)
-        return Rows(empty, empty, np.empty((0, len(loaded.outputs))))
+    ends = [*range(start, stop, STAGES_BATCH if needs_stages(loaded.study) else BATCH), stop]
+    return joined(loaded, [answer_designs(loaded, sample(loaded, *pair)) for pair in pairwise(ends)])
+
+
+def joined(loaded: LoadedStudy, batches: list[Rows]) -> Rows:
+    """Join rows of designs."""
+    empty = np.array([], dtype=object)
+    batches = batches or [Rows(empty, empty, np.empty((0, len(loaded.outputs))))]
     return Rows(*(np.concatenate(parts) for parts in zip(*batches, strict=True)))
 
 
 def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
-    """Return the rows of the designs with factor values (n, columns), file units, by the analytic model."""
+    """Return the rows of the designs with factor values (n, columns), file units.
+
+    The analytic model of stages computes them at once; other models and mechanisms, one after the other.
+    """
     study = loaded.study
+    if study.model != "analytic" or isinstance(loaded.base, Mechanism):
+        return joined(loaded, [_solved_row(loaded, each) for each in values])
     with np.errstate(all="ignore"):  # numbers of impossible designs, which are refused
         designs = designs_of(loaded, values)
         hinges = hinge_compliances(designs, study.formula)
@@ -158,7 +163,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         extra = np.full((len(values), len(study.ask)), np.nan)
         for index, numbers in _for_stages(stages, reason, partial(extra_numbers, loaded)).items() if study.ask else ():
-            extra[index] = numbers
+            extra[index] = numbers[:, 0]
         outputs = np.hstack([values_of(found, study.columns, study.rotation), extra])
     outputs[reason != ""] = np.nan
     status = np.where(reason == "", "ok", "refused").astype(object)
@@ -174,11 +179,14 @@ class NoSuchNumber(BadInput):
     """A study requests a number that no result about the stage has."""
 
 
-def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> list[float]:
-    """Return the numbers about one stage at the paths `study.ask`. Raises BadInput, ComputationFailed."""
+def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
+    """Return the numbers about one stage at the paths `study.ask`, and their bands, (asked, 2); nan without a band.
+
+    Raises BadInput, ComputationFailed.
+    """
     from flexfem.questions.setup import Analytic
 
-    study, numbers = loaded.study, dict[str, float]()
+    study, numbers = loaded.study, dict[str, tuple[float, float]]()
     models = {"analytic": "analytic", "verify": "both"}.get(study.model, "elements")
     settings: dict[str, Any] = {"models": models}
     if models != "elements" and not study.on_mechanism:
@@ -191,12 +199,13 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> list[float]:
         question = getattr(flexfem, name)
         parameters = inspect.signature(question).parameters
         result = question(stage, **{key: value for key, value in settings.items() if key in parameters})
-        numbers |= {f"{name}.{entry.path}": entry.value * entry.unit.factor for entry in result.entries()}
+        for entry in result.entries():
+            numbers[f"{name}.{entry.path}"] = entry.value * entry.unit.factor, entry.band * entry.unit.factor
     for path in study.ask:
         if path not in numbers:
             close = suggestion(path, numbers) or f", such as {next(iter(numbers))}"
             raise NoSuchNumber(f"ask: no number {path} of this stage and model{close}")
-    return [numbers[path] for path in study.ask]
+    return np.array([numbers[path] for path in study.ask]).reshape(-1, 2)
 
 
 def require_extra_numbers(loaded: LoadedStudy) -> None:
@@ -229,7 +238,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
         found = solved_design(stage, study.resolution, clock, predicted, study.bands, *requested)
         if found.drives is not None and np.isnan(found.drives.range).any():
             raise BadInput(UNMOVED)
-    return np.array([*values_of(found, study.columns, study.rotation)[0], *extra_numbers(loaded, stage)])
+    return np.array([*values_of(found, study.columns, study.rotation)[0], *extra_numbers(loaded, stage)[:, 0]])
 
 
 def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
@@ -238,9 +247,9 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
     try:
         if reason:
             raise BadInput(reason)
-        if isinstance(loaded.base, Mechanism):
-            return row_of("ok", "", extra_numbers(loaded, mechanism_of(loaded, loaded.base, values)))
-        stage = stage_of(loaded, values)
+        stage = plate_of(loaded, values)
+        if isinstance(stage, Mechanism):
+            return row_of("ok", "", extra_numbers(loaded, stage)[:, 0])
         check_feasible(stage)
         return with_warnings(loaded, values[None], row_of("ok", "", solved_values(stage, loaded)))
     except BadInput as refusal:
@@ -290,9 +299,8 @@ ROUND_OFF = 1e-10  # relative change of an output; a smaller one is no effect of
 def nominal(loaded: LoadedStudy) -> dict[str, float]:
     """Return outputs and factor values of the base stage by column; no outputs where they cannot be computed."""
     study = loaded.study.model_copy(update={"bands": False, "constraint": ()})
-    base, no_factors = replace(loaded, study=study, columns=()), np.empty((1, 0))
-    solve = _solved_row if study.model != "analytic" or isinstance(loaded.base, Mechanism) else None
-    rows = solve(base, no_factors[0]) if solve else answer_designs(base, no_factors)
+    base = replace(loaded, study=study, columns=())
+    rows = answer_designs(base, np.empty((1, 0)))
     values = base_factor_values(loaded)
     if rows.status[0] == "ok":
         values |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))

@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, get_type_hints
 
 import numpy as np
 from pydantic import ValidationError
 
+import flexfem
 from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
@@ -18,12 +19,12 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.results import SPACE, thousands
+from flexfem.results import SPACE, Result, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, mechanism_of, stage_of
 from flexfem.study.plan import Figure, Study, expanded_names
-from flexfem.units import unit_of, without_unit
+from flexfem.units import DIRECTIONS, unit_of, without_unit
 
 if TYPE_CHECKING:
     from flexfem.study.collect import StudyTable
@@ -39,6 +40,7 @@ ATTEMPTS = 2000  # most designs of a front that are tested for drawing; some 10 
 SIZE = "envelope_mm"
 TRUSTED = (5.0, 10.0)  # per cent of error, whose contours are heavier
 LARGEST = 1e100  # largest drawn number, whose square and inverse square are finite
+KINDS = {"converge": "convergence"}  # kind of result by question, where the names differ
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
 
@@ -54,8 +56,8 @@ class AxisText(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name and unit."""
-        return f"{self.name} in {self.unit}" if self.unit else self.name
+        """Name and, in brackets, unit."""
+        return f"{self.name} ({self.unit})" if self.unit else self.name
 
     @property
     def after(self) -> str:
@@ -78,6 +80,24 @@ def output(column: str, study: Study | None = None) -> AxisText:
     if column in STRESSES and study is not None and study.stress_below:
         name = f"{name} ({study.stress_below})"
     return AxisText(name, unit_of(column).name, column == "life_cycles")
+
+
+def asked(path: str, mechanism: bool) -> AxisText:
+    """Return the meaning and unit of a number of a result at a path such as `stiffness.free.analytic.x`."""
+    question, name, *labels = path.replace("_", " ").split(".")
+    stage = get_type_hints(getattr(flexfem, question))["return"]
+    kind = Result.kinds.get(f"mechanism_{KINDS.get(question, question)}", stage) if mechanism else stage
+    quantity = kind.quantities[name.replace(" ", "_")]
+    place = tuple(DIRECTIONS.index(label) if label in DIRECTIONS else 0 for label in labels)
+    if len(labels) != len(quantity.over):
+        return AxisText(path)
+    head, *rest = quantity.meaning.split(", ")
+    for axis, label in zip(quantity.over, labels, strict=True):
+        if axis == "direction":
+            head += f" in {'XYθ'[DIRECTIONS.index(label)]}"
+        elif axis != "model":
+            rest.append(label if label.startswith(axis) else f"{axis} {label}")
+    return AxisText(", ".join([head, *rest]), quantity.unit_at(place).name)
 
 
 def factor(column: Column) -> AxisText:
@@ -162,6 +182,8 @@ class Source(NamedTuple):
             return factor(columns[name])
         if name in derived:
             return AxisText(derived[name].label or name, derived[name].unit or "")
+        if name in self.loaded.study.ask:
+            return asked(name, self.loaded.study.on_mechanism)
         return output(name, self.loaded.study)
 
     def column(self, name: str) -> Array:

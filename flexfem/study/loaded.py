@@ -17,7 +17,7 @@ from scipy.special import ndtr, ndtri
 
 from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.expressions import names_in, value_of
+from flexfem.files.expressions import Evaluated, names_in, value_of
 from flexfem.files.provenance import Assumptions, is_assumed
 from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
 from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
@@ -32,6 +32,7 @@ from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
 from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, normal_correlation
+from flexfem.units import without_unit
 
 
 @dataclass(frozen=True)
@@ -201,8 +202,19 @@ def is_fixed(name: str, columns: Sequence[Column], stage: Stage | Mechanism) -> 
     set_by = [path for column in columns for path in column.keys]
     if name not in keys() or name in set_by:
         return False
+    if isinstance(stage, Mechanism):
+        return all(is_fixed(used, columns, stage) for used in _expression_of(name, stage)[1])
     places = keys()[name].places_in(stage) if name.startswith("override.") else []
     return not any(place in keys()[path].places_in(stage) for path in set_by for place in places)
+
+
+def _expression_of(path: str, mechanism: Mechanism) -> tuple[str, dict[str, str]]:
+    """Return the expression of a number, "" without one, and the key paths of its parameters with their names there."""
+    key, stated = keys()[path], mechanism.parameters
+    value = {PARAMETERS: stated, (): vars(mechanism)}.get(key.table, {}).get(key.attribute)
+    text = value.text if isinstance(value, Evaluated) else ""
+    used = names_in(text) if text else ()
+    return text, {f"{PARAMETERS[0]}.{name}": without_unit(name) for name in stated if without_unit(name) in used}
 
 
 MOST_BYTES = {".csv": 2**26, ".parquet": 2**31}  # size of a table of designs, which is held in memory
@@ -415,12 +427,21 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
 
 
 def mechanism_of(loaded: LoadedStudy, base: Mechanism, values: Array) -> Mechanism:
-    """Return the mechanism of the design with factor values (columns,), file units. Raises BadInput."""
-    changes: dict[str, Any] = {}
+    """Return the mechanism, without provenance, of the design with factor values (columns,), file units.
+
+    Raises BadInput.
+    """
+    changes: dict[str, Any] = {"provenance": {}}  # whose update takes a third of the time
     for key, column in _settings(loaded):
         table = changes if key.table == () else changes.setdefault(key.table[0], {})
         table[key.attribute] = float(values[column]) * (1.0 if key.table == PARAMETERS else key.unit)
     return base.replace(**changes)
+
+
+def plate_of(loaded: LoadedStudy, values: Array) -> Stage | Mechanism:
+    """Return the stage or mechanism of a design, see `stage_of` and `mechanism_of`."""
+    base = loaded.base
+    return mechanism_of(loaded, base, values) if isinstance(base, Mechanism) else stage_of(loaded, values)
 
 
 def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
@@ -527,6 +548,9 @@ def _key_values(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) ->
     key = keys()[path]
     if is_fixed(path, loaded.columns, loaded.base):
         return np.full(1, key.value_in(loaded.base), dtype=np.float64)
+    if isinstance(loaded.base, Mechanism):
+        text, used = _expression_of(path, loaded.base)
+        return value_of(text, {name: _key_values(loaded, each, columns) for each, name in used.items()})
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, place),) = key.places_in(loaded.stage)
     return np.asarray(getattr(designs, field)[:, *place] / key.unit)

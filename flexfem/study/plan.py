@@ -535,7 +535,7 @@ class Study(Sourced):
     @property
     def on_mechanism(self) -> bool:
         """Whether factors set parameters of a mechanism file."""
-        return any(keys()[path].table == PARAMETERS for factor in self.factor for path in factor.paths)
+        return set_parameters(self.factor)
 
     @property
     def driven(self) -> bool:
@@ -587,6 +587,11 @@ class Study(Sourced):
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn to check that they do not overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
+
+
+def set_parameters(factors: Iterable[Factor]) -> bool:
+    """Return whether factors set parameters of a mechanism file."""
+    return any(keys()[path].table == PARAMETERS for factor in factors for path in factor.paths)
 
 
 def expanded_names(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:

@@ -53,8 +53,7 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load):
 
 
 def test_a_seed_decides_what_is_searched_and_the_same_one_finds_the_same_again(load, monkeypatch):
-    monkeypatch.setattr(search, "GENERATIONS", 2)
-    monkeypatch.setattr(search, "LOCAL", 2)
+    monkeypatch.setattr(search, "FULL", search.FULL._replace(generations=2, local=2))
     pieces, searched = (NECK, RADIUS, require("kxx_n_per_mm", STIFFNESS), RANGE), []
 
     class Recording(Model):

@@ -10,9 +10,10 @@ import pytest
 
 import flexfem.fem.plate_mesh
 from flexfem.fem.mesh import jacobians, nodes_on
-from flexfem.fem.plate_mesh import mesh_layout, plate_contours
+from flexfem.fem.plate_mesh import mesh_layout, plate_contours, turns_of
+from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
-from flexfem.mechanism.outlines import area, polyline
+from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated
 from flexfem.refused import BadInput, ComputationFailed
@@ -153,3 +154,25 @@ def test_triangles_in_an_arm_follow_its_width_and_not_that_of_its_body():
     x = mesh.nodes[mesh.triangles[:, :3], 0]
     arm = (mesh.bodies == 0) & (x.min(axis=1) > 55) & (x.max(axis=1) < 75)
     assert area_of(mesh._replace(triangles=mesh.triangles[arm], bodies=mesh.bodies[arm]), 0) / arm.sum() < 0.5  # mm^2
+
+
+@pytest.mark.parametrize(("turns", "hole"), [(4, False), (3, False), (3, True)])
+def test_cyclic_plate_has_a_cyclic_mesh(turns, hole):
+    """So that the stiffness couples no directions, except with a round hole, whose mesh is not cyclic."""
+    about, bodies, hinges = 30 - 7j, [Body("stage", tuple(disc(30 - 7j, 15.0).loop))], []
+    if hole:
+        bodies[0] = bodies[0]._replace(holes=(tuple(reverse(disc(about, 5.0).loop)),))
+    for k in range(turns):
+        turn = np.exp(1j * (0.3 + 2 * np.pi * k / turns))
+        foot = [Segment(about + z.start * turn, about + z.end * turn) for z in box(24, -6, 30, 9)]
+        bodies.append(Body(f"foot {k}", tuple(foot), fixed=True))
+        heading = cmath.phase(-turn)
+        hinges.append(Joint(f"hinge {k}", (k + 1, 0), about + 19.25 * turn, heading, Leaf(0.7, 9.5, 0.5), 3.0))
+    of = layout_of(bodies, hinges)._replace(points=(("output", Patch(0, about)),))
+    assert turns_of(of) == (pytest.approx(about, abs=1e-12), turns)
+    assert turns_of(of._replace(joints=(*hinges[:-1], hinges[-1]._replace(cut=3.1))))[1] == 1
+    C = plate_response(of, mesh_layout(of, 2)).compliance
+    size = np.sqrt(np.diag(C))
+    coupling = np.abs(C / np.outer(size, size) - np.eye(3)).max()
+    assert 1e-9 < coupling < 1e-4 if hole else coupling < 1e-12
+    assert C[0, 0] == pytest.approx(C[1, 1], rel=1e-3 if hole else 1e-12)

@@ -12,7 +12,8 @@ from flexfem.fem.elements import layered
 from flexfem.fem.mesh import mapped
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.ports import contact_forces, hinge_stress, plate_model, plate_response
-from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
+from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
+from flexfem.mechanism.outlines import Segment, polyline
 from flexfem.mechanism.profiles import Leaf
 from flexfem.refused import ComputationFailed
 
@@ -108,6 +109,38 @@ def test_free_body_bends_as_a_beam_between_its_hinges():
     np.testing.assert_allclose(
         to_end @ body.compliance[:3, :3] @ to_end.T, beam_compliance(30.0), rtol=2e-3, atol=1e-12
     )
+
+
+def test_turned_and_mirrored_copies_of_a_body_are_solved_once():
+    """As each of them solved alone on the image of one mesh. Two legs have a load, and one has its ends in reverse."""
+    moves = Move(), Move(np.exp(0.7j), 3 - 8j), Move(np.exp(-2.4j), 1 + 2j), Move(np.exp(1.1j), -4 + 5j, mirrored=True)
+    leg = mapped(30, 6, lambda u, v: np.stack([20 + 30 * u, H * (v - 0.5) + 3 * u * v], axis=-1))
+    outline = polyline(20 - 2.5j, 50 - 2.5j, 50 + 5.5j, 20 + 2.5j, 20 - 2.5j)
+    bodies, joints, points = [Body("ground", (), fixed=True)], [], []
+    nodes, triangles, edges = [], [], {}
+    for k, move in enumerate(moves):
+        bodies.append(Body("leg", tuple(Segment(move(edge.start), move(edge.end)) for edge in outline)))
+        for side, x, ends in (("left", 10, (0, k + 1)), ("right", 60, (k + 1, 0)))[:: -1 if k == 3 else 1]:
+            edges[f"end {len(joints)} {'far' if ends[1] else 'near'}"] = leg.edges[side] + k * len(leg.nodes)
+            joints.append(Joint("leaf", ends, move(complex(x)), move.heading(0.0), Leaf(H, 20.0), H))
+        points += [("spot", Patch(k + 1, move(44 + 2j), 1.0))] * (k < 2)
+        z = move(leg.nodes @ [1, 1j])
+        nodes.append(np.column_stack([z.real, z.imag]))
+        triangles.append(leg.triangles[:, [0, 2, 1, 5, 4, 3] if move.mirrored else range(6)] + k * len(leg.nodes))
+    of = layout()._replace(bodies=tuple(bodies), joints=tuple(joints), points=tuple(points))
+    numbers = np.repeat(np.arange(1, 5), len(leg.triangles))
+    mesh = leg._replace(nodes=np.concatenate(nodes), triangles=np.concatenate(triangles), bodies=numbers, edges=edges)
+    once = body_compliances(of, mesh._replace(bodies=np.where(numbers == 1, 1, 0)))  # without meshes of the copies
+    assert [len(one.interfaces) for one in once] == [3, 3, 2, 2]
+    for k, found in enumerate(once, 1):
+        single = tuple(body._replace(fixed=number != k) for number, body in enumerate(bodies))
+        (alone,) = body_compliances(of._replace(bodies=single), mesh)
+        assert (found.body, found.interfaces) == (alone.body, alone.interfaces)
+        np.testing.assert_allclose(found.compliance, alone.compliance, atol=1e-9 * np.abs(alone.compliance).max())
+    wider = outline[0]._replace(start=outline[0].start * (1 + 1e-9))
+    unequal = (bodies[0], bodies[1]._replace(outline=(wider, *outline[1:])), *bodies[2:])
+    apart = body_compliances(of._replace(bodies=unequal), mesh)[1].compliance
+    assert 0 < np.abs(apart - once[1].compliance).max() < 1e-6 * np.abs(apart).max()
 
 
 def test_hinge_alone_is_a_beam_in_its_own_axes():

@@ -130,16 +130,53 @@ def test_parameters_are_kept_written_and_changed(tmp_path):
     assert "parameters.distance_mm" in shipped.assumed and shipped.not_stated == ()
 
 
+MATERIAL = """\
+[frame]
+expansion_um_per_m_k = "4 * legs"
+[material]
+name = "cold"
+youngs_modulus_gpa = "70 + 0.05 * below"
+poissons_ratio = "1 / legs"
+density_kg_m3 = 2700
+yield_strength_mpa = 300
+fatigue_strength_coefficient_mpa = 900
+fatigue_strength_exponent = -0.1
+fatigue_range_cycles = ["10**3", 1e6]
+[parameters]
+legs = 3
+below = 100
+"""
+
+
+def test_numbers_of_the_material_are_expressions_in_mechanisms_and_not_in_stages(tmp_path):
+    path, text = tmp_path / "cold.toml", (ROOT / "geometry/parallelogram.toml").read_text()
+    path.write_text(text.replace('[material]\nname = "al-7075-t6"\n\n[parameters]\n', MATERIAL))
+    cold = load_mechanism(path)
+    assert cold.material.youngs_modulus == 75e3 and cold.material.poissons_ratio == 1 / 3
+    assert cold.layout.youngs_modulus == 75e3 and cold.frame.expansion == pytest.approx(12e-6, rel=1e-12)
+    assert cold.material.fatigue_range == (1e3, 1e6)
+    colder = cold.replace(parameters={"below": 200.0})
+    assert colder.material.youngs_modulus == 80e3 and colder.hash != cold.hash
+    path.write_text(colder.to_toml())
+    assert load_mechanism(path) == colder and '"70 + 0.05 * below"' in path.read_text()
+    assert cold.replace(material={"youngs_modulus": 71e3}).material.poissons_ratio == 1 / 3
+    stage = (ROOT / "geometry/mobility6.toml").read_text()
+    path.write_text(stage.replace("modulus_gpa = 71.7", 'modulus_gpa = "71.7"'))
+    with pytest.raises(BadInput, match=r'gpa = "71\.7", expected a number'):
+        flexfem.load(path)
+
+
 def test_a_mechanism_built_in_python_is_that_of_a_file():
     leaf = {"between": ["ground", "stage"], "direction": np.pi / 2, "shape": "leaf", "length": 50, "neck": 0.5}
     leaves = [leaf | {"name": f"leaf {k}", "at": [x, 25]} for k, x in enumerate((-20, 20))]
     bars = [{"name": name, "path": [[-25, y], [25, y]], "width": 10} for name, y in (("ground", -5), ("stage", 55))]
     bars[0]["fixed"] = True
     built = Mechanism(
-        name="built", thickness=10, material={"name": "al-7075-t6"}, body=bars, hinge=leaves,
+        name="built", thickness=10, material="al-7075-t6", body=bars, hinge=leaves,
         output={"body": "stage", "at": [0, 55]},
     )  # fmt: skip
     shipped = flexfem.load(ROOT / "geometry/parallelogram.toml").replace(hinge={"leaf": {"fillet": 0.0}})
+    assert built.material == shipped.material == flexfem.materials()["al-7075-t6"]
     assert [joint.profile for joint in built.layout.joints] == [joint.profile for joint in shipped.layout.joints]
     assert np.array([joint.place for joint in built.layout.joints]) == pytest.approx([-20 + 25j, 20 + 25j])
 

@@ -15,11 +15,24 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.page import report as page_of_files
+from flexfem.page.key import rows_at_rest
 from flexfem.page.report import SECTIONS, STANDARD, command_line, report
-from flexfem.page.section import PageSection, facts, html_of, inline_svg, notes, places_on, shown_figure, table
+from flexfem.page.section import (
+    PageSection,
+    dark_of,
+    facts,
+    html_of,
+    inline_svg,
+    moving_svg,
+    notes,
+    places_on,
+    shown_figure,
+    table,
+)
 from flexfem.plot.style import house_style
+from flexfem.questions.stiffness import Stiffness
 from flexfem.refused import BadInput
-from flexfem.results import TextTable
+from flexfem.results import ANALYTIC, ELEMENTS, About, TextTable
 
 from ..conftest import ROOT
 from ..design.recorded import recorded
@@ -102,7 +115,7 @@ def test_a_page_of_stored_results_has_their_tables_curves_and_assumptions(tmp_pa
     shown = [cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells(page)]
     assert {"5.000 ± 0.017", "20.00 ± 0.12", "chain.link_width_mm"} <= {cell.removesuffix(" %") for cell in shown}
     told = re.findall(r"<rect [^>]*><title>([^<]*)</title>", page)
-    assert "one\ncommanded X (µm): 50.00\nerror in X (µm): 2.500" in told
+    assert "one\ncommanded X (µm): 50.00\nPositioning error, % of the commanded motion: 5.000" in told
 
 
 def test_the_line_that_made_a_page_is_quoted():
@@ -278,3 +291,49 @@ def test_a_page_has_every_table_of_a_design_and_its_figures(monkeypatch, tmp_pat
     for one in recorded().tables(plain=False):
         assert {cell for row in (one.head, *one.rows) for cell in row} <= set(found)
     assert headings(page)[0] == "Design: Recorded" and "82.4 % of 2,000 stages" in page
+
+
+def test_colours_of_a_figure_have_values_for_the_dark_theme():
+    """Blue 0072b2 has hue 201.6 degrees, lightness 0.349; at 0.630 its channels are 0.261, 0.734, 1."""
+    text = inline_svg(figure_of("one"), "f")
+    assert "var(--cffffff, #ffffff)" in text and not re.search(r"(fill|stroke): #", text)
+    page = html_of(
+        [PageSection("s", "s", text)], title="t", subtitle="", assumptions="", command="", made="", versions={}
+    )
+    assert "--cffffff: #171717; " in page.split("screen and (prefers-color-scheme: dark)")[1]
+    assert dark_of("000000") == "#ebebeb" and dark_of("0072b2") == "#42bbff"
+
+
+def test_a_moving_outline_has_the_points_of_the_mesh_at_both_ends():
+    """A square of 10 mm whose right side moves by x: drawn by 7 % of the size, in 560 px across 11.6 mm."""
+    nodes = np.array([[0, 0], [10, 0], [10, 10], [0, 10], [5, 0], [10, 5], [5, 5], [5, 10], [0, 5]], dtype=float)
+    field = np.zeros((9, 2))
+    field[[1, 5, 2], 0] = 0.003
+    svg = moving_svg(nodes, np.array([[0, 1, 2, 4, 5, 6], [0, 2, 3, 6, 7, 8]]), field)
+    right, left = (set(end.strip("MZ").split()) for end in re.search(r'values="([^;]*);([^;]*);', svg).groups())
+    across = [560 * (0.8 + x) / 11.6 for x in (0.0, 10.0, 10.7, 9.3)]
+    assert {f"{across[0]:.1f},{across[1]:.1f}", f"{across[2]:.1f},{across[0]:.1f}"} <= right and len(right) == 8
+    assert f"{across[3]:.1f},{across[0]:.1f}" in left and f"{across[1]:.1f},{across[1]:.1f}" not in left
+
+
+def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_model():
+    """Stiffness 40 +- 0.1 N/mm against 44: 10 % too stiff; 40 N/mm over 0.5 +- 0.005 mm: 20 N +- (0.25 + 1) %."""
+    stiff = np.array([np.diag([44.0, 60.0, 9e4]), np.diag([40.0, 50.0, 1e5])])
+    width = np.stack([np.full((3, 3), np.nan), np.diag([0.1, 0.2, 100.0])])
+    reach, force = np.full((2, 3), 0.5), np.einsum("mii->mi", stiff) * 0.5
+    values = {"stiffness": stiff, "free": force, "yield_range": reach, "yield_force": force,
+              "stress": np.ones((2, 3, 3, 3))}  # fmt: skip
+    bands = {"stiffness": width, "yield_range": np.stack([np.full(3, np.nan), np.full(3, 0.005)])}
+    found = Stiffness(About("one"), values, bands, {"model": (ANALYTIC, ELEMENTS)})
+    rows = {title: cells for title, *cells in rows_at_rest(found, ELEMENTS, "beams")}
+    assert rows["stiffness, other directions held"][:2] == ["40.00 ± 0.10 N/mm", "50.00 ± 0.20 N/mm"]
+    assert rows["force at yield"][0] == "20.00 ± 0.25 N" and rows["range at yield, ±"][1] == "500.0 ± 5.0 µm"
+    errors = rows["error of this stiffness by the analytic model (beams)"]
+    assert errors[0] == "10.00 ± 0.28 %" and errors[2].startswith("-10.00")
+
+
+def test_a_page_without_finite_elements_opens_with_the_analytic_model(written):
+    page = written.read_text()
+    opened = page.split('class="key"')[1].split("</table>")[0]
+    assert "Key results by the analytic model (calibrated, elastic links, corrected for thickness)" in opened
+    assert "41.903 N/" in opened and "finite elements" not in opened and "23.836" not in opened

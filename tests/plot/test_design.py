@@ -38,7 +38,7 @@ def test_a_design_is_headed_by_its_numbers_and_each_panel_says_what_it_shows():
     drawn, margins, history, front = figure.axes
     assert [each[:2] for each in axes_of(figure)] == [
         ("x (mm)", "y (mm)"),
-        ("margin to the limit (%), linear scale below 1 %;\nbars: uncertainty; hollow: analytic model", ""),
+        ("margin to limit (%); bars: uncertainty\nhollow: not checked by finite elements", ""),
         ("evaluations of the analytic model", "reach (um)"),
         ("reach (um), larger is better", "mass (kg), smaller is better"),
     ]
@@ -58,15 +58,28 @@ def test_the_designed_stage_is_drawn_and_no_other():
 def test_margins_are_in_per_cent_with_bands_marks_and_prices():
     ax = flexfem.plot.plot_margins(None, recorded())
     points = [line for line in ax.lines if line.get_marker() in ("o", "s", "X")]
-    assert [line.get_xydata()[0].tolist() for line in points] == [[1.875, 2.0], [-2.0, 1.0], [2.963, 0.0]]
+    assert [line.get_xydata()[0].tolist() for line in points] == [[1.875, 0.0], [-2.0, 1.0], [2.963, 2.0]]
     assert [(line.get_marker(), line.get_color(), line.get_markerfacecolor()) for line in points] == [
         ("o", BLUE, BLUE), ("X", ORANGE, "white"), ("s", BLUE, "white")
     ]  # fmt: skip
     bars = [collection.get_paths()[0].vertices[:, 0] for collection in ax.collections]
     assert np.array(bars) == pytest.approx(np.array([[1.5625, 2.1875], [-2.0, -2.0], [-3.704, 9.63]]))
-    assert [words(text) for text in ax.texts] == [
-        "stiffness: met, limits the objective", "diameter: missed, limits the objective", "coupling: within the band"
+    assert ax.yaxis_inverted()
+    assert [words(text) for text in ax.get_yticklabels()] == [
+        "stiffness, at least 60 and at most 80 N/mm: met, limits the objective",
+        "diameter, at most 150 mm: missed, limits the objective", "coupling, at most 0.0135: within the band",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("better", "steps", "said"), [
+    ("larger", (390.0, 410.0, 405.0), ["drop: rounding to workshop steps"]), ("larger", (390.0, 410.0), []),
+    ("smaller", (410.0, 390.0, 395.0), ["rise: rounding to workshop steps"]), ("smaller", (410.0, 390.0), []),
+])  # fmt: skip
+def test_a_loss_by_steps_is_named_and_no_gain(better, steps, said):
+    history = [Step(evaluations=1000 * k, objective=objective, missed=0.0) for k, objective in enumerate(steps, 1)]
+    goals = [goal.model_copy(update={"better": better}) for goal in recorded().objectives]
+    ax = flexfem.plot.plot_history(None, recorded(history=history, objectives=goals))
+    assert [words(text) for text in ax.texts] == said
 
 
 def test_a_search_that_meets_nothing_is_drawn_by_what_it_misses_in_per_cent():
@@ -92,16 +105,17 @@ def test_sensitivities_are_each_of_the_quantity_in_their_title():
 
 
 def test_a_front_is_of_finite_elements_and_its_designs_are_drawn_by_their_numbers_to_one_scale():
-    figure = front_figure(recorded())
-    plane, one, two = figure.axes
+    figure = front_figure(recorded(units={"neck": "mm"}))
+    plane, one, two, listed = figure.axes
     assert axes_of(figure)[0][:2] == ("reach (um), larger is better", "mass (kg), smaller is better")
     assert plane.lines[0].get_xydata().tolist() == [[405.0, 0.081], [466.0, 0.093]]
     assert [line.get_markeredgecolor() for line in plane.lines[2:4]] == [BLACK, ORANGE]
     assert [(words(text), tuple(text.xy)) for text in plane.texts] == [("1", (405.0, 0.081)), ("2", (466.0, 0.093))]
-    assert [words(ax.get_title(loc="left")) for ax in (one, two)] == [
-        "1: reach 405.0 um mass 0.08100 kg", "2: reach 466.0 um mass 0.09300 kg a requirement is not met"
+    assert [ax.get_title() for ax in (one, two)] == ["1", "2, missed"]
+    assert [words(cell.get_text()) for _, cell in sorted(listed.tables[0].get_celld().items())] == [
+        "design", "reach (um)", "mass (kg)", "neck (mm)", "l1", "1", "405.0", "0.08100", "0.43", "36",
+        "2, missed", "466.0", "0.09300", "0.52", "30",
     ]  # fmt: skip
-    assert [words(ax.get_xlabel()) for ax in (one, two)] == ["neck 0.43 l1 36", "neck 0.52 l1 30"]
     assert one.get_xlim() == two.get_xlim()
     reaches = [max(np.abs(path.vertices).max() for path in ax.collections[0].get_paths()) for ax in (one, two)]
     assert reaches[0] > reaches[1] + 3  # link 1 is 6 mm longer

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from flexfem.plot.errors import ROUND_OFF_AXIS, budget_figure, convergence_figure, error_figure
+from flexfem.plot.errors import budget_figure, convergence_figure, error_figure
 from flexfem.units import DIRECTIONS
 
 ERRORS = {"mobility three": (0.1407, 0.0311, -0.0523), "mobility six": (-0.0712, 3e-5, 0.0411)}
@@ -24,42 +24,46 @@ def drawn(made):
     return {axis: (result, error_figure(result)) for axis, result in results.items()}
 
 
+LABEL = "Positioning error,\n% of the commanded motion"
+
+
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_curves_and_their_bands_are_the_stored_numbers_in_the_units_of_the_axes(made, drawn, direction):
+def test_curves_and_their_bands_are_the_stored_numbers_in_per_cent_of_the_largest_command(made, drawn, direction):
     result, figure = drawn[direction]
     command = np.array([-0.05, 0.0, 0.02, 0.05])
     for k, (freedom, axes) in enumerate(zip(DIRECTIONS, figure.axes, strict=True)):
-        assert axes.get_ylabel().startswith(f"error in {NAMES[freedom]} (")
+        assert axes.get_ylabel() == LABEL
         along = "commanded" if freedom == direction else "cross"
         assert axes.get_title(loc="left") == f"({'abc'[k]}) {NAMES[freedom]}, {along} direction"
-        across, up = made.size_in(figure.axes[2].get_xlabel()), made.size_in(axes.get_ylabel())
-        comparable = (LEVER if direction == "theta" else 1.0) / (LEVER if freedom == "theta" else 1.0)
+        across = made.size_in(figure.axes[2].get_xlabel())
         lines = axes.get_lines()[1:]
         for line, fill, label in zip(lines, axes.collections, ERRORS, strict=True):
             assert line.get_label().strip() == label
             np.testing.assert_allclose(across * line.get_xdata(), command, rtol=1e-12)
-            error = ERRORS[label][k] * command * comparable
-            np.testing.assert_allclose(up * line.get_ydata(), error, rtol=1e-12, atol=1e-18)
-            band = BANDS[label][k] / 100 * np.abs(command) * comparable
-            expected = np.column_stack([command / across, (error - band) / up, (error + band) / up])
+            error = 100 * ERRORS[label][k] * command / 0.05
+            np.testing.assert_allclose(line.get_ydata(), error, rtol=1e-12, atol=1e-15)
+            band = BANDS[label][k] * np.abs(command) / 0.05
+            expected = np.column_stack([command / across, error - band, error + band])
             np.testing.assert_allclose(made.extent(fill), expected, rtol=1e-9, atol=1e-12)
             assert tuple(fill.get_facecolor()[0][:3]) == to_rgb(line.get_color())
     assert figure.axes[2].get_xlabel().startswith(f"commanded {NAMES[direction]} (")
-    assert result.case == "fig"
+    assert result.case == "fig" and not any("zero error" in text for text in made.texts(figure))
 
 
 @pytest.mark.parametrize("direction", DIRECTIONS)
-def test_round_off_is_not_drawn_to_full_scale(made, direction):
-    tiny = (3e-13, -2e-14, 8e-10)
-    result = made.result({"one": tiny, "two": tiny[::-1]}, direction=direction)
-    figure = error_figure(result)
-    for freedom, axes in zip(DIRECTIONS, figure.axes, strict=True):
-        assert not axes.collections
-        comparable = (21.0 if direction == "theta" else 1.0) / (21.0 if freedom == "theta" else 1.0)
-        half = ROUND_OFF_AXIS * 0.05 * comparable / made.size_in(axes.get_ylabel())
-        assert axes.get_ylim() == pytest.approx((-half, half))
-        (said,) = [text.get_text() for text in axes.texts]
-        assert said.startswith("round-off only: largest ") and f"({said.split()[-1]})" in axes.get_ylabel()
+def test_cross_directions_with_round_off_have_a_line_of_text_instead_of_panels(made, direction):
+    k, tiny, real = DIRECTIONS.index(direction), 8e-10, 2e-9
+    for others, shown in (((tiny, -tiny), 1), ((tiny, real), 2)):
+        values = np.insert(others, k, 0.1)
+        figure = error_figure(made.result({"one": values, "two": values}, direction=direction))
+        cross = [NAMES[each] for each in DIRECTIONS if each != direction][: 3 - shown]
+        assert len(figure.axes) == shown
+        assert any(f"{' and '.join(cross)}: zero error (below 10⁻⁹ of" in text for text in made.texts(figure))
+        assert not any(name in axes.get_title(loc="left") for name in cross for axes in figure.axes)
+    figure = error_figure(made.result({"one": (tiny, tiny, tiny)}, direction=direction))
+    (axes,) = figure.axes
+    assert not axes.collections and not np.any(axes.get_lines()[1].get_ydata()) and axes.get_ylim() == (-1.0, 1.0)
+    assert axes.get_legend().get_texts()[0].get_text().replace("\xa0", " ") == "one: 0 %"
 
 
 def test_each_panel_has_its_own_percentages_and_bands_beside_their_lines(made, drawn):
@@ -83,7 +87,7 @@ def test_the_commanded_direction_may_show_displacement_over_command(made, direct
     figure = error_figure(result, displacement=True)
     k = DIRECTIONS.index(direction)
     for row, axes in enumerate(figure.axes):
-        assert axes.get_ylabel().startswith(f"{'displacement' if row == k else 'error'} in {NAMES[DIRECTIONS[row]]} (")
+        assert axes.get_ylabel().startswith(f"displacement in {NAMES[direction]} (" if row == k else LABEL)
     axes = figure.axes[k]
     across, up = made.size_in(figure.axes[2].get_xlabel()), made.size_in(axes.get_ylabel())
     model, *curves = axes.get_lines()
@@ -96,7 +100,9 @@ def test_the_commanded_direction_may_show_displacement_over_command(made, direct
         np.testing.assert_allclose(made.extent(fill), expected, rtol=1e-9, atol=1e-12)
     shown = [text.get_text().replace("\n", " ") for text in axes.get_legend().get_texts()]
     assert len(shown) == 2 and all(": error " in text for text in shown)
-    assert "in the commanded direction, its error across, joints imposed" in " ".join(made.texts(figure))
+    assert "in the commanded direction, its error across, with the joint rotations of the" in " ".join(
+        made.texts(figure)
+    )
 
 
 def test_labels_of_any_kind_and_what_is_assumed_are_said(made, drawn):
@@ -124,7 +130,7 @@ SHARES = {  # along the command, percentage points; the total and its band
     "Y": ([-0.411, 8.523, 0.731, 0.092, 0.253], 9.188, 0.127),
     "θ": ([0.137, 9.685, -0.722, 0.051, 0.326], 9.477, 0.245),
 }
-MINUS = "\N{MINUS SIGN}"
+SOLID = ((-10.673, 0.121), (5.217, 0.234), (-7.461, 0.345))  # effect of three dimensions and its band
 
 
 @pytest.fixture(scope="module")
@@ -133,29 +139,41 @@ def waterfall(made):
 
 
 def test_every_bar_is_a_share_along_its_own_command_and_begins_where_the_last_ends(waterfall):
-    for axes, (name, (shares, total, band)) in zip(waterfall.axes, SHARES.items(), strict=True):
+    for axes, (name, (shares, total, band)), (solid, width) in zip(waterfall.axes, SHARES.items(), SOLID, strict=True):
         assert axes.get_title(loc="left").endswith(f") command in {name}")
         bars = [(bar.get_x(), bar.get_width()) for bar in axes.patches]
         ends = np.cumsum(shares)
         np.testing.assert_allclose(bars[:5], np.column_stack([ends - shares, shares]), atol=1e-12)
-        np.testing.assert_allclose(bars[5], (0.0, total), atol=1e-12)
-        assert [round(bar.get_y() + bar.get_height() / 2, 9) for bar in axes.patches] == [0, 1, 2, 3, 4, 5]
+        np.testing.assert_allclose(bars[5:], [(0.0, total), (total, solid), (0.0, total + solid)], atol=1e-12)
+        assert [round(bar.get_y() + bar.get_height() / 2, 9) for bar in axes.patches] == list(range(8))
         assert axes.yaxis_inverted()
-        (whisker,) = [piece for found in axes.collections for piece in found.get_segments()]
-        np.testing.assert_allclose(whisker, [(total - band, 5.0), (total + band, 5.0)], atol=1e-12)
+        whiskers = [piece for found in axes.collections for piece in found.get_segments()]
+        for row, end, half, found in zip(
+            (5, 6, 7), (total, total + solid, total + solid), (band, width, band + width), whiskers, strict=True
+        ):
+            np.testing.assert_allclose(found, [(end - half, row), (end + half, row)], atol=1e-12)
         joints = [line.get_xdata()[0] for line in axes.get_lines() if np.ptp(line.get_ydata()) > 1.5]
-        np.testing.assert_allclose(joints, ends, atol=1e-12)
+        np.testing.assert_allclose(joints, [*ends, total, total + solid], atol=1e-12)
         low, high = axes.get_xlim()
         assert low <= min(0.0, *(ends - shares), *ends) and high > 1.2 * max(*ends, total)
 
 
-def test_what_is_outside_the_plane_is_said_with_its_sign(waterfall, made):
+def test_numbers_have_the_digits_of_their_bands_and_three_dimensions_are_shown_where_known(waterfall, made):
+    said = [text.get_text().strip() for text in waterfall.axes[0].texts]
+    shares = ["+0.22", "+11.80", "+0.53", "−0.31", "−0.14"]
+    assert said == [*shares, "12.091 ± 0.013", "−10.67 ± 0.12", "1.42 ± 0.13"]
     text = " ".join(made.texts(waterfall))
-    assert "by the chart: X −10.53, Y +6.22, θ −8.46 percentage points" in text
-    assert "three dimensions: X −10.67 ± 0.12, Y +5.22 ± 0.23, θ −7.46 ± 0.34 percentage points" in text
     assert "mobility 6, paros-weisbord" in text and "a stage $x_1$: error budget" in text and "assumed" not in text
-    without = " ".join(made.texts(budget_figure(made.budget(outside=False, assumed=("thickness_mm",)))))
-    assert "out of plane, not known" in without and "assumed dimensions" in without
+    chart = made.budget()
+    chart.values["solid"] = np.where(np.arange(3)[:, None] == 0, chart.values["solid"], np.nan)
+    ax = budget_figure(chart).axes[0]  # a chart has no band, and then no total
+    assert [text.get_text().strip() for text in ax.texts][5:] == ["12.091 ± 0.013", "−10.53"]
+    plain = budget_figure(made.budget(outside=False, assumed=("thickness_mm",)))
+    assert [label.get_text() for label in plain.axes[0].get_yticklabels()][-2:] == [
+        "large displacement",
+        "total in the plane",
+    ]
+    assert "assumed dimensions" in " ".join(made.texts(plain))
 
 
 DISTANCE = {  # relative, of the meshes 1/2, 1/3, 1/5, 1/8
@@ -189,7 +207,7 @@ def test_each_curve_is_the_distance_from_its_own_limit(study):
     assert axes.get_xscale() == axes.get_yscale() == "log"
     assert [text.get_text() for text in axes.get_xticklabels()] == ["1/2", "1/3", "1/5", "1/8"]
     np.testing.assert_allclose(axes.get_xticks(), [1 / 2, 1 / 3, 1 / 5, 1 / 8])
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("triangle size at the necks / t", "relative mesh error")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("triangle size / neck width", "relative error of the compliance")
 
 
 def test_an_order_is_the_slope_of_the_line_it_names(study):

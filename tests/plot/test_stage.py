@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 import flexfem
-from flexfem.plot.fields import deformed_figure, largest_stress
+from flexfem.plot.fields import deformed_figure, exaggeration, largest_stress
 from flexfem.plot.hinge import hinge_rows, hinge_sketch
 from flexfem.plot.stage import links_of_chain, mobility_line, model_sketch, neck_figure, plot_dimensions, stage_figure
+from flexfem.results import Fields
 
 from ..conftest import UNLIKE, with_changes
 
@@ -123,7 +124,8 @@ def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
     other = one._replace(displacement=-0.7 * one.displacement, stress=1.4 * one.stress[::-1])
     result = made.result({"a": (0.1, 0.0, 0.0), "b": (0.2, 0.1, 0.0)}, direction="y", models=models)
     figure = deformed_figure(result, {"a": one, "b": other})
-    assert "full command Y = 50.0 µm, displacements × 100; grey: at rest" in " ".join(made.texts(figure))
+    assert "Stress in the displaced stage, Y = 50.0 µm A case $y$: finite" in " ".join(made.texts(figure))
+    assert "displacements × 100; grey: at rest" in " ".join(made.texts(figure))
     *shown, bar = figure.axes
     for axes, fields, value in zip(shown, (one, other), ("31.7", "44.4"), strict=True):
         lines = [each for each in axes.collections if isinstance(each, PathCollection)]
@@ -136,6 +138,16 @@ def test_a_deformed_stage_has_the_displacement_and_stress_that_are_said(made):
         node = int(np.argmax(fields.stress))
         np.testing.assert_allclose(axes.lines[0].get_xydata()[0], fields.nodes[node] + 100 * fields.displacement[node])
     assert bar.get_xlabel() == "von Mises stress (MPa)"
+
+
+def test_no_part_is_drawn_through_another():
+    """Two triangles 0.3 mm apart on a length of 20 mm; one moves by 1 um to the other: 1 mm would be through it."""
+    x, y = np.array([[0, 9.85, 0, 4.9, 4.9, 0], [10.15, 20, 20, 15, 20, 15]]), np.array([0, 0, 8, 0, 4, 4])
+    nodes = np.column_stack([x.ravel(), np.tile(y, 2)])
+    fields = Fields(nodes, np.arange(12).reshape(2, 6), np.zeros(2), np.zeros((12, 2)), np.ones(12))
+    for sign, signs, factor in ((1, (1.0,), 200), (-1, (1.0,), 1000), (-1, (1.0, -1.0), 200)):
+        moved = np.where(np.arange(12)[:, None] < 6, [sign * 1e-3, 0.0], 0.0)
+        assert exaggeration(fields._replace(displacement=moved), signs=signs) == factor
 
 
 def test_the_largest_stress_is_near_a_hinge_and_round_off_does_not_choose(made):

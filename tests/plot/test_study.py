@@ -38,6 +38,7 @@ from flexfem.study.findings import (
     Share,
     Source,
     StudyMap,
+    asked,
     findings,
     front_of,
     map_of,
@@ -123,7 +124,7 @@ def test_the_bar_says_what_the_colours_mean_and_where_the_contours_are() -> None
     (bar,) = axes.child_axes
     (cells,) = [found for found in axes.collections if isinstance(found, QuadMesh)]
     low, high = np.nanmin(shown_map().cells.values), np.nanmax(shown_map().cells.values)
-    assert bar.get_ylabel() == "error along X in %"
+    assert bar.get_ylabel() == "error along X (%)"
     assert bar.get_ylim() == (low, high) == (cells.norm.vmin, cells.norm.vmax)
     assert [line.get_ydata()[0] for line in bar.get_lines()] == [15.0, 25.0]
     for text in axes.texts:  # a contour's label is on its contour: the value is 10 x + y
@@ -148,7 +149,7 @@ def test_the_base_stage_is_a_cross_where_it_is_on_the_map(at: tuple[float, float
     figure = map_figure(shown_map(base=at))
     crosses = [line for line in figure.axes[0].get_lines() if line.get_marker() == "+"]
     assert {(*cross.get_xdata(), *cross.get_ydata()) for cross in crosses} == ({at} if drawn else set())
-    assert ("base stage" in texts(figure)) is drawn
+    assert ("base design" in texts(figure)) is drawn
 
 
 def test_a_scattered_sample_is_a_dot_a_design() -> None:
@@ -183,8 +184,8 @@ def test_a_histogram_counts_every_design_and_has_its_percentiles_in_the_legend()
     assert counts.sum() == 3000 and borders[0] == values.min() and borders[-1] == values.max()
     np.testing.assert_array_equal(axes.patches[0].get_data().values, counts)
     assert [line.get_xdata()[0] for line in axes.get_lines()] == [39.8, 41.0, 42.2, 41.0123]
-    assert "2.5 %: 39.800 N/mm (39.710 to 39.860)" in texts(figure) and "base stage: 41.012 N/mm" in texts(figure)
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness XX in N/mm", "designs")
+    assert "2.5 %: 39.800 N/mm (39.710 to 39.860)" in texts(figure) and "base design: 41.012 N/mm" in texts(figure)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("stiffness XX (N/mm)", "designs")
     spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in axes.patches[2:]]
     assert spans == [pytest.approx(ends) for ends in ((39.71, 39.86), (40.97, 41.02), (42.1, 42.4))]
 
@@ -217,11 +218,19 @@ def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_fac
     assert [axes.get_title(loc="left") for axes in figure.axes] == ["stiffness XX", "range in Y at yield"]
 
 
+def rows_of(axes: Any) -> list[list[str]]:
+    """Texts of the table in a panel."""
+    cells = axes.tables[0].get_celld()
+    columns = 1 + max(column for _, column in cells)
+    texts = [cells[place].get_text().get_text().replace("\n", " ") for place in sorted(cells)]
+    return [texts[k : k + columns] for k in range(0, len(texts), columns)]
+
+
 def shown_front(folder: Path) -> ParetoFront:
     stage = study(folder, GRID).stage
     points = np.array([[1.0, 9.0], [2.0, 5.0], [4.0, 1.0], [0.5, 0.7], [3.0, 3.5]])
     stiff, more = AxisText("K"), AxisText("length", "mm")
-    chosen = [Chosen(2, stage, [(stiff, 1.0)]), Chosen(0, stage, [(stiff, 2.0), (more, 3.0)])]
+    chosen = [Chosen(2, stage, [(stiff, 1.0), (more, 9.0)]), Chosen(0, stage, [(stiff, 2.0), (more, 3.0)])]
     axes, front = (output("range_x_um"), output("kxx_n_per_mm"), ("larger", "larger")), np.array([2, 1, 0])
     return ParetoFront(CAPTION, *axes, points, front, np.array([4]), chosen, ["not drawn: 7 refused"])
 
@@ -229,14 +238,15 @@ def shown_front(folder: Path) -> ParetoFront:
 def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) -> None:
     shown = shown_front(tmp_path)
     figure = pareto_figure(shown._replace(base=(1.5, 2.5)))
-    axes, *cells = figure.axes
+    axes, *cells, listed = figure.axes
     lines = {line.get_label(): line.get_xydata() for line in axes.get_lines()}
     np.testing.assert_array_equal(axes.get_lines()[0].get_xydata(), shown.points)
     np.testing.assert_array_equal(lines["front: 3 non-dominated designs"], shown.points[[2, 1, 0]])
     np.testing.assert_array_equal(lines["1 off the front cannot be drawn"], shown.points[[4]])
-    np.testing.assert_array_equal(lines["base stage"], [[1.5, 2.5]])
+    np.testing.assert_array_equal(lines["base design"], [[1.5, 2.5]])
     assert [(text.get_text(), *text.xy) for text in axes.texts] == [("A", 4.0, 1.0), ("B", 1.0, 9.0)]
-    assert [cell.get_title(loc="left") for cell in cells] == ["A:  K: 1.00", f"B:  K: 2.00\nlength: 3.00{SPACE}mm"]
+    assert [cell.get_title() for cell in cells] == ["A", "B"]
+    assert rows_of(listed) == [["design", "K", "length (mm)"], ["A", "1.00", "9.00"], ["B", "2.00", "3.00"]]
     assert "mm, all drawings" in cells[0].texts[0].get_text()
     (front,) = [line for line in axes.get_lines() if str(line.get_label()).startswith("front")]
     assert front.get_drawstyle() == "steps-post"  # no design is as good as the corner between two
@@ -245,7 +255,7 @@ def test_the_front_its_letters_and_the_drawings_belong_together(tmp_path: Path) 
 def test_drawings_are_to_one_scale_and_the_scale_bar_is_as_long_as_it_says(tmp_path: Path) -> None:
     figure = pareto_figure(shown_front(tmp_path))
     figure.draw_without_rendering()
-    _, one, other = figure.axes
+    _, one, other, _ = figure.axes
 
     def per_mm(axes: Any) -> float:
         return float(axes.get_window_extent().width / np.ptp(axes.get_xlim()))
@@ -264,8 +274,8 @@ def test_a_map_takes_values_reasons_and_the_base_stage_from_the_table(tmp_path: 
     np.testing.assert_array_equal(shown.cells.values, table.columns["kxx_n_per_mm"])
     np.testing.assert_array_equal(shown.cells.points, sample(loaded, 0, loaded.count))
     assert {why: which.sum() for why, which in shown.cells.missing.items()} == {"refused": table.counts["refused"]}
-    assert shown.base == (4.0, 0.5) and shown.x.label == "radius of base hinges in mm"
-    assert (shown.y.label, shown.y.log) == ("the other necks in mm", True)
+    assert shown.base == (4.0, 0.5) and shown.x.label == "radius of base hinges (mm)"
+    assert (shown.y.label, shown.y.log) == ("the other necks (mm)", True)
     assert shown.caption.title == "Stiffness XX over radius of base hinges and the other necks"
     assert "stage: thickness_mm" in shown.caption.assumed
 
@@ -326,3 +336,19 @@ def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
     unlike = (necks, '"hinges.elbow.radius_mm", "hinges.base.neck_mm"')
     mixed = study(tmp_path, GRID, unlike, ('"the other necks"', '"mixed"'))
     assert set(base_factor_values(mixed)) == {"hinges.base.radius_mm"}
+
+
+@pytest.mark.parametrize(
+    ("path", "mechanism", "said"),
+    [
+        ("stiffness.free.analytic.theta", True, "stiffness in θ, other directions free (N mm/rad)"),
+        ("stiffness.stress.analytic.upper_guide.y", True,
+         "highest hinge stress per displacement in Y, other directions held, hinge upper guide (MPa/µm)"),
+        ("modes.frequency.2.analytic", True, "natural frequency, mode 2 (Hz)"),
+        ("modes.frequency.2.analytic", False, "natural frequency, mode 2 (Hz)"),
+        ("drift.stress.uniform.analytic.chain_1.base", False,
+         "highest neck stress, case uniform, chain 1, hinge base (MPa)"),
+    ],
+)  # fmt: skip
+def test_a_path_becomes_words_with_the_unit(path: str, mechanism: bool, said: str) -> None:
+    assert asked(path, mechanism).label == said

@@ -61,4 +61,4 @@ def test_unit_is_the_prefix_that_reads_well(freedom, largest, name, shown):
 
 def test_percentages_have_sensible_digits():
     found = [percent(value).replace("\N{NO-BREAK SPACE}", " ") for value in (14.0712, 300.0, -0.12345, -8.2e-13, 0.0)]
-    assert found == ["14.07 %", "300.0 %", "−0.123 %", "−8×10⁻¹³ %", "0 %"]
+    assert found == ["14.07 %", "300.0 %", "−0.123 %", "0 %", "0 %"]

@@ -1,4 +1,4 @@
-"""A stage as it was made: nine measured necks, their stiffness and its scatter."""
+"""A stage or mechanism as it was made: measured necks, their stiffness and its scatter."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions import plates
 from flexfem.refused import BadInput
 
 NECKS = [[481.0, 507.0, 493.0], [512.0, 498.0, 520.0], [476.0, 503.0, 489.0]]
@@ -87,7 +89,7 @@ BAD = [
     (lambda rows: [*rows[:5], rows[5].replace("520,", ","), *rows[6:]], r"line 7: neck_um is missing"),
     (lambda rows: [*rows[:5], rows[5] + ", 3", *rows[6:]], r"line 7: 5 values, expected 4"),
     (lambda rows: [*rows[:5], rows[5].replace(", 1", ", 300"), *rows[6:]], r"line 7: .*sd_um = 300.*at most 0\.2"),
-    (lambda rows: [*rows[:5], rows[5].replace(", 1", ","), *rows[6:]], r"line 7: .*sd_um of all nine necks or of none"),
+    (lambda rows: [*rows[:5], rows[5].replace(", 1", ","), *rows[6:]], r"line 7: .*sd_um of all necks or of none"),
 ]  # fmt: skip
 
 
@@ -115,3 +117,84 @@ def test_necks_in_toml_are_refused_with_their_line(stage, tmp_path):
         (tmp_path / "n.toml").write_text(in_toml().replace(old, new))
         with pytest.raises(BadInput, match=said):
             flexfem.as_built(stage, tmp_path / "n.toml")
+
+
+# mechanisms
+
+
+LEAVES = ("a", "b", "b 2")
+POISSON = 0.3
+
+
+@pytest.fixture(scope="module")
+def guide():
+    """Three leaves of 40 mm by 0.5 mm and no fillets below a stage; the third is a copy."""
+    leaf = {"between": ["ground", "stage"], "direction_deg": 90, "shape": "leaf", "length_mm": 40, "neck_mm": 0.5}
+    return Mechanism.model_validate({
+        "name": "three leaves",
+        "thickness_mm": 10,
+        "material": {"name": "metal", "youngs_modulus_gpa": 70, "poissons_ratio": POISSON, "density_kg_m3": 2700,
+                     "yield_strength_mpa": 400},
+        "body": [{"name": "ground", "fixed": True, "outline_mm": [[-40, -20], [40, -20], [40, 0], [-40, 0]]},
+                 {"name": "stage", "outline_mm": [[-40, 40], [40, 40], [40, 80], [-40, 80]]}],
+        "hinge": [{"name": "a", "at_mm": [0, 20]} | leaf, {"name": "b", "at_mm": [-30, 20]} | leaf],
+        "copy": [{"parts": ["b"], "mirror_mm": [[0, 0], [0, 1]]}],
+        "output": {"body": "stage", "at_mm": [0, 60]},
+    })  # fmt: skip
+
+
+def as_made(guide, path, necks, head="hinge,neck_um"):
+    return flexfem.as_built(guide, written(path / "m.csv", [f"{name},{rest}" for name, rest in necks.items()], head))
+
+
+def test_leaves_guide_with_the_sum_of_their_cubes_and_carry_with_the_sum_of_their_necks(guide, tmp_path):
+    """Slender leaves between stiff bodies: `E b sum t^3 / L^3` along x, `E b sum t / L` along y."""
+    found = as_made(guide, tmp_path, dict.fromkeys(LEAVES, 550))
+    assert found.deviation[:2] == pytest.approx([33.1, 10], abs=0.35)
+    assert found.axes["hinge"] == LEAVES and not any("not listed" in note for note in found.notes)
+    found = as_made(guide, tmp_path, {"a": 450, "b 2": 620})
+    cubes = 0.45**3 + 0.5**3 + 0.62**3
+    assert found.deviation[:2] == pytest.approx([100 * (cubes / 0.375 - 1), 100 * (1.57 / 1.5 - 1)], abs=0.35)
+    assert found.stiffness[0, 0] == pytest.approx(70e3 * 10 * cubes / 40**3, rel=0.025)  # the ends yield
+    np.testing.assert_allclose(found.necks, [0.45, 0.5, 0.62])
+    assert any(note.startswith("1 of 3 hinges are not listed") for note in found.notes)
+    assert found.spread == pytest.approx([0, 0, 0])
+
+
+def test_the_scatter_of_leaves_follows_from_their_cubes(guide, tmp_path):
+    """First order: `3 t^2 sd` of each leaf; wide scatter of one leaf: the limits are those of `(t + 1.96 sd)^3`."""
+    found = as_made(guide, tmp_path, {"a": "450,4", "b": "500,9", "b 2": "620,6"}, "hinge,neck_um,sd_um")
+    unit = 70e3 * 10 / 40**3
+    expected = unit * np.linalg.norm([3 * 0.45**2 * 4e-3, 3 * 0.5**2 * 9e-3, 3 * 0.62**2 * 6e-3])
+    assert found.spread[0] == pytest.approx(expected, rel=0.04)
+    np.testing.assert_allclose(found.sd, [4e-3, 9e-3, 6e-3])
+    wide = as_made(guide, tmp_path, {"b 2": "500,90"}, "hinge,neck_um,sd_um")
+    limits = [unit * (2 * 0.125 + (0.5 + side * 1.96 * 0.09) ** 3) for side in (-1, 1)]
+    assert [wide.low[0], wide.high[0]] == pytest.approx(limits, rel=0.04)
+    assert "necks: neck[0].sd_um" in wide.about.not_stated
+
+
+def test_notches_as_built_are_those_of_finite_elements_of_the_whole(tmp_path):
+    """The pivot of a lever deforms by shear, which beam integrals alone underestimate."""
+    lever = flexfem.load("geometry/lever-amplifier.toml")
+    found = as_made(lever, tmp_path, {"pivot": 400, "lower guide": 560})
+    made = lever.replace(hinge={"pivot": {"neck": 0.4}, "lower guide": {"neck": 0.56}})
+    drawn, whole = (np.linalg.inv(plates.elements(one, 4).compliance[:3, :3]) for one in (lever, made))
+    np.testing.assert_allclose(found.deviation, 100 * (np.diag(whole) / np.diag(drawn) - 1), atol=0.2)
+
+
+BAD_NECKS = {
+    "hinge,neck_um\nc,500": r"m\.csv, line 2: neck\[0\]\.hinge = .c., expected the name of a hinge, one of a, b, b 2",
+    "hinge,neck_um\na,500\nb 2,1001": r"line 3: neck\[1\]\.neck_um = 1001, expected 250 to 1000",
+    "hinge,neck_um\na,500\na,510": r"line 3: .*expected each hinge once",
+    "chain,hinge,neck_um\n1,a,500": r"line 1: columns chain, hinge, neck_um, expected hinge, neck_um, \[sd_um\]",
+    "hinge,neck_um": r"m\.csv: .*expected at least 1 value",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "said"), BAD_NECKS.items(), ids=BAD_NECKS.values())
+def test_what_are_no_necks_of_a_mechanism_is_refused_with_its_line(guide, tmp_path, text, said):
+    (tmp_path / "m.csv").write_text(text + "\n")
+    with pytest.raises(BadInput, match=said) as refused:
+        flexfem.as_built(guide, tmp_path / "m.csv")
+    assert "\n" not in str(refused.value)

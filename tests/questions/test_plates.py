@@ -66,3 +66,51 @@ def test_a_mass_on_a_bar_vibrates_out_of_the_plane_with_the_stiffness_of_a_timos
     assert np.isnan(found.values["frequency"][1, 0])
     turn = 23 * ((43**2 - 3**2) / 2) / ((43**3 - 3**3) / 3)  # of the end, times 23 mm to the hinge, per deflection
     assert found.values["tilt"][1, 1] == pytest.approx(100 * turn**2 / (1 + turn**2), abs=1)
+
+
+def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
+    """Leaves: `24 E I / L^3`, and its frequency with the stage and half of the leaves; lever: five times the input."""
+    leaf = LEAF | {"length_mm": 40}
+    bodies = [GUIDE["body"][0], {"name": "stage", "outline_mm": [[-20, 40], [20, 40], [20, 52], [-20, 52]]}]
+    hinges = [{"name": name, "at_mm": [x, 20], **leaf} for name, x in (("a", -15), ("b", 15))]
+    content = GUIDE | {"body": bodies, "hinge": hinges, "output": {"body": "stage", "at_mm": [0, 46]}}
+    found = flexfem.summary(Mechanism.model_validate(content), models="analytic")
+    stiffness, mass = 2 * 72e3 * 10 * 0.4**3 / 40**3, 2.81e-9 * 10 * (40 * 12 + 40 * 0.4)
+    assert found.at("free", direction="x")[0] == pytest.approx(stiffness, rel=2e-3)
+    assert found.frequency[0] == pytest.approx(np.sqrt(stiffness / mass), rel=2e-3)
+    bending = 3 * 72e3 * 0.4 / 40**2  # E t 6 / 2 / L^2: stress at the root per displacement
+    assert found.at("yield_range", direction="x")[0] == pytest.approx(500 / bending, rel=0.01)
+    assert not {"amplification", "held_low", "free_low"} & found.values.keys()
+    lever = flexfem.summary(flexfem.load("geometry/lever-amplifier.toml"), models="analytic")
+    amplification, inside = lever.at("amplification", direction="y")[0], lever.input_stiffness[0]
+    assert amplification == pytest.approx(5, rel=0.03)
+    reached = 0.0174 * amplification / (1 + inside / 53735.632)  # the rest of the stroke is lost in the stack
+    assert lever.at("free_high", direction="y") == pytest.approx(reached, rel=1e-6)
+    assert lever.at("free_low", direction="y") == 0 and lever.tables()[0].head[-1].startswith("output motion per")
+
+
+def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
+    """By integration: mean sag q L^4 / (20 E I) + q L^2 / (3 k G A) and mean slope 2 q L^3 / (15 E I) for a weight q.
+
+    The payload acts on the whole bar, so that one of twice its mass of 1.08 g triples q.
+    """
+    material = {"name": "x", "youngs_modulus": 70e3, "poissons_ratio": 0.3, "density": 2700.0, "yield_strength": 300.0}
+    bar = Mechanism(
+        name="bar", thickness=2.0, material=material, output={"body": "bar", "at": [40, 0]}, payload={"mass": 2.16e-6},
+        body=[{"name": "bar", "path": [[0, 0], [80, 0]], "width": 2.5, "clamped_edges": [1]}],
+    )  # fmt: skip
+    found = flexfem.gravity(bar, models="elements", layers=3)
+    for pose in found.pose[:, 0]:
+        assert pose == pytest.approx([0.0, -4.4696e-3, -148.74e-6], rel=6e-3, abs=1e-8)
+    assert found.at("sag", model="three dimensions") == pytest.approx([-6.9796e-3, 0.0, 232.40e-6], rel=6e-3, abs=1e-7)
+    assert found.band("sag", model="three dimensions")[0] < 3e-5
+    with pytest.raises(flexfem.BadInput, match="the analytic models need"):
+        flexfem.gravity(bar)
+
+
+def test_modes_of_a_stage_with_four_equal_chains_move_it_along_x_then_y_or_not_at_all():
+    """Symmetry makes the translations equal, and in modes 4 and 5 opposite chains move against each other."""
+    found = flexfem.modes(flexfem.load("geometry/four-chains.toml"), models="elements", resolution=4)
+    assert found.frequency[1, 0] == pytest.approx(found.frequency[0, 0], rel=1e-5)
+    assert found.share[:3] == pytest.approx(100 * np.eye(3), abs=1e-6)
+    assert np.isnan(found.share[3]).all() and found.share[5].sum() == pytest.approx(100)

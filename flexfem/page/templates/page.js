@@ -2,6 +2,13 @@
 (() => {
   const announcement = document.getElementById("announcement");
 
+  // a click stops and starts a motion; readers who want less motion start it
+  for (const svg of document.querySelectorAll("svg.moving")) {
+    if (matchMedia("(prefers-reduced-motion: reduce)").matches) svg.pauseAnimations();
+    svg.addEventListener("click", () => (svg.animationsPaused() ? svg.unpauseAnimations() : svg.pauseAnimations()));
+  }
+  addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
+
   // a button in every heading sorts the rows of its table by its column
   const number = /^[^\d+\-\u2212]*([+\-\u2212]?\d[\d,]*\.?\d*)(?:(?:e|\u00d710)([+\-\u2212\u207b]?[\d\u2070\u00b9\u00b2\u00b3\u2074-\u2079]+))?/i;
   const bare = /^\u00b1?[+\-\u2212]?\d/; // text that begins as a number

@@ -1,0 +1,112 @@
+"""The opening of a page on a stage or mechanism: its most important numbers by one model, and its motions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, TypeAlias
+
+import numpy as np
+from markupsafe import Markup
+
+from flexfem.arrays import Array
+from flexfem.fem.mesh import StageMesh
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.stage import Stage
+from flexfem.page.section import beside, facts, framed, moving_svg, table
+from flexfem.questions import plates
+from flexfem.questions.budget import budget
+from flexfem.questions.modes import modes
+from flexfem.questions.reach import reach
+from flexfem.questions.stiffness import stiffness
+from flexfem.results import ANALYTIC, ELEMENTS, SPACE, Result, TextTable, number
+from flexfem.units import DIRECTIONS, PLANES
+
+Ask: TypeAlias = Callable[[Callable[..., Any]], Any]  # answers a question about the subject of a page, once
+ENDS = partial(reach, models="analytic")
+SHARES = partial(budget, plane=True)
+BEAMS = partial(stiffness, models="analytic"), partial(modes, models="analytic", count=1)  # without finite elements
+AT_REST = {
+    "free": "stiffness, other directions free",
+    "yield_range": "range at yield, ±",
+    "yield_force": "force at yield",
+    "stress": "highest stress per displacement",
+}
+MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
+
+
+def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshed: bool, drawing: Markup) -> Markup:
+    """Return the drawing of a stage or mechanism beside its key results, and its motions.
+
+    meshed : whether the numbers are those of plane finite elements; otherwise they are those of the analytic model.
+    """
+    at_rest, vibrating = (ask(question) for question in ((stiffness, modes) if meshed else BEAMS))
+    plane, model = PLANES[subject.model], ELEMENTS if meshed else ANALYTIC
+    analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {plane}")
+    rows = rows_at_rest(at_rest, model, analytic)
+    singles = [("first natural frequency, in the plane", vibrating.texts("frequency", mode="1")[-1])]
+    figures = list[Markup]()
+    if meshed:
+        fields = vibrating.fields
+        shape = fields.shapes[0] if isinstance(subject, Stage) else fields.made()["mode 1"]
+        figures.append(_moving("0", f"First natural mode, {singles[0][1]}.", fields.mesh, shape, True))
+    if isinstance(subject, Stage):
+        if meshed and "budget" in sections:
+            shares = ask(SHARES)
+            title = f"error of the displacement by the paper's model ({shares.settings['model']})"
+            rows.append([title, *shares.texts("share", share="total")])
+        if meshed and "thickness" in at_rest.values:
+            rows.append(["change of the stiffness in three dimensions, not included", *at_rest.texts("thickness")])
+        if "drive" in sections and subject.actuator:
+            ends = [ask(ENDS).texts("ends", others="zero", end=end, model=ANALYTIC) for end in ("low", "high")]
+            cells = map(" to ".join, zip(*ends, strict=True))
+            rows.append(["range of the drive, others at zero, by the analytic model", *cells])
+    elif actuators := at_rest.axes.get("actuator", ()):
+        driven, output = ask(plates.drive), subject.layout.points[0][0]
+        for name in actuators:
+            at: dict[str, str] = {"actuator": name, "model": model}
+            gain, motion = at_rest.texts("amplification", **at), driven.texts("motion", point=output, **at)
+            rows.append([f"amplification: output motion per opening of actuator {name}", *gain])
+            rows.append([f"output motion by the full stroke of actuator {name}", *motion])
+            singles.append((f"input stiffness at actuator {name}", at_rest.texts("input_stiffness", **at)[0]))
+            singles.append((f"highest stress at the full stroke of actuator {name}", driven.texts("stress", **at)[0]))
+            if meshed:
+                mesh, field = driven.fields.mesh, driven.fields.made()[name]
+                figures.append(_moving(f"{len(figures)}", f"Motion by actuator {name}.", mesh, field, False))
+    head = f"Key results by {'plane finite elements' if meshed else f'the analytic model ({analytic})'}"
+    caption = f"{head}, {plane}. ±: numerical uncertainty, from three meshes." if meshed else f"{head}."
+    rows = [[title, *map(_unbroken, cells)] for title, *cells in rows]
+    numbers = table(TextTable(["", "X", "Y", "θ"], rows, 1, caption), sortable=False) + facts(singles)
+    card = Markup('<div class="key">{}</div>').format(numbers)
+    left = Markup("<div>{}</div>").format(Markup("").join([drawing, *figures[:1]]))
+    return beside(left, card) + (beside(*figures[1:]) if figures[1:] else Markup(""))
+
+
+def _unbroken(text: str) -> str:
+    """Return a cell that breaks neither after its sign ± nor within its unit."""
+    return text.replace("± ", f"±{SPACE}").replace("N mm", f"N{SPACE}mm").replace("/", "/\N{WORD JOINER}")
+
+
+def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
+    """Return the rows of a model by direction, and of errors of the others from it; `analytic` names the analytic one.
+
+    The stage has no band of the force at yield: it is that of the stiffness and of the range, relative.
+    """
+    K, width = (np.diagonal(part, axis1=1, axis2=2) for part in (found.at("stiffness"), found.band("stiffness")))
+    force, share = found.at("yield_force"), found.band("yield_range") / found.at("yield_range")
+    found.bands.setdefault("yield_force", force * (share + width / K))
+    held = [found.texts("stiffness", model=model, component=axis)[k] for k, axis in enumerate(DIRECTIONS)]
+    rows = [["stiffness, other directions held", *held]]
+    rows += [[title, *found.texts(name, model=model)] for name, title in AT_REST.items()]
+    for label, other in zip(found.axes["model"][:-1], K[:-1], strict=True):
+        ratio = 100 * other / K[-1]
+        errors = [f"{number(*pair)} %" for pair in zip(ratio - 100, ratio * (width / K)[-1], strict=True)]
+        rows.append(
+            [f"error of this stiffness by the analytic model ({analytic if label == ANALYTIC else label})", *errors]
+        )
+    return rows
+
+
+def _moving(name: str, caption: str, mesh: StageMesh, field: Array, swings: bool) -> Markup:
+    svg = moving_svg(mesh.nodes, mesh.triangles, field, swings)
+    return framed(f"motion-{name}", svg, f"{caption} {MOVING}", caption)
