@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array, is_largest
+from flexfem.arrays import LONGEST, AnyArray, Array, brief, is_largest
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
@@ -158,6 +158,7 @@ class TextTable(NamedTuple):
     caption: str = ""
 
 
+@brief
 class Fields(NamedTuple):
     """Finite-element fields of a figure; in three dimensions at the mid-plane, with the largest stress over z."""
 
@@ -538,8 +539,8 @@ class Result:
     _repr_markdown_ = to_markdown  # in notebooks
 
     def __repr__(self) -> str:
-        parts = ", ".join(f"{name}{list(values.shape) or ''}" for name, values in self.values.items())
-        return f"<{type(self).__name__} of {self.about.name!r}: {parts}>"
+        found = f"<{type(self).__name__} of {self.about.name!r}: {self.answer() or ', '.join(self.values)}"
+        return shorten(f"{found}>", LONGEST, placeholder=" ...>")
 
     def to_frame(self) -> Any:
         """Return all numbers as a pandas DataFrame: path, value, band, unit."""
