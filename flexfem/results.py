@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
+from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array, is_largest
+from flexfem.arrays import LONGEST, AnyArray, Array, brief, is_largest
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
@@ -158,6 +159,7 @@ class TextTable(NamedTuple):
     caption: str = ""
 
 
+@brief
 class Fields(NamedTuple):
     """Finite-element fields of a figure; in three dimensions at the mid-plane, with the largest stress over z."""
 
@@ -537,11 +539,17 @@ class Result:
             lines += [markdown_table(each.head, each.rows, align), ""]
         return "\n".join([f"**{self.heading()}**", "", *lines, *(f"- {text}" for text in self.sentences())])
 
-    _repr_markdown_ = to_markdown  # in notebooks
+    def _repr_html_(self) -> str:
+        """Return heading, main result, tables, sentences and warnings, for notebooks."""
+        tables = "".join(map(html_table, self.tables(plain=False)))
+        texts = [*self.sentences(), *(f"Warning: {text}" for text in self.warnings)]
+        listed = "".join(f"<li>{escape(text)}</li>" for text in texts)
+        about = f"<p><b>{escape(self.heading())}</b><br>{escape(self.answer(plain=False))}</p>"
+        return f"{about}{tables}<ul>{listed}</ul>"
 
     def __repr__(self) -> str:
-        parts = ", ".join(f"{name}{list(values.shape) or ''}" for name, values in self.values.items())
-        return f"<{type(self).__name__} of {self.about.name!r}: {parts}>"
+        found = f"<{type(self).__name__} of {self.about.name!r}: {self.answer() or ', '.join(self.values)}"
+        return shorten(f"{found}>", LONGEST, placeholder=" ...>")
 
     def to_frame(self) -> Any:
         """Return all numbers as a pandas DataFrame: path, value, band, unit."""
@@ -549,6 +557,16 @@ class Result:
 
         rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
         return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
+
+
+def html_table(content: TextTable) -> str:
+    """Return a table as an HTML element that needs no style sheet."""
+    lines = []
+    for tag, row in [("th", content.head), *(("td", row) for row in content.rows)]:
+        sides = ["left" if k < content.names else "right" for k in range(len(row))]
+        cells = (f'<{tag} style="text-align: {s}">{escape(text)}</{tag}>' for s, text in zip(sides, row, strict=True))
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    return f"<table><caption>{escape(content.caption)}</caption>{''.join(lines)}</table>"
 
 
 def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from typing import ClassVar
+from xml.etree import ElementTree
 
 import jsonschema
 import numpy as np
@@ -108,3 +109,13 @@ NUMBERS = [
 @pytest.mark.parametrize(("value", "band", "text"), NUMBERS)
 def test_a_number_has_as_many_digits_as_its_band_carries(value: float, band: float, text: str) -> None:
     assert number(value, band) == text
+
+
+def test_a_notebook_shows_heading_main_result_tables_and_warnings_escaped(found: Trial) -> None:
+    about = found.about._replace(name="<b>& stage")
+    shown = Trial(about, found.values, found.bands, found.axes, found.settings, ["t/R < 0.1"])._repr_html_()
+    root = ElementTree.fromstring(f"<div>{shown.replace('<br>', '<br/>')}</div>")  # XML: every element is closed
+    texts = ["".join(each.itertext()) for each in root.iter()]
+    assert f"<b>& stage: {found.title}; resolution 8" in texts and "Warning: t/R < 0.1" in texts
+    cells = [[cell.text for cell in row] for row in root.iter("tr")]
+    assert any(row[:3] == ["cold", "analytic", "10 µm"] for row in cells), cells
