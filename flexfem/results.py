@@ -35,6 +35,7 @@ FORMAT = 1  # version of the JSON documents
 DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes, largest stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
+MOST_DIGITS = 7  # significant digits of a printed number
 MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
@@ -499,12 +500,13 @@ class Result:
         one = self.quantities[name]
         if "model" in one.over:
             labels = {"model": self.axes["model"][-1], **labels}
-        rest = [axis for axis in one.over if axis not in labels]
+        rest = [axis for axis in one.over if axis not in labels and axis != "commanded"]
         listed = "direction" if "direction" in rest else rest[-1] if rest else ""
         texts: dict[str, list[str]] = {}
         for at, where in self._places(one.over):
             named = dict(zip(one.over, where, strict=True))
-            if all(named[axis] == label for axis, label in labels.items()):
+            along = named.get("commanded") in (None, named.get("direction"))
+            if along and all(named[axis] == label for axis, label in labels.items()):
                 before = "" if listed in ("", "mode") else f"{named[listed]} "
                 part = ", ".join(named[axis] for axis in rest if axis != listed)
                 if text := self._cell(one, at, plain, True).replace("\n", ", "):
@@ -651,8 +653,9 @@ def number(value: float, band: float = np.nan) -> str:
     if not band > 0:
         return f"{float(f'{value:.5g}'):.0f}" if 1e5 <= abs(value) < 1e7 else f"{value:.5g}" if value else "0"
     places = int(min(1 - np.floor(np.log10(band)), 12)) if np.isfinite(band) else 0
-    if abs(value) >= 1e7 or places > 9:
-        return f"{value:.5g} ± {band:.2g}"
+    digits = places + int(np.floor(np.log10(abs(value)))) + 1 if value else 0
+    if abs(value) >= 1e7 or places > 9 or digits > MOST_DIGITS:
+        return f"{value:.{min(max(digits, 1), MOST_DIGITS)}g} ± {band:.2g}"
     if places < 0:
         value, band, places = round(value, places), round(band, places), 0
     text = f"{value:z.{places}f}"
