@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
@@ -15,9 +15,9 @@ from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import checked_path, place_of, shown, suggestion
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.feasibility import check_feasible, placed
 from flexfem.mechanism.mechanism import Mechanism, read_mechanism
-from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate import check_layout, clashes
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_partly
 from flexfem.refused import BadInput
@@ -117,14 +117,19 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
 
 
 class Drawing(NamedTuple):
-    """A drawing of a file: the name of its subject, missing keys, warnings, assumptions, and functions that draw it."""
+    """A drawing of a file: the name of its subject, missing keys, warnings, assumptions, and functions that draw it.
+
+    refusal, clashes : why the subject cannot be made, and the polygons of what clashes.
+    """
 
     name: str
     missing: list[str]
     warnings: list[str]
     assumptions: Assumptions
-    plot: Callable[[Axes], object]
+    plot: Callable[[Axes], Axes]
     page: Callable[[], Figure]
+    refusal: BadInput | None = None
+    clashes: Sequence[Any] = ()
 
 
 def view(file: Path, *, output: Path | None = None) -> View:
@@ -140,9 +145,10 @@ def view(file: Path, *, output: Path | None = None) -> View:
     Raises
     ------
     BadInput
-        The file is invalid or has nothing to draw, or the folder is not writable.
+        The file is invalid or has nothing to draw, or the folder is not writable. What the file describes cannot be
+        made; this is drawn as far as possible, with what clashes in red, before it is raised.
     """
-    from flexfem.plot.stage import show_window
+    from flexfem.plot.stage import mark_clashes, show_window
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
@@ -150,11 +156,16 @@ def view(file: Path, *, output: Path | None = None) -> View:
     is_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
     drawing = _of_mechanism(read_mechanism(source)) if is_mechanism else _of_stage(source)
     title = f"{source}: missing {', '.join(drawing.missing)}" if drawing.missing else drawing.name
-    window, written = target is None and show_window(drawing.plot, title), list[Path]()
+    mark = partial(mark_clashes, refusal=drawing.refusal, clashes=drawing.clashes)
+    window, written = target is None and show_window(lambda ax: mark(drawing.plot(ax)), title), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
-        written = write_beside(place, drawing.page())
+        page = drawing.page()
+        mark(page.axes[0])
+        written = write_beside(place, page)
+    if drawing.refusal is not None:
+        raise BadInput(f"{drawing.refusal}{f'; drawn in {written[0]}' if written else ''}")
     files = list(map(str, written))
     return View(str(source), drawing.name, drawing.missing, files, window, drawing.warnings, *drawing.assumptions)
 
@@ -167,20 +178,28 @@ def _of_stage(source: Path) -> Drawing:
     if not (incomplete.whole or skeleton or incomplete.states("platform.radius_mm")):
         raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg first")
     warnings = [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
-    page, plot = partial(drawing_figure, stage, missing), partial(plot_dimensions, stage=stage, missing=missing)
-    return Drawing(stage.name, missing, warnings, incomplete.assumptions, plot, page)
+    bodies, clashing, refused = list[Any](), list[Any](), None
+    try:
+        if incomplete.whole:
+            check_feasible(stage)
+    except BadInput as refusal:
+        refused, (bodies, clashing) = refusal, placed(stage)
+    page = partial(drawing_figure, stage, missing, bodies)
+    plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
+    return Drawing(stage.name, missing, warnings, incomplete.assumptions, plot, page, refused, clashing)
 
 
 def _of_mechanism(mechanism: Mechanism) -> Drawing:
     from flexfem.plot.plate import mechanism_figure, plot_mechanism
 
-    warnings, doubts = list[str](), Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
+    doubts, refused, clashing = Assumptions(list(mechanism.assumed), list(mechanism.not_stated)), None, list[Any]()
     try:
-        check_layout(mechanism.layout)
+        with located(mechanism):
+            check_layout(mechanism.layout)
     except BadInput as refusal:
-        warnings.append(f"the mechanism cannot be made: {refusal}")
+        refused, clashing = refusal, clashes(mechanism.layout, refusal)
     page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
-    return Drawing(mechanism.name, [], warnings, doubts, plot, page)
+    return Drawing(mechanism.name, [], [], doubts, plot, page, refused, clashing)
 
 
 class MeshReport(NamedTuple):

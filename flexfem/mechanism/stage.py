@@ -196,7 +196,7 @@ class PartialStage(NamedTuple):
 def load_partly(path: PathLike) -> PartialStage:
     """Read a stage file in which keys may be missing.
 
-    Raises BadInput as `load_stage` for invalid content, and as `check_feasible` if a drawing lacks no key.
+    Raises BadInput as `load_stage` for invalid content; whether the stage can be made is not checked.
     """
     material = materials()["al-6061-t6"].model_dump(by_alias=True, exclude_none=True)  # drawings do not depend on it
     spare = tomllib.loads(read_data("new-stage.toml")) | {"material": material | {"name": "unnamed"}, "name": "unnamed"}
@@ -217,7 +217,4 @@ def load_partly(path: PathLike) -> PartialStage:
                 missing.append(key)
         return data
 
-    partial_stage = PartialStage(read_plate(Stage, path, complete), missing)
-    if partial_stage.whole:
-        check_feasible(partial_stage.stage)
-    return partial_stage
+    return PartialStage(read_plate(Stage, path, complete), missing)
