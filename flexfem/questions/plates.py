@@ -376,7 +376,7 @@ def answer(
     if {ELEMENTS, SOLID} & models.keys() and any("stress" in name for name in stacked):
         texts["warnings"] = [*texts.get("warnings", ()), *sharp_roots(layout)]
     texts["notes"] = [*texts.get("notes", ()), *([ELASTIC_READ] if ELASTIC in models else [])]
-    return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
+    return kind(setup.about(mechanism), values, widths, labels, settings, **texts)
 
 
 def sharp_roots(layout: Layout) -> list[str]:
