@@ -117,6 +117,11 @@ def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
+def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
+    """Return the parts of the analytic network, rigid bodies or elastic ones."""
+    return parts_of(mechanism) if elastic else ElasticParts()
+
+
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
     layout = mechanism.layout
@@ -127,7 +132,7 @@ def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     """Return the response of the analytic network with rigid bodies or with elastic parts."""
-    parts = parts_of(mechanism) if elastic else ElasticParts()
+    parts = joined_parts(mechanism, elastic)
     found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
 
     def stress(loads: Array) -> Array:
