@@ -505,10 +505,12 @@ class Result:
         for at, where in self._places(one.over):
             named = dict(zip(one.over, where, strict=True))
             if all(named[axis] == label for axis, label in labels.items()):
-                before = f"{named[listed]} " if listed in ("direction", "curve", "actuator") else ""
+                before = "" if listed in ("", "mode") else f"{named[listed]} "
                 part = ", ".join(named[axis] for axis in rest if axis != listed)
                 if text := self._cell(one, at, plain, True).replace("\n", ", "):
                     texts.setdefault(part, []).append(before + text)
+        if not texts:
+            return ""
         parts = [f"{part} " * (len(texts) > 1) + ", ".join(each[:MOST_LISTED]) for part, each in texts.items()]
         more = f" and {len(parts) - MOST_LISTED} more" if len(parts) > MOST_LISTED else ""
         at_labels = f" ({', '.join(labels.values())})" if labels else ""
@@ -669,7 +671,7 @@ def number(value: float, band: float = np.nan) -> str:
     if not np.isfinite(value):
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
-        return f"{value:.5g}" if value else "0"
+        return f"{float(f'{value:.5g}'):.0f}" if 1e5 <= abs(value) < 1e7 else f"{value:.5g}" if value else "0"
     places = int(min(1 - np.floor(np.log10(band)), 12)) if np.isfinite(band) else 0
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"

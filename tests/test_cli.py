@@ -43,6 +43,12 @@ def test_every_option_has_a_help_text_and_every_command_a_summary(flexfem):
         assert made.help and all(getattr(each, "help", "") for each in made.params), name
 
 
+@pytest.mark.parametrize("command", [[], ["stiffness"], ["study"], ["study", "run"], ["design"]])
+def test_h_is_help(flexfem, command):
+    code, out, err = flexfem(*command, "-h")
+    assert (code, err) == (0, "") and out.startswith("Usage: ") and out == flexfem(*command, "--help")[1]
+
+
 def test_every_make_target_that_a_page_names_exists():
     makefile = (ROOT / "Makefile").read_text()
     targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)

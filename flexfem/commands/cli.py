@@ -127,7 +127,14 @@ class Command(TyperCommand):
         return super().parse_args(ctx, repeated)
 
 
-app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
+app = typer.Typer(
+    help=ABOUT,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    cls=Commands,
+    context_settings={"help_option_names": ["--help", "-h"]},  # of all commands
+)
 app.add_typer(study.app, name="study")
 
 
