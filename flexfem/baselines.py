@@ -21,6 +21,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
+from flexfem.arrays import brief
 from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
@@ -91,6 +92,7 @@ OF_MECHANISMS: tuple[tuple[str, Callable[[Any], Result]], ...] = (  # beside tho
 )
 
 
+@brief
 class Checked(NamedTuple):
     """Compared baselines, and the differences found; the command ends with exit code 1 when there are any."""
 

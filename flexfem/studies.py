@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from flexfem.arguments import integer
+from flexfem.arrays import brief
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
@@ -29,6 +30,7 @@ from flexfem.study.run import Counts, Parts, Progress
 from flexfem.study.workers import Workers
 
 
+@brief
 class StudyFindings(NamedTuple):
     """A collected study: its table, the source data of its figures, and the record of each figure by name.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from flexfem import arguments
+from flexfem.arrays import brief
 from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import checked_path, place_of, shown, suggestion
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
@@ -242,6 +243,7 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
     )
 
 
+@brief
 class HingeFormulas(NamedTuple):
     """Sources, freedoms and ranges of all formulas by name, of closed forms by hinge shape, and the figures written."""
 
