@@ -269,9 +269,7 @@ def _body(part: PlacedPart) -> Body:
         clamped.append(segment)
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
-    return Body(
-        part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key, outline.path
-    )
+    return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
 
 
 def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:
