@@ -20,14 +20,7 @@ from flexfem.mechanism.plate_file import read_plate
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
 from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.stage_file import Hinge as Hinge
-from flexfem.mechanism.stage_file import (
-    StageContent,
-    actuators_of,
-    hinges_of,
-    merged_changes,
-    of_drive,
-    of_heat,
-)
+from flexfem.mechanism.stage_file import StageContent, actuators_of, hinges_of, merged_changes, of_drive, of_heat
 from flexfem.sources import read_data
 
 
