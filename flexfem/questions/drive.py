@@ -51,8 +51,8 @@ from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; more than a thousand times the range of piezo drives
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
 PUSHES = {
-    "pushed": "preloaded, pushes normal to the pushed body",
-    "carrier": "preloaded, pushes kept by the carrier",
+    "pushed": "preloaded, forces normal to the loaded body",
+    "carrier": "preloaded, forces fixed to the carrier",
 }
 FREE = ("disengaged, other directions free", "engaged, other directions free")
 UNIT_POSES = (("", "", "mm_per_rad"), ("", "", "mm_per_rad"), ("rad_per_mm", "rad_per_mm", ""))
@@ -336,7 +336,7 @@ def _stiffness(
     joints = {way: serial(first.stage, first.result, drive.stacks, way) for way in FOLLOWS}
     preloaded = {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
     for name, force in forces.items():
-        preloaded[f"pushed with the forces by {name}"] = _preloaded(joints["pushed"], drive, force, load)
+        preloaded[f"stack forces, {name}"] = _preloaded(joints["pushed"], drive, force, load)
     warnings += [f"no stable equilibrium with stacks {name}" for name, K in preloaded.items() if np.isnan(K).any()]
     C = system.C[:3, :3]
     free = zip(FREE, (1 / np.diag(C), 1 / np.diag(system.engaged)), strict=True)

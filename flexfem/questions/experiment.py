@@ -33,7 +33,7 @@ class Experiment(Result):
     columns = ("source", "against", "part")
     labels: ClassVar = {
         "source": ("model", "stage", "simulated", "measured"),
-        "against": ("stage", "simulated", "measured", "measured from stage"),
+        "against": ("stage", "simulated", "measured", "measured relative to stage"),
         "part": ("stage", "pole", "bar"),
     }
     figure = "experiment.experiment_figure"

@@ -39,7 +39,7 @@ STATED = np.array([-20, -2, 2, 20])  # steps at which numbers are stated: a tent
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
-THEORIES = ("(16) less its terms", "(16)", "exact", "finite elements", "finite elements, same load")
+THEORIES = ("(16) without second-order terms", "(16)", "exact", "finite elements", "finite elements, same load")
 PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
 
 

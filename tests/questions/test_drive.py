@@ -62,11 +62,11 @@ def test_strokes_by_three_criteria_and_where_finite_elements_go(found):
 
 def test_stiffness_without_stacks_with_them_and_with_their_preloads(found):
     changed = {state: found.at("change", state=state) / 100 for state in found.axes["state"]}
-    pushed = changed["preloaded, pushes normal to the pushed body"]
+    pushed = changed["preloaded, forces normal to the loaded body"]
     np.testing.assert_allclose(pushed, [4.80e-4, 4.80e-4, 5.26e-4], rtol=3e-3)
-    carried = changed["preloaded, pushes kept by the carrier"]
+    carried = changed["preloaded, forces fixed to the carrier"]
     np.testing.assert_allclose(carried, [-3.33e-4, -3.33e-4, -3.64e-4], rtol=3e-3)
-    own = changed["pushed with the forces by least energy"]
+    own = changed["stack forces, least energy"]
     assert np.all(np.abs(own - pushed) < 1e-4) and not np.array_equal(own, pushed)
     engaged, bare = (found.at("stiffness", state=state) for state in ("engaged", "disengaged"))
     assert engaged[0] > 100 * bare[0]
@@ -102,7 +102,7 @@ def test_preloads_that_no_equilibrium_stands_are_said(stage):
     weak = {"stack": None, "stroke": 9.0, "blocking_force": 9e4, "preload": 8e4}
     strong = stage.replace(actuator=[each.model_copy(update=weak) for each in stage.actuator])
     found = flexfem.drive(strong, pose=POSE, models="analytic")
-    state = "preloaded, pushes kept by the carrier"
+    state = "preloaded, forces fixed to the carrier"
     assert np.isnan(found.at("stiffness", state=state)).all()
     assert f"no stable equilibrium with stacks {state}" in found.warnings
 

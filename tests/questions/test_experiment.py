@@ -98,7 +98,7 @@ def test_measured_slopes_are_compared_with_the_model_and_the_stage(stage):
     assert (measured[0], found.measured_sd[0]) == (37.0, 0.2) and np.isnan(measured[1])
     x = dict(zip(found.axes["against"], found.deviation[0], strict=True))
     assert x["measured"] == pytest.approx(100 * (37.0 / 42.7434 - 1), rel=1e-5)
-    assert x["measured from stage"] == pytest.approx(100 * (37.0 / 37.98114 - 1), rel=1e-4)
+    assert x["measured relative to stage"] == pytest.approx(100 * (37.0 / 37.98114 - 1), rel=1e-4)
     assert x["stage"] == pytest.approx(-11.1415, rel=1e-4)
     assert np.isnan(found.spring[1]) and np.isnan(found.spring[2]), "not measured, and stiffer than the stage"
     assert found.spring[0] == pytest.approx(37.0 * 37.98114 / 0.98114, rel=1e-4)
