@@ -49,7 +49,7 @@ class Budget(Result):
     main = ("share", {"share": TOTAL})
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
     figure = "errors.budget_figure"
-    reading = ("per cent of the command, in its direction; a share is the error change by one model refinement",)
+    reading = ("shares are % of the commanded motion; a share is the error change by one model refinement",)
     share = Quantity("share of the error in the commanded direction", "percents", ("share", "direction"), POINTS)
     solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS)
     across = Quantity(

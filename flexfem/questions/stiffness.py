@@ -62,9 +62,7 @@ class Stiffness(Result):
         prefixed=True,
     )  # fmt: skip
     yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), STRESS)
-    thickness = Quantity(
-        "change of the plane stiffness by three-dimensional hinges, thickness chart", "percents", ("direction",)
-    )
+    thickness = Quantity("change of stiffness in three dimensions", "percents", ("direction",))
     force = Quantity("load on the platform", "wrench", ("model", "direction"), COARSER, "wrench")
     pose = Quantity(
         "displacement of the platform under the load", "motion", ("model", "direction"), COARSER, "pose", prefixed=True
@@ -86,7 +84,7 @@ class Summary(Result):
     title = "summary"
     main = ("free", {})
     reading = (
-        "range at yield: displacement when the first neck yields, others held; force at yield: along the displacement",
+        "range at yield: displacement at which the first neck yields, others held; force at yield: force along it",
         "others: the other two directions, held at zero or free; drive min, max: range of the drive",
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
@@ -351,7 +349,7 @@ def summary(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Range of a stage or mechanism in each direction before a neck yields, the force there, the range of its drive.
+    """Stiffness of a stage or mechanism, range and force at which the first neck yields, and range of its drive.
 
     Parameters
     ----------

@@ -109,12 +109,12 @@ def test_a_push_leaves_the_other_directions_free_and_on_the_bar_is_a_force_too(u
     found = analytic(unlike, FIXTURE.model_copy(update={"measured": MeasuredSlopes(ktt=36000.0)}))
     C = flexfem.analyse(unlike, links=True, formula="calibrated").compliance
     np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(C), rtol=1e-9)
-    assert any(text.startswith("a push in x leaves the other directions free") for text in found.warnings)
+    assert any(text.startswith("a force in x leaves the other directions free") for text in found.warnings)
     read = 1 / (C[2, 2] + C[2, 1] / 30.0)
     assert abs(read * C[2, 2] - 1) > 0.005
     said = f"on a rigid fixture the slope is {read:.5g}, and 1/C is {1 / C[2, 2]:.5g}"
-    assert any(text.startswith("a push in theta also loads other") and said in text for text in found.warnings)
-    assert not any("a push in x also" in text for text in found.warnings)
+    assert any(text.startswith("a force in theta also loads other") and said in text for text in found.warnings)
+    assert not any("a force in x also" in text for text in found.warnings)
     assert found.spring[2] == pytest.approx(36000.0 * read / (read - 36000.0), rel=1e-9)
 
 
