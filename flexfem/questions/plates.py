@@ -581,6 +581,7 @@ def drive(
         with np.errstate(divide="ignore", invalid="ignore"):
             cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
         rotation[np.abs(rotation) * mechanism.layout.lever < ROUND_OFF] = 0.0
+        cross[np.abs(cross) < ROUND_OFF], others[np.abs(others) < ROUND_OFF] = 0.0, 0.0
         return {
             "motion": np.moveaxis(found.motion * strokes, -1, 0),
             "transmission": output,

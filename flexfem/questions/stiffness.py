@@ -293,7 +293,7 @@ def _by_direction(found: Stiffness | plates.MechanismStiffness) -> tuple[dict[st
 def _ends(part: Callable[..., Array], model: str) -> dict[str, Array]:
     """Return the ranges of the drive by one model; `part` returns the values or bands of an answer of `reach`."""
     return {
-        f"{name}_{end}": part("ends", others=others, end=end, model=model)
+        f"{name}_{end}": np.where(np.abs(one := part("ends", others=others, end=end, model=model)) < 1e-12, 0.0, one)
         for name, others in (("held", "zero"), ("free", "free"))
         for end in ("low", "high")
     }
@@ -332,7 +332,7 @@ def _of_mechanism(
         model = driven.axes["model"][-1]
         values |= _ends(driven.at, model)
         bands |= _ends(driven.band, model)
-        notes.append(f"drive min, max: by {model}, with the stiffness of all actuators; first frequency: without it")
+        notes.append(f"drive min, max: {model} model with all actuators; first frequency: without the actuators")
     return MechanismSummary(
         found.about, values, bands, found.axes, settings | found.settings, found.warnings, [*found.notes, *notes]
     )

@@ -104,7 +104,7 @@ def test_preloads_that_no_equilibrium_stands_are_said(stage):
     found = flexfem.drive(strong, pose=POSE, models="analytic")
     state = "preloaded, forces fixed to the carrier"
     assert np.isnan(found.at("stiffness", state=state)).all()
-    assert f"no stable equilibrium in the state {state}" in found.warnings
+    assert f"no stable equilibrium in the state {state!r}" in found.warnings
 
 
 def test_both_models_agree_on_friction_and_stress_under_a_load(stage):
