@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from textwrap import shorten
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,30 @@ from numpy.typing import NDArray
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.int64]
 AnyArray: TypeAlias = NDArray[Any]
+Kind = TypeVar("Kind", bound=type)
 
-
+LONGEST = 300  # characters of `repr`
 ROUND_OFF = 1e-12  # relative to the reference value; smaller numbers are printed as 0, records keep them
 SINGULAR = 1e10  # condition number of the equilibrated matrix that leaves six digits of sixteen
+
+
+def brief(kind: Kind) -> Kind:
+    """Decorate a named tuple: `repr` has its numbers and texts, and only the sizes of arrays and collections."""
+
+    def text(value: Any) -> str:
+        if isinstance(value, np.ndarray):
+            return f"array {value.shape}"
+        if hasattr(value, "__len__") and not isinstance(value, str) and not hasattr(value, "_fields"):
+            return f"{len(value)} entries"
+        plain = value is None or isinstance(value, str | bool | int | float)
+        return shorten(repr(value), LONGEST // 4, placeholder="...") if plain else type(value).__name__
+
+    def of(record: Any) -> str:
+        parts = ", ".join(f"{name}={text(value)}" for name, value in record._asdict().items())
+        return shorten(f"{type(record).__name__}({parts})", LONGEST, placeholder=" ...)")
+
+    kind.__repr__ = of  # type: ignore[method-assign, assignment]
+    return kind
 
 
 def inverse(A: Array) -> Array:

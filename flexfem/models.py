@@ -25,13 +25,13 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, error_bands, levels
 from flexfem.questions.setup import solved
-from flexfem.results import Fields
+from flexfem.results import Fields, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PlatformModel:
     """Common interface of both models; poses (..., 3) in mm, mm, rad, forces (..., 3) in N, N, N mm, order x, y, theta.
 
@@ -41,6 +41,11 @@ class PlatformModel:
     stage: Stage
     stiffness: Array
     compliance: Array
+
+    def __repr__(self) -> str:
+        x, y, theta = map(number, 1.0 / self.compliance.diagonal())
+        free = f"stiffness, others free: x {x} N/mm, y {y} N/mm, theta {theta} N mm/rad"
+        return f"<{type(self).__name__} of {self.stage.name!r}: {free}>"
 
     def force(self, pose: ArrayLike) -> Array:
         """Return the load (..., 3) that holds the platform at poses (..., 3), by (18). Raises BadInput: other shape."""
@@ -61,7 +66,7 @@ class PlatformModel:
         return self.stage.material.yield_strength / highest
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class AnalyticModel(PlatformModel):
     """The pseudo-rigid model of a stage at rest, as `analyse` returns it.
 
@@ -86,7 +91,7 @@ class AnalyticModel(PlatformModel):
         return found if self.links else [*found, *warning.of_model(self.stage, self.result)]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ElementModel(PlatformModel):
     """Plane finite elements of a stage, as `solve` returns them; resolution: quadratic triangles across every neck."""
 
@@ -148,6 +153,10 @@ class Errors(NamedTuple):
 
     percent: Array
     band: Array
+
+    def __repr__(self) -> str:
+        values = ", ".join(map(number, self.percent.diagonal(), self.band.diagonal()))
+        return f"<Errors in x, y, theta: {values} per cent>"
 
 
 def load(path: PathLike) -> Stage | Mechanism:

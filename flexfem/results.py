@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
+from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -22,7 +23,7 @@ from typing import Any, ClassVar, Literal, NamedTuple, Self, TypeAlias, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import AnyArray, Array, is_largest
+from flexfem.arrays import LONGEST, AnyArray, Array, brief, is_largest
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
@@ -158,6 +159,7 @@ class TextTable(NamedTuple):
     caption: str = ""
 
 
+@brief
 class Fields(NamedTuple):
     """Finite-element fields of a figure; in three dimensions at the mid-plane, with the largest stress over z."""
 
@@ -503,10 +505,12 @@ class Result:
         for at, where in self._places(one.over):
             named = dict(zip(one.over, where, strict=True))
             if all(named[axis] == label for axis, label in labels.items()):
-                before = f"{named[listed]} " if listed in ("direction", "curve", "actuator") else ""
+                before = "" if listed in ("", "mode") else f"{named[listed]} "
                 part = ", ".join(named[axis] for axis in rest if axis != listed)
                 if text := self._cell(one, at, plain, True).replace("\n", ", "):
                     texts.setdefault(part, []).append(before + text)
+        if not texts:
+            return ""
         parts = [f"{part} " * (len(texts) > 1) + ", ".join(each[:MOST_LISTED]) for part, each in texts.items()]
         more = f" and {len(parts) - MOST_LISTED} more" if len(parts) > MOST_LISTED else ""
         at_labels = f" ({', '.join(labels.values())})" if labels else ""
@@ -535,11 +539,17 @@ class Result:
             lines += [markdown_table(each.head, each.rows, align), ""]
         return "\n".join([f"**{self.heading()}**", "", *lines, *(f"- {text}" for text in self.sentences())])
 
-    _repr_markdown_ = to_markdown  # in notebooks
+    def _repr_html_(self) -> str:
+        """Return heading, main result, tables, sentences and warnings, for notebooks."""
+        tables = "".join(map(html_table, self.tables(plain=False)))
+        texts = [*self.sentences(), *(f"Warning: {text}" for text in self.warnings)]
+        listed = "".join(f"<li>{escape(text)}</li>" for text in texts)
+        about = f"<p><b>{escape(self.heading())}</b><br>{escape(self.answer(plain=False))}</p>"
+        return f"{about}{tables}<ul>{listed}</ul>"
 
     def __repr__(self) -> str:
-        parts = ", ".join(f"{name}{list(values.shape) or ''}" for name, values in self.values.items())
-        return f"<{type(self).__name__} of {self.about.name!r}: {parts}>"
+        found = f"<{type(self).__name__} of {self.about.name!r}: {self.answer() or ', '.join(self.values)}"
+        return shorten(f"{found}>", LONGEST, placeholder=" ...>")
 
     def to_frame(self) -> Any:
         """Return all numbers as a pandas DataFrame: path, value, band, unit."""
@@ -547,6 +557,38 @@ class Result:
 
         rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
         return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
+
+    def to_xarray(self) -> Any:
+        """Return all quantities as an xarray Dataset in the declared units, `NAME_band` beside NAME with bands.
+
+        Coordinates are the labels of the axes; an axis with the name of a quantity is called `AXIS_label`. Attributes
+        of a variable are its meaning and its unit: one, or one for each direction, or row by row of a matrix.
+        """
+        import xarray as xr
+
+        dims = {axis: f"{axis}_label" if axis in self.values else axis for axis in self.axes}
+        found = {}
+        for name, values in self.values.items():
+            one = self.quantities[name]
+            units = [UNITS[unit].plain if unit else "1" for unit in np.ravel(one.unit)]
+            attributes = {"meaning": one.meaning, "unit": ", ".join(units if len({*units}) > 1 else units[:1])}
+            for key, arrays in ((name, self.values), (f"{name}_band", self.bands)):
+                if name in arrays:
+                    array = arrays[name] * one.factors(values.shape)
+                    found[key] = ([dims[axis] for axis in one.over], array, attributes)
+        coordinates = {dims[axis]: list(labels) for axis, labels in self.axes.items()}
+        return xr.Dataset(found, coordinates, {"title": self.heading(), "hash": self.about.hash})
+
+
+def html_table(content: TextTable) -> str:
+    """Return a table as an HTML element that needs no style sheet."""
+    lines = []
+    for tag, row in [("th", content.head), *(("td", row) for row in content.rows)]:
+        sides = ["left" if k < content.names else "right" for k in range(len(row))]
+        cells = (f'<{tag} style="text-align: {s}">{escape(text)}</{tag}>' for s, text in zip(sides, row, strict=True))
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    caption = f'<caption style="text-align: left">{escape(content.caption)}</caption>'
+    return f'<table style="margin-top: 1em">{caption}{"".join(lines)}</table>'
 
 
 def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:
@@ -630,7 +672,7 @@ def number(value: float, band: float = np.nan) -> str:
     if not np.isfinite(value):
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
-        return f"{value:.5g}" if value else "0"
+        return f"{float(f'{value:.5g}'):.0f}" if 1e5 <= abs(value) < 1e7 else f"{value:.5g}" if value else "0"
     places = int(min(1 - np.floor(np.log10(band)), 12)) if np.isfinite(band) else 0
     if abs(value) >= 1e7 or places > 9:
         return f"{value:.5g} ± {band:.2g}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from contextlib import suppress
 from typing import Literal, NamedTuple, TypeAlias
 
 Direction: TypeAlias = Literal["x", "y", "theta"]
@@ -75,6 +76,16 @@ DENSITY = 1e-12  # tonne/mm^3 per kg/m^3
 NONE = Unit(1.0, "")
 ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d+\])?$")
 
+SIMILAR = (  # units that a number on the command line may have, of the same quantity
+    (Unit(1e-3, "m"), UNITS["mm"], UNITS["um"], Unit(1e6, "nm")),
+    (UNITS["rad"], UNITS["mrad"], Unit(1e6, "µrad"), UNITS["deg"]),
+    (Unit(1e-3, "kN"), UNITS["n"], Unit(1e3, "mN"), Unit(1e6, "µN")),
+    (Unit(1e-3, "N m"), UNITS["n_mm"], Unit(1.0, "mN m"), Unit(1e3, "µN m")),
+    (UNITS["kg"], UNITS["g"]),
+    (Unit(1e-3, "kg m²"), UNITS["kg_mm2"], Unit(1e6, "g mm²")),
+)
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+
 LENGTH, MICROMETRE, STRESS, DEGREE = UNITS["mm"], UNITS["um"], UNITS["mpa"], UNITS["deg"]
 EXPANSION = UNITS["um_per_m_k"]
 RATE = UNITS["n_per_um"]  # stiffness of stacks and contacts, as data sheets give it
@@ -100,6 +111,23 @@ def unit_of(name: str) -> Unit:
     """Return the unit in the suffix of a column name or key path; `NONE` without one."""
     match = ENDING.search(name)
     return UNITS[match[1]] if match else NONE
+
+
+def in_unit(text: str, unit: Unit) -> float:
+    """Return a number in `unit` from a text such as 0.1 or 100um. Raises ValueError that names the expected units."""
+    with suppress(ValueError):
+        return float(text)
+    units = next(each for each in SIMILAR if unit in each)
+    found, spelled = NUMBER.match(text), {_spelled(each.name): each for each in units}
+    if found is None or (given := spelled.get(_spelled(text[found.end() :]))) is None:
+        names = ", ".join(each.plain.replace(" ", "") for each in units)
+        raise ValueError(f"{text}, expected a number in {unit.plain}, or a number with its unit: {names}")
+    return float(found[0]) / given.factor * unit.factor
+
+
+def _spelled(name: str) -> str:
+    """Return the name of a unit without the signs in which spellings differ."""
+    return re.sub(r"[\s^*·]", "", Unit(1.0, name.replace("\u03bc", "µ")).plain)
 
 
 def without_unit(name: str) -> str:

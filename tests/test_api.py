@@ -18,6 +18,7 @@ import flexfem
 from flexfem import sources
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.materials import REGISTERED
+from flexfem.results import number
 from flexfem.study.collect import read_table
 
 from .conftest import ROOT, with_changes
@@ -303,3 +304,22 @@ def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_f
     for wrong in ("stage.toml", "missing.parquet"):
         with pytest.raises(flexfem.BadInput, match=wrong):
             flexfem.study.table(tmp_path / wrong)
+
+
+def test_a_result_is_shown_in_one_short_line_with_its_subject_and_its_main_number(stage):
+    """The stiffness is 1 N over the displacement under it; neither arrays nor the stage itself are shown."""
+    model, fine = flexfem.analyse(stage), flexfem.stiffness(stage, models="analytic")
+    stiffness = number(1.0 / model.pose([1.0, 0.0, 0.0])[0])
+    shown = [
+        model,
+        fine,
+        model.result,
+        flexfem.check(stage),
+        flexfem.thickness_review(),
+        flexfem.Errors(*[np.eye(3)] * 2),
+    ]
+    texts = [repr(each) for each in shown]
+    assert all(len(text) <= 300 and "\n" not in text and "[" not in text for text in texts), texts
+    for text in texts[:2]:
+        assert f"x {stiffness} N/mm" in text and repr(stage.name) in text
+    assert "1.0 ± 1.0" in texts[-1] and "mobility=6" in texts[3]

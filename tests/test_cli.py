@@ -43,6 +43,12 @@ def test_every_option_has_a_help_text_and_every_command_a_summary(flexfem):
         assert made.help and all(getattr(each, "help", "") for each in made.params), name
 
 
+@pytest.mark.parametrize("command", [[], ["stiffness"], ["study"], ["study", "run"], ["design"]])
+def test_h_is_help(flexfem, command):
+    code, out, err = flexfem(*command, "-h")
+    assert (code, err) == (0, "") and out.startswith("Usage: ") and out == flexfem(*command, "--help")[1]
+
+
 def test_every_make_target_that_a_page_names_exists():
     makefile = (ROOT / "Makefile").read_text()
     targets = re.findall(r"^([a-z-]+):", makefile, re.MULTILINE)
@@ -82,6 +88,21 @@ def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
     ux = grid.point_data["displacement"][hub, 0] + moved[2] * grid.points[hub, 1]
     np.testing.assert_allclose(ux, moved[0], rtol=1e-9)
     assert np.max(np.abs(grid.point_data["displacement"][grid.point_data["ground"] == 1])) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("question", "with_units", "plain"),
+    [
+        ("stiffness", ["--displacement", "100um", "-5e4nm", "2mrad"], ["--displacement", 0.1, -0.05, 0.002]),
+        ("stiffness", ["--force", "2N", "-3mN", "0.03Nm"], ["--force", 2, -0.003, 30]),
+        ("drive", ["--pose", "5 \u03bcm", "0", "-0.1mrad"], ["--pose", 0.005, 0, -0.0001]),
+        ("modes", ["--payload", "100g", "3e-6 kg m²"], ["--payload", 0.1, 3]),
+        ("gravity", ["--angle", "-60°", "--payload", "20g"], ["--angle", -60, "--payload", 0.02]),
+    ],
+)
+def test_a_number_with_its_unit_is_the_number_in_the_usual_unit(flexfem, question, with_units, plain):
+    one, other = (machine(flexfem, question, STAGE, "--models", "analytic", *each) for each in (with_units, plain))
+    assert one["quantities"] == other["quantities"]
 
 
 def test_a_new_stage_is_the_reference_stage_with_every_number_assumed(flexfem):
@@ -144,6 +165,12 @@ def test_a_stage_that_cannot_be_is_refused_in_one_line_and_nothing_is_written(fl
     ("arguments", "said"),
     [
         (["stiffness", STAGE, "--force", "one", "0", "0"], "'--force'"),
+        (["stiffness", STAGE, "--displacement", "0", "0", "2mm"], "'--displacement': 2mm, expected a number in rad,"),
+        (["stiffness", STAGE, "--force", "0", "0", "2N"], "or a number with its unit: Nm, Nmm, mNm, uNm"),
+        (["stiffness", STAGE, "--displacement", "0", "200", "0"], "y = 200 mm, expected at most 132 mm, the size of"),
+        (["drive", STAGE, "--pose", "0", "0", "2"], "theta = 2 rad, expected at most 1 rad; write 2mrad"),
+        (["large", STAGE, "--amplitude", "500"], "amplitude = 500 mm, expected at most 132 mm"),
+        (["gravity", STAGE, "--angle", "90mm"], "'--angle': 90mm, expected a number in deg"),
         (["stiffness", STAGE, "--mobility", "six"], "'--mobility'"),
         (["stiffness", STAGE, "--formla", "koster"], "--formula"),
         (["stiffness", STAGE, "no.toml"], "no.toml"),

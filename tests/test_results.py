@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import ClassVar
+from xml.etree import ElementTree
 
 import jsonschema
 import numpy as np
@@ -100,7 +102,7 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
 
 NUMBERS = [
     (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0.00 ± 0.10"), (3.14159265, np.nan, "3.1416"),
-    (7181.54, 3.9, "7181.5 ± 3.9"), (2107906.0, 1437.0, "2107900 ± 1400"),
+    (7181.54, 3.9, "7181.5 ± 3.9"), (2107906.0, 1437.0, "2107900 ± 1400"), (2107906.0, np.nan, "2107900"),
     (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"),
 ]  # fmt: skip
 
@@ -108,3 +110,26 @@ NUMBERS = [
 @pytest.mark.parametrize(("value", "band", "text"), NUMBERS)
 def test_a_number_has_as_many_digits_as_its_band_carries(value: float, band: float, text: str) -> None:
     assert number(value, band) == text
+
+
+def test_a_notebook_shows_heading_main_result_tables_and_warnings_escaped(found: Trial) -> None:
+    about = found.about._replace(name="<b>& stage")
+    shown = Trial(about, found.values, found.bands, found.axes, found.settings, ["t/R < 0.1"])._repr_html_()
+    root = ElementTree.fromstring(f"<div>{shown.replace('<br>', '<br/>')}</div>")  # XML: every element is closed
+    texts = ["".join(each.itertext()) for each in root.iter()]
+    assert f"<b>& stage: {found.title}; resolution 8" in texts and "Warning: t/R < 0.1" in texts
+    cells = [[cell.text for cell in row] for row in root.iter("tr")]
+    assert any(row[:3] == ["cold", "analytic", "10 µm"] for row in cells), cells
+
+
+def test_a_dataset_of_xarray_has_labels_declared_units_and_bands(found: Trial) -> None:
+    pytest.importorskip("xarray")
+    data = found.to_xarray()
+    assert float(data["mass"]) == pytest.approx(2.0) and data["mass"].attrs == {"meaning": "mass", "unit": "kg"}
+    here = {"case": "cold", "model": "finite elements", "direction": "x"}
+    assert float(data["pose"].sel(here)) == 0.0125 and float(data["pose_band"].sel(here)) == 0.0003
+    assert data["pose"].attrs["unit"] == "mm, mm, rad" and "stress_band" not in data
+    assert data["stress"].sel(case="cold", model="analytic", hinge="elbow").item() == 5.0
+    with pytest.MonkeyPatch.context() as patched, pytest.raises(ImportError, match=r"^[^\n]*xarray[^\n]*$"):
+        patched.setitem(sys.modules, "xarray", None)
+        found.to_xarray()

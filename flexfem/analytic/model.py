@@ -12,7 +12,7 @@ from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.network import GROUND, Network
 from flexfem.analytic.paper import KINDS, Freedoms, PaperModel, freedoms_of, mechanism, rank_revealing, stiffness
 from flexfem.analytic.paper import mobility as mobility_of
-from flexfem.arrays import Array, inverse
+from flexfem.arrays import Array, brief, inverse
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
@@ -54,6 +54,7 @@ class PlatformAtRest(NamedTuple):
     base_rotation: Array
 
 
+@brief
 class AnalyticResult(NamedTuple):
     """The analytic model of one stage at rest.
 

@@ -31,6 +31,7 @@ from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
 from flexfem.sources import ONE_THREAD, manifest, use_own
 from flexfem.study import MOST_WORKERS
+from flexfem.units import DIRECTIONS, FORCES, POSES, UNITS, in_unit
 
 GROUPS = {
     "Start": ("new", "check", "view", "summary"),
@@ -56,6 +57,14 @@ MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in gr
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
 PYTHON_ONLY = ("progress", "law")  # parameters without an option
 TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
+MEASURED = {  # units of plain numbers of options, by direction for a vector
+    **dict.fromkeys(("force", "load"), FORCES),
+    **dict.fromkeys(("displacement", "pose", "amplitude", "mean"), POSES),
+    "payload": (UNITS["kg"], UNITS["kg_mm2"]),
+    "tilting": (UNITS["kg_mm2"],),
+    "angle": (UNITS["deg"],),
+    **dict.fromkeys(("kerf", "holes"), (UNITS["mm"],)),
+}
 STAGE = {"stage": "Stage or mechanism file, see flexfem schema stage and flexfem schema mechanism."}
 USAGE_ERROR: Any = typer.BadParameter.__base__  # click's UsageError: typer bundles click, or uses the installed one
 CLOSED_PIPE = 141  # 128 + SIGPIPE, the exit code of a program that does not handle that signal
@@ -118,7 +127,14 @@ class Command(TyperCommand):
         return super().parse_args(ctx, repeated)
 
 
-app = typer.Typer(help=ABOUT, no_args_is_help=True, pretty_exceptions_enable=False, rich_markup_mode=None, cls=Commands)
+app = typer.Typer(
+    help=ABOUT,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    cls=Commands,
+    context_settings={"help_option_names": ["--help", "-h"]},  # of all commands
+)
 app.add_typer(study.app, name="study")
 
 
@@ -199,7 +215,23 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
 
 
 def _option(name: str, hint: Any, text: str) -> Any:
-    return Annotated[hint, typer.Option(f"--{name.replace('_', '-')}", help=text)]
+    """Return the annotation of an option; its numbers may have units of their own where `MEASURED` has the option."""
+    more, count = dict[str, Any](), str(hint).count("float")
+    if count and name in MEASURED:
+        units = MEASURED[name][:count]
+
+        def numbers(given: Any) -> Any:
+            if given is None:
+                return None
+            try:
+                found = [in_unit(*each) for each in zip([given] if count == 1 else given, units, strict=True)]
+            except ValueError as error:
+                raise typer.BadParameter(str(error)) from None
+            return found[0] if count == 1 else tuple(found)
+
+        hint = str if count == 1 else tuple[(str,) * count]  # type: ignore[misc]
+        more = {"callback": numbers, "metavar": ", ".join(unit.plain for unit in units)}
+    return Annotated[hint, typer.Option(f"--{name.replace('_', '-')}", help=text, **more)]
 
 
 def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
@@ -221,8 +253,30 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             positional = given[parameter.name]
         elif parameter.name not in PYTHON_ONLY:
             arguments[parameter.name] = given[parameter.name]
+            stated = given[parameter.name] not in (None, parameter.default)
+            if stated and MEASURED.get(parameter.name) is POSES and "stage" in arguments:
+                _check_size(parameter.name, given[parameter.name], arguments["stage"])
     with streams.working(name) if "progress" in hints else nullcontext() as say:
         return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
+
+
+def _check_size(name: str, motion: Any, plate: Any) -> None:
+    """Refuse a motion beyond the size of a stage or mechanism, which is likely meant in another unit."""
+    import numpy as np
+
+    from flexfem.mechanism.drawing import part_of
+    from flexfem.mechanism.outlines import polygon_points
+
+    mechanism = hasattr(plate, "layout")
+    outlines = [body.outline for body in plate.layout.bodies] if mechanism else [part_of(plate).outer]
+    size = np.ptp(np.concatenate([polygon_points(outline) for outline in outlines]), axis=0).max()
+    lengths = (size, f", the size of the {'mechanism' if mechanism else 'stage'}", "um for micrometres")
+    limits = (lengths, lengths, (1.0, "", "mrad for milliradians"))
+    for number, (most, of, unit), own, direction in zip(np.atleast_1d(motion), limits, POSES, DIRECTIONS, strict=False):
+        if abs(number) > most:
+            where = name if np.isscalar(motion) else f"{name} {direction}"
+            expected = f"expected at most {most:.3g} {own}{of}; write {number:g}{unit}"
+            raise BadInput(f"{where} = {number:g} {own}, {expected}")
 
 
 def write(found: Any, path: Path) -> list[Path]:

@@ -29,7 +29,8 @@ def usable(folder: Path | None) -> Path | None:
     return folder
 
 
-WIDTH, NARROWEST, GAP = 80, 8, 2  # characters: a line in a file, the heading of a column, between two columns
+WIDTH, GAP = 80, 2  # characters of a line in a file, and between two columns
+NARROWEST, LONGEST = 8, 30  # characters of a heading, and of the name of a row, in tables that are too wide
 SPACE = "\N{NO-BREAK SPACE}"
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
@@ -114,6 +115,7 @@ def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None
             for column in columns:
                 words = re.sub(r" (?=[^(]*\)$)", SPACE, column[0])  # a unit stays in one line
                 column[0] = fill(words, max(_width(column[1:]) - GAP, NARROWEST), break_long_words=False)
+            columns[0] = [fill(cell, LONGEST) if "\n" not in cell else cell for cell in columns[0]]
         names = min(content.names, len(columns) - 1) or 1
         parts = [columns[:names]]
         for column in columns[names:]:

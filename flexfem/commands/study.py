@@ -24,7 +24,8 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
+STUDY = "Study file, see flexfem schema study, or the folder of its results."
+StudyFile = Annotated[Path, typer.Argument(help=STUDY, metavar="STUDY")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder of results, with a folder for each study.")]
 Partial = Annotated[bool, typer.Option("--partial", help="Leave out unfinished designs.")]
 Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes, by default one per processor.")]
@@ -50,7 +51,8 @@ def run(
         studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in parts.factor_warnings]
-    where = [] if output == REPORTS else ["--output", str(output)]
+    output = parts.folder.parents[1]
+    where = [] if output.absolute() == REPORTS.absolute() else ["--output", str(output)]
     command = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     facts |= {"shard": shard, "next": shlex.join(["flexfem", "study", *command, facts["file"], *where])}
     show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
@@ -98,11 +100,7 @@ def _note(text: str) -> None:
 
 
 @app.command()
-def status(
-    study: Annotated[Path, typer.Argument(help="Study file, or the folder of its results.", metavar="STUDY")],
-    output: Output = REPORTS,
-    json: Json = False,
-) -> None:
+def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> None:
     """Count the designs of a study by status. The output states the reasons of refusals and failures."""
     from flexfem import studies
 

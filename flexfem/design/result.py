@@ -7,10 +7,12 @@ import os
 import re
 import tomllib
 from collections.abc import Iterable
+from textwrap import shorten
 from typing import Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from flexfem.arrays import LONGEST
 from flexfem.files.refusals import place_of
 from flexfem.files.toml import Label, kind_of
 from flexfem.refused import BadInput
@@ -177,6 +179,10 @@ class Designed(Record):
     not_stated: list[str]
     warnings: list[str]
     versions: dict[str, str]
+
+    def __repr__(self) -> str:
+        goals = "; ".join(f"{goal.label}: {goal.formatted(plain=True)}" for goal in self.objectives)
+        return shorten(f"<Designed of {self.heading()}; {goals}>", LONGEST, placeholder=" ...>")
 
     @property
     def about(self) -> About:

@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import Array, Index, brief
 from flexfem.fem.mesher import Cone, Job, Limit, NamedArrays, mesh_faces, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import draw_sector, necks
@@ -93,6 +93,7 @@ def _jacobian(nodes: Array, slope: Array) -> Array:
     return J.transpose(1, 2, 0, 3)
 
 
+@brief
 class StageMesh(NamedTuple):
     """Mesh of curved quadratic triangles.
 

@@ -41,7 +41,6 @@ from flexfem.mechanism.plate import (
     joint_loop,
     neck_line,
 )
-from flexfem.mechanism.profiles import Curve
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
@@ -59,7 +58,7 @@ OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 def regions_of(layout: Layout) -> list[Region]:
     """Return the faces of the plate, bodies then hinges."""
     bodies = [
-        Region([list[Curve](loop) for loop in (body.outline, *map(reverse, body.holes))], cuts_of(layout, index))
+        Region([body.outline, *map(reverse, body.holes)], cuts_of(layout, index))
         for index, body in enumerate(layout.bodies)
     ]
     return bodies + [Region([joint_loop(joint)], []) for joint in layout.joints]

@@ -79,7 +79,16 @@ class Mechanism(MechanismContent):
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content, expressions evaluated; its name, parameters and provenance are excluded."""
-        content = self.model_dump(exclude={"name", "provenance", "parameters", "frame"}, exclude_none=True)
+        return self._digest({"parameters"})
+
+    @property
+    def stated_hash(self) -> str:
+        """SHA-256 of the physical content with parameters and texts of expressions, on which its designs depend."""
+        return self._digest(set(), STATED)
+
+    def _digest(self, excluded: set[str], context: str | None = None) -> str:
+        excluded = {"name", "provenance", "frame"} | excluded
+        content = self.model_dump(exclude=excluded, exclude_none=True, context=context)
         content["material"] = {k: value for k, value in content["material"].items() if k not in ("name", "expansion")}
         return digest(canonical(content))
 
@@ -260,9 +269,7 @@ def _body(part: PlacedPart) -> Body:
         clamped.append(segment)
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
-    return Body(
-        part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key, outline.path
-    )
+    return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
 
 
 def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:

@@ -48,7 +48,7 @@ from flexfem.plot.stage import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
 from flexfem.questions import plates
-from flexfem.questions.check import MechanismReport, StageReport, check_mechanism, check_stage
+from flexfem.questions.check import MechanismReport, StageReport, check
 from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
@@ -66,7 +66,8 @@ if TYPE_CHECKING:
 STANDARD = ("analytic", "elements", "budget", "stress", "drive")
 SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
 Opened: TypeAlias = Callable[[Markup], Markup]  # returns the drawing with the key results
-Section: TypeAlias = tuple[str, Callable[..., Any], str]  # title, question, alternative text of the figure
+Question: TypeAlias = Callable[..., Any]
+Section: TypeAlias = tuple[str, Question, str]  # title, question, alternative text of the figure of a stage
 QUESTIONS: dict[str, Section] = {
     "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
     "elements": ("Finite elements", summary, ""),
@@ -77,15 +78,10 @@ QUESTIONS: dict[str, Section] = {
     "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
     "life": ("Fatigue life", life, "The S-N curve of the material with the necks."),
 }
-OF_MECHANISMS: dict[str, tuple[Callable[..., Any], ...]] = {  # questions of the sections that a mechanism has
-    "analytic": (partial(stiffness, models="analytic"),),
+OF_MECHANISMS: dict[str, tuple[Question, ...]] = {  # where they are not the question of a stage
     "elements": (stiffness,),
     "budget": (plates.verification, SHARES),
-    "stress": (),
     "drive": (plates.drive, plates.reach),
-    "large": (large,),
-    "modes": (modes,),
-    "drift": (drift,),
 }
 DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # with the function of the figure
     "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),
@@ -251,10 +247,8 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
     if not stored and len(files) > 1:
         raise BadInput(f"{first} and {len(files) - 1} more, expected one stage or study file, or results as .json")
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
-    if kind == "stage file":
-        return _stage_subject(files[0], sections, amplitude)
-    if kind == Mechanism.kind:
-        return _mechanism_subject(load_mechanism(files[0]), sections)
+    if kind in ("stage file", Mechanism.kind):
+        return _plate_subject(files[0], kind, sections, amplitude)
     if kind not in ("results", "study file"):
         found = f"{first}: this is a {kind or 'TOML file'}"
         raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
@@ -297,51 +291,34 @@ def _stored_subject(files: Sequence[Path]) -> Subject:
     return Subject(title, "Stored results", *_assumptions(records), parts)
 
 
-def _stage_subject(path: Path, sections: Sequence[str], amplitude: Any) -> Subject:
-    stage = load_feasible(path)
-    with located(stage):  # before anything is computed
+def _plate_subject(path: Path, kind: str, sections: Sequence[str], amplitude: Any) -> Subject:
+    plate = load_mechanism(path) if kind == Mechanism.kind else load_feasible(path)
+    stage = plate if isinstance(plate, Stage) else None
+    if stage is None and "life" in sections:
+        raise BadInput(f"{plate.origin}: section life, expected some of {', '.join(SECTIONS[:-1])}")
+    with located(plate):  # before anything is computed
         if "life" in sections:
-            required_law(stage.material)
+            required_law(plate.material)
         if "drift" in sections:
-            require_expansion(stage)
-    checked, meshed = check_stage(stage), not WITHOUT_MESH.issuperset(sections)
-    if meshed:  # both models are in the same plane problem
-        origin, stage = stage.origin, stage.model_copy(update={"model": stage.model})
-        stage.__dict__["origin"] = origin
-    ask = _asking(stage)
-    opened = partial(opening, stage, ask, sections, meshed)
-    assumed, not_stated = _assumptions([checked, *([checked.drive] if checked.drive else [])])
-    parts: list[Part] = [("stage", partial(_drawing_section, stage, checked, opened))]
-    for name in (name for name in SECTIONS if name in sections and (name != "drive" or stage.actuator)):
-        options = {"amplitude": amplitude} if name == "life" else {}
-        section = partial(_result_section, name, ask, **options)
-        parts.append((name, partial(_stress_section, stage) if name == "stress" else section))
-    parts.append(("sources", partial(_provenance_section, _provenance(stage, assumed, not_stated), "source")))
-    return Subject(stage.name, "Stage", assumed, not_stated, parts)
-
-
-def _mechanism_subject(mechanism: Mechanism, sections: Sequence[str]) -> Subject:
-    if others := [name for name in sections if name not in OF_MECHANISMS]:
-        raise BadInput(f"{mechanism.origin}: section {', '.join(others)}, expected some of {', '.join(OF_MECHANISMS)}")
-    with located(mechanism):
-        if "drift" in sections:
-            require_expansion(mechanism)
-    assumed, not_stated = list(mechanism.assumed), list(mechanism.not_stated)
-    ask = _asking(mechanism)
-    opened = partial(opening, mechanism, ask, sections, {*sections} != {"analytic"})
-    parts: list[Part] = [("mechanism", partial(_drawing_section, mechanism, check_mechanism(mechanism), opened))]
-    for name in (name for name in SECTIONS if name in sections and name in OF_MECHANISMS):
+            require_expansion(plate)
+    checked, meshed = check(plate), not (WITHOUT_MESH if stage else {"analytic"}).issuperset(sections)
+    if stage and meshed:  # both models are in the same plane problem
+        plate = stage.model_copy(update={"model": stage.model})
+        plate.__dict__["origin"] = stage.origin
+    ask = cache(lambda question: question(plate))
+    assumed, not_stated = _assumptions([each for each in (checked, getattr(checked, "drive", None)) if each])
+    kind, opened = type(plate).__name__, partial(opening, plate, ask, sections, meshed)
+    parts: list[Part] = [(kind.lower(), partial(_drawing_section, plate, checked, opened))]
+    driven = plate.actuator if isinstance(plate, Stage) else plate.layout.actuators
+    for name in (name for name in SECTIONS if name in sections and (name != "drive" or driven)):
         if name == "stress":
-            parts.append((name, partial(_stress_section, mechanism)))
-        elif name != "drive" or mechanism.layout.actuators:
-            parts.append((name, partial(_answers_section, name, ask)))
-    parts.append(("sources", partial(_provenance_section, _provenance(mechanism, assumed, not_stated), "source")))
-    return Subject(mechanism.name, "Mechanism", assumed, not_stated, parts)
-
-
-def _asking(subject: Stage | Mechanism) -> Ask:
-    """Return a function that answers every question about a subject once."""
-    return cache(lambda question: question(subject))
+            parts.append((name, partial(_stress_section, plate)))
+            continue
+        usual = partial(life, amplitude=amplitude) if name == "life" else QUESTIONS[name][1]
+        questions = (usual,) if stage else OF_MECHANISMS.get(name, (usual,))
+        parts.append((name, partial(_answers_section, name, ask, questions)))
+    parts.append(("sources", partial(_provenance_section, _provenance(plate, assumed, not_stated), "source")))
+    return Subject(plate.name, kind, assumed, not_stated, parts)
 
 
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
@@ -367,17 +344,16 @@ def _section(name: str, title: str, *parts: Markup) -> PageSection:
     return PageSection(name, title, Markup("").join(parts))
 
 
-def _result_section(name: str, ask: Ask, **options: Any) -> PageSection:
-    """Return the tables and the figure of the result of a question."""
-    title, question, description = QUESTIONS[name]
-    result = ask(partial(question, **options) if options else question)
-    figure = [shown_figure(f"{name}-figure", lambda: figures_of(result)[""], description)] if description else []
-    return _section(name, title, tables_of(result), *figure)
-
-
-def _answers_section(name: str, ask: Ask) -> PageSection:
-    """Return the tables of the results of all questions of a section."""
-    return _section(name, QUESTIONS[name][0], *(tables_of(ask(question)) for question in OF_MECHANISMS[name]))
+def _answers_section(name: str, ask: Ask, questions: Sequence[Question]) -> PageSection:
+    """Return the tables of the results of questions, and their figures."""
+    title, _, description = QUESTIONS[name]
+    answers = [ask(question) for question in questions]
+    figures = [
+        shown_figure(f"{name}-figure", lambda found=found: figures_of(found)[""], description)  # type: ignore[misc]
+        for found in answers
+        if description and found.figure
+    ]
+    return _section(name, title, *map(tables_of, answers), *figures)
 
 
 def _drawing_section(subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Opened) -> PageSection:
@@ -391,7 +367,7 @@ def _drawing_section(subject: Stage | Mechanism, checked: StageReport | Mechanis
         "drawing", draw, f"Drawing to scale of {subject.name}: bodies, hinges and drive.", table(tables[0])
     )
     parts = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
-    kind = "stage" if isinstance(subject, Stage) else "mechanism"
+    kind = type(subject).__name__.lower()
     return _section(kind, f"The {kind}", opened(figure), notes(checked.warnings), parts)
 
 
@@ -414,7 +390,7 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
         for name, stress in stresses.items()
     )
     note = f"The other directions are held; the amplitudes are assumed. {highest}."
-    text = f"The deformed {'stage' if stage else 'mechanism'} coloured by von Mises stress."
+    text = f"The deformed {type(subject).__name__.lower()} coloured by von Mises stress."
     figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
     return _section("stress", "Stress", notes([note], "note"), figure)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -183,9 +184,7 @@ def convergence_figure(study: MeshConvergence) -> Figure:
         "Error bar: band of the finest mesh by its grid convergence index."
     ]
     title = f"{study.about.name}: mesh convergence"
-    figure, (ax,) = panels((WIDTH, 4.8), title, lines, 1, assumptions=study.about)
-    plot_convergence(ax, study)
-    return figure
+    return style.page((WIDTH, 4.8), title, lines, partial(plot_convergence, study=study), study.about)
 
 
 def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:

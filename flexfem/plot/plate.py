@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.plot import stage, style
 from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
-from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, panels
+from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, page
 from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
 from flexfem.results import Result
@@ -76,9 +77,11 @@ def _plate(layout: Layout) -> Any:
     return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=1e-6)
 
 
-def draw_plate(ax: Axes, mechanism: Mechanism) -> Array:
-    """Draw bodies, ground, hinges and clamped edges without names; return the points (n, 2) of the outline, mm."""
-    layout = mechanism.layout
+def draw_plate(ax: Axes, design: Stage | Mechanism) -> Array:
+    """Draw bodies, ground, hinges and clamped edges without names; return points (n, 2) of the outline, mm."""
+    if isinstance(design, Stage):
+        return stage.draw_outline(ax, design)
+    layout = design.layout
     for k, body in enumerate(layout.bodies):
         _fill(ax, body_polygon(layout, k), RIGID if body.fixed else PALE, "////" if body.fixed else "")
         lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
@@ -157,10 +160,8 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
     outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
     wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
     height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
-    figure, (ax,) = panels((WIDTH, height), f"{mechanism.name}: drawing", lines, 1, assumptions=mechanism)
-    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    plot_mechanism(ax, mechanism)
-    return figure
+    plot = partial(plot_mechanism, mechanism=mechanism)
+    return page((WIDTH, height), f"{mechanism.name}: drawing", lines, plot, mechanism)
 
 
 def front_page(
@@ -175,9 +176,9 @@ def front_page(
     figure = below_header((WIDTH, sum(heights) + 0.3), caption.title, caption.lines, caption)
     axes = figure.subplot_mosaic(mosaic, height_ratios=heights)
     plane(axes["front"])
-    outlines, drawings = [], [axes[f"{k}"] for k in range(len(designs))]
-    for ax, design, (name, *_) in zip(drawings, designs, rows[1:], strict=True):
-        outlines.append(draw_plate(ax, design) if isinstance(design, Mechanism) else stage.draw_outline(ax, design))
+    drawings = [axes[f"{k}"] for k in range(len(designs))]
+    outlines = list(map(draw_plate, drawings, designs))
+    for ax, (name, *_) in zip(drawings, rows[1:], strict=True):
         ax.set_title(name, weight="bold")
         ax.set_axis_off()
     if designs:

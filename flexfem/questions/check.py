@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from flexfem import arguments
-from flexfem.arrays import Array
+from flexfem.arrays import Array, brief
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
@@ -71,6 +71,7 @@ class DriveReport(NamedTuple):
     not_stated: list[str]
 
 
+@brief
 class StageReport(NamedTuple):
     """A valid, feasible stage: `dimensions` by keys of the file, `provenance` by key path; `drive` if it has one."""
 
@@ -133,6 +134,7 @@ class LinearDrive(NamedTuple):
     mass_g: float
 
 
+@brief
 class MechanismReport(NamedTuple):
     """A valid mechanism with all parameters and copies resolved, as far as it can be checked without a mesh.
 
@@ -354,6 +356,7 @@ class FormulaCurve(NamedTuple):
     shear: Array | None
 
 
+@brief
 class HingeReview(NamedTuple):
     """Ratios of all formulas to the finite elements of the hinge chart with H = h, at t/R `ratio` (n,).
 
@@ -368,6 +371,7 @@ class HingeReview(NamedTuple):
     source: str
 
 
+@brief
 class ThicknessReview(NamedTuple):
     """Ratio (k, n) of three-dimensional to plane-stress compliance of a hinge, at t/R `ratio` and b/t `width`."""
 

@@ -62,7 +62,7 @@ class Drive(Result):
     """Strokes and forces of the stacks of a driven stage for a pose, and the finite-element pose with the strokes."""
 
     title = "strokes and forces for a pose"
-    main = ("share", {})
+    main = ("share", {"criterion": "within limits"})
     labels: ClassVar = {"limit": LIMITS}
     columns = ("criterion", "direction")
     figure = "drive.command_figure"

@@ -15,7 +15,7 @@ from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.network import with_springs
 from flexfem.analytic.responses import dynamics
-from flexfem.arrays import Array
+from flexfem.arrays import Array, brief
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.modes import Modes as ModesOfStructure
@@ -126,6 +126,7 @@ class CraigBampton(NamedTuple):
     loads: Array
 
 
+@brief
 class DynamicModel(NamedTuple):
     """Response of the platform's pose to loads on it and commands of an engaged drive, in mm, N, tonne, s and rad.
 

@@ -117,6 +117,11 @@ def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
+def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
+    """Return the parts of the analytic network, rigid bodies or elastic ones."""
+    return parts_of(mechanism) if elastic else ElasticParts()
+
+
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
     layout = mechanism.layout
@@ -127,7 +132,7 @@ def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     """Return the response of the analytic network with rigid bodies or with elastic parts."""
-    parts = parts_of(mechanism) if elastic else ElasticParts()
+    parts = joined_parts(mechanism, elastic)
     found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
 
     def stress(loads: Array) -> Array:
@@ -376,7 +381,7 @@ def answer(
     if {ELEMENTS, SOLID} & models.keys() and any("stress" in name for name in stacked):
         texts["warnings"] = [*texts.get("warnings", ()), *sharp_roots(layout)]
     texts["notes"] = [*texts.get("notes", ()), *([ELASTIC_READ] if ELASTIC in models else [])]
-    return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
+    return kind(setup.about(mechanism), values, widths, labels, settings, **texts)
 
 
 def sharp_roots(layout: Layout) -> list[str]:

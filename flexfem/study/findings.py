@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 import flexfem
-from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, is_wide
+from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, brief, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
@@ -163,6 +163,7 @@ def sentence(text: str) -> str:
     return f"{text[0].upper()}{text[1:]}."
 
 
+@brief
 class Source(NamedTuple):
     """Data of all figures: the study, its table, and the factors and outputs of the base stage by column.
 
@@ -246,6 +247,7 @@ class FigureTable(NamedTuple):
 NO_TABLE = FigureTable("", {}, [])
 
 
+@brief
 class Cells(NamedTuple):
     """Points (n, 2) of a map with values (n,), nan where there is none; `missing` marks these points (n,) by reason.
 
@@ -262,6 +264,7 @@ class Cells(NamedTuple):
     size: int = 1
 
 
+@brief
 class StudyMap(NamedTuple):
     """A value over two factors; `marks` are emphasised contours, `base` is x and y of the base stage."""
 
@@ -284,6 +287,7 @@ class Percentile(NamedTuple):
     high: float
 
 
+@brief
 class Scatter(NamedTuple):
     """Scatter of one quantity (n,): percentiles from low to high, and the value of the base stage where known."""
 
@@ -293,6 +297,7 @@ class Scatter(NamedTuple):
     nominal: float | None = None
 
 
+@brief
 class Distribution(NamedTuple):
     """Scatter of several quantities."""
 
@@ -318,6 +323,7 @@ class Share(NamedTuple):
     indices: Indices
 
 
+@brief
 class Sensitivity(NamedTuple):
     """Sobol indices of several quantities, and names of the factors in the order of the indices."""
 
@@ -335,6 +341,7 @@ class Chosen(NamedTuple):
     numbers: Sequence[tuple[AxisText, float]]
 
 
+@brief
 class ParetoFront(NamedTuple):
     """Pareto front of two quantities.
 

@@ -109,8 +109,9 @@ class LoadedStudy:
         refusing = [constraint for constraint in study.constraint if study.uses_no_output(constraint.value)]
         used = expanded_names((name for constraint in refusing for name in names_in(constraint.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
+        of_stage = stage.stated_hash if isinstance(stage, Mechanism) else stage.hash
         content |= {
-            "stage": stage.drive_hash if isinstance(stage, Stage) and study.driven else stage.hash,
+            "stage": stage.drive_hash if isinstance(stage, Stage) and study.driven else of_stage,
             "heat": stage.heat_hash if isinstance(stage, Stage) and study.drift is not None else None,
             "draws": study.draws,
             "override": sorted((*o.place, sorted(o.changes)) for o in overrides),

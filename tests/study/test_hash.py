@@ -7,13 +7,15 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel
 
 from flexfem.mechanism.stage import Hinge
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Override
-from flexfem.study.loaded import LoadedStudy
+from flexfem.study.loaded import LoadedStudy, load_study, plate_of
 from flexfem.study.plan import Frequencies, LifeTable
 
+from ..conftest import ROOT
 from .conftest import STAGE
 
 Place = tuple[str | int, ...]
@@ -124,3 +126,20 @@ def test_the_drive_counts_where_a_study_asks_about_it(studies: Any) -> None:
     assert {replace(driven, base=stage).hash for stage in stages} == {driven.hash}
     renamed = first.replace(actuator=[first.actuator[0].model_copy(update={"name": "other"})])
     assert replace(driven, study=asked, base=renamed).hash == replace(driven, study=asked, base=first).hash
+
+
+def test_the_expressions_of_a_mechanism_count(tmp_path: Any) -> None:
+    """Widths that are 10 mm at a gap of 5 mm; some differ at another gap."""
+    mechanism = (ROOT / "geometry/parallelogram.toml").read_text()
+    factor = 'key = "parameters.gap_mm"\nvalues = [6.0]'
+    head = 'name = "s"\nstage = "m.toml"\nmodel = "analytic"\nask = ["stiffness.free.analytic.x"]\n'
+    (tmp_path / "s.toml").write_text(f'{head}[sampling]\nmethod = "grid"\n[[factor]]\n{factor}\n')
+    hashes, bases = set[str](), set[str]()
+    for other, width, at_6 in ((5, "2 * gap", 12.0), (5, "gap + 5", 11.0), (5, "gap + x", 11.0), (10, "5 + x/2", 10.0)):
+        text = mechanism.replace("[parameters]", f"[parameters]\ngap_mm = 5\nx_mm = {other}")
+        (tmp_path / "m.toml").write_text(text.replace('width_mm = "width"', f'width_mm = "{width}"'))
+        loaded = load_study(tmp_path / "s.toml")
+        assert plate_of(loaded, np.array([6.0])).body[1].width == at_6  # type: ignore[union-attr]
+        hashes.add(loaded.hash)
+        bases.add(loaded.base.hash)
+    assert len(bases) == 1 and len(hashes) == 4

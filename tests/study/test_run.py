@@ -237,9 +237,13 @@ def test_commands_run_count_and_collect(flexfem, study):
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
-    for folder in ("reports/necks", "reports/necks/parts/.."):  # instead of the file
+    for folder in ("reports/necks", "reports/necks/parts/..", "reports/necks/parts"):  # instead of the file
         code, out, _ = flexfem("study", "status", folder, "--json")
         assert (code, json.loads(out)["done"]) == (0, 300)
+    code, out, _ = flexfem("study", "run", "reports/necks", "--json")
+    assert (code, json.loads(out)["next"].rsplit(" ", 1)[0]) == (0, "flexfem study plot") and not Path("necks").exists()
+    code, out, _ = flexfem("study", "collect", "reports/necks", "--to", "same.csv", "--json")
+    assert json.loads(out) == {"written": ["same.csv"], "designs": 300, "open": 0}
     Path("reports/other").mkdir()
     Path("reports/other/study.json").write_text(Path("reports/necks/study.json").read_text())
     code, out, err = flexfem("study", "status", "reports/other")
