@@ -15,9 +15,9 @@ from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import checked_path, place_of, shown, suggestion
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.feasibility import check_feasible, placed
 from flexfem.mechanism.mechanism import Mechanism, read_mechanism
-from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate import check_layout, clashes
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_partly
 from flexfem.refused import BadInput
@@ -124,22 +124,25 @@ def view(file: Path, *, output: Path | None = None) -> View:
     Raises
     ------
     BadInput
-        The file is invalid or has nothing to draw, or the folder is not writable.
+        The file is invalid or has nothing to draw, or the folder is not writable. What the file describes cannot be
+        made; this is drawn as far as possible, with what clashes in red, before it is raised.
     """
     from flexfem.plot.plate import mechanism_figure, plot_mechanism
-    from flexfem.plot.stage import drawing_figure, plot_dimensions, show_window
+    from flexfem.plot.stage import drawing_figure, mark_clashes, plot_dimensions, show_window
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    missing, warnings = list[str](), list[str]()
+    missing, warnings, refused = list[str](), list[str](), None
+    bodies, clashing = list[Any](), list[Any]()
     if kind_of(read_toml(source).data) == Mechanism.kind:
         mechanism = read_mechanism(source)
         name, doubts = mechanism.name, Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
         try:
-            check_layout(mechanism.layout)
+            with located(mechanism):
+                check_layout(mechanism.layout)
         except BadInput as refusal:
-            warnings.append(f"the mechanism cannot be made: {refusal}")
+            refused, clashing = refusal, clashes(mechanism.layout, refusal)
         page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
     else:
         stage, missing = incomplete = load_partly(source)
@@ -149,13 +152,23 @@ def view(file: Path, *, output: Path | None = None) -> View:
             keys = "chain.link_lengths_mm and chain.joint_angles_deg"
             raise BadInput(f"{source}: nothing to draw, expected {keys} first")
         warnings += [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
-        page, plot = partial(drawing_figure, stage, missing), partial(plot_dimensions, stage=stage, missing=missing)
+        try:
+            if incomplete.whole:
+                check_feasible(stage)
+        except BadInput as refusal:
+            refused, (bodies, clashing) = refusal, placed(stage)
+        page = partial(drawing_figure, stage, missing, bodies)
+        plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
     title = f"{source}: missing {', '.join(missing)}" if missing else name
-    window, written = target is None and show_window(plot, title), list[Path]()
+    mark = partial(mark_clashes, refusal=refused, clashes=clashing)
+    window, written = target is None and show_window(lambda ax: mark(plot(ax)), title), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
-        written = write_beside(place, page())
+        mark((figure := page()).axes[0])
+        written = write_beside(place, figure)
+    if refused is not None:
+        raise BadInput(f"{refused}{f'; drawn in {written[0]}' if written else ''}")
     return View(str(source), name, missing, list(map(str, written)), window, warnings, *doubts)
 
 

@@ -120,7 +120,7 @@ def _materials() -> str:
         sources.append(f"- `{name}`: {'; '.join([of.source, *(f'`{k}`: {text}' for k, text in of.sources.items())])}")
     about = (
         "The numbers are for room temperature. A fatigue constant or an expansion is missing if no source states it. "
-        "`flexfem check` prints the source of every number; `flexfem.register_material` adds your own material."
+        "`flexfem check` prints the source of every number; `register_material` in Python adds your own."
     )
     table = markdown_table(("`name`", *map(_code, shown)), rows, "l" + "r" * len(shown))
     return "\n\n".join(["## Registered materials", about, table, "\n".join(sources)])

@@ -165,10 +165,7 @@ def network_of_plate(
 
 
 def respond(
-    layout: Layout,
-    bodies: Sequence[ElasticBody] = (),
-    ports: Sequence[Port] | None = None,
-    hinges: Array | None = None,
+    layout: Layout, bodies: Sequence[ElasticBody] = (), ports: Sequence[Port] | None = None, hinges: Array | None = None
 ) -> NetworkResponse:
     """Return the response of a layout to unit loads on its ports, or on other ones; parts as of `network_of_plate`.
 
@@ -181,11 +178,7 @@ def respond(
 
 
 def warmed(
-    layout: Layout,
-    expansion: float,
-    ground: float,
-    bodies: Sequence[ElasticBody] = (),
-    hinges: Array | None = None,
+    layout: Layout, expansion: float, ground: float, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
 

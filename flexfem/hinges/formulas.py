@@ -228,7 +228,7 @@ def register_formula(
     Examples
     --------
     >>> import flexfem
-    >>> own = flexfem.register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
+    >>> own = register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
     >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
     'plain'
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations, combinations_with_replacement, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
@@ -15,7 +15,7 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of
+from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent, key_of
 from flexfem.refused import BadInput
 
 PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, each (chain, position)
@@ -113,13 +113,46 @@ def _check_conditions(stage: StageContent) -> None:
             raise BadInput(f"{path} = {value:g}, {check.wrong}{chain}, expected {check.expected.format(limit)}")
 
 
+def _outlines(stage: StageContent, chain: int) -> dict[str, shapely.Polygon]:
+    """Return the polygons of the bodies of one chain by their names. Raises BadInput as `draw_sector`."""
+    faces = draw_sector(stage, chain).items()
+    return {f"{name} of chain {chain}": shapely.Polygon(polygon_points(turn(face.loop, chain))) for name, face in faces}
+
+
+def placed(stage: StageContent) -> tuple[list[Any], list[Any]]:
+    """Return the polygons of a stage that cannot be made: of its bodies, and of all that clashes.
+
+    Where the bodies of a chain cannot be drawn, strips along its links stand for them; the one at fault clashes.
+    """
+    designs, bodies, strips, clashing = lower(stage), list[Any](), list[Any](), list[Any]()
+    centres, half = designs.frames.centres[0], stage.chain.link_width / 2
+    notches = shapely.buffer(shapely.points(centres), designs.radius[0])
+    for check in conditions(designs):
+        named = [k for k, name in enumerate(HINGE_NAMES) if f".{name}." in check.key or f"the {name} " in check.wrong]
+        for place in np.flatnonzero(~(check.room[0] > 0)).tolist():
+            if check.pairs:
+                clashing += [notches[hinge] for hinge in PAIRS[check.pairs[place]]]
+            else:
+                hub = shapely.Point(0, 0).buffer(stage.platform.hub_radius)
+                clashing.append(notches[place, named[0]] if named else hub)
+    for chain in CHAINS:
+        try:
+            bodies += _outlines(stage, chain).values()
+        except BadInput as refusal:
+            points = np.vstack([centres[chain - 1], np.zeros(2)])
+            lines = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+            strips += list(np.asarray(shapely.buffer(lines, half, cap_style="flat")))
+            clashing.append(strips[next((k for k in (1, 2) if f"link {k} of" in str(refusal)), 3) - 4])
+    clashing += [shapely.make_valid(outline) for outline in bodies if not outline.is_valid]
+    shared = [one.intersection(other) for one, other in combinations(filter(shapely.is_valid, bodies), 2)]
+    pieces = shapely.get_parts(shapely.union_all([*clashing, *shared]))
+    return [*strips, *bodies], [piece for piece in pieces if piece.area > TOUCHING]
+
+
 @once
 def _check_bodies(stage: StageContent) -> None:
     """Raise BadInput for a body that crosses itself, or bodies that overlap beyond their necks and sector cuts."""
-    bodies = {}
-    for chain in (1, 2, 3):
-        for body, face in draw_sector(stage, chain).items():
-            bodies[f"{body} of chain {chain}"] = shapely.Polygon(polygon_points(turn(face.loop, chain)))
+    bodies = {name: outline for chain in CHAINS for name, outline in _outlines(stage, chain).items()}
     size = (
         f"at chain.link_lengths_mm = {list(stage.chain.link_lengths)}, chain.link_width_mm = "
         f"{stage.chain.link_width:g}, platform.radius_mm = {stage.platform.radius:g}"

@@ -358,10 +358,8 @@ def _answers_section(name: str, ask: Ask, questions: Sequence[Question]) -> Page
 
 def _drawing_section(subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Opened) -> PageSection:
     """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
-    without: dict[str, Any] = {"provenance": {}}  # it has a section of its own
-    if isinstance(checked, StageReport) and checked.drive:
-        without["drive"] = checked.drive._replace(provenance={})
-    pairs, tables = record_parts(checked._replace(**without), plain=False)
+    pairs, tables = record_parts(checked, plain=False)
+    pairs = [pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))]  # in another section
     draw = partial(drawing_figure, subject) if isinstance(subject, Stage) else partial(mechanism_figure, subject)
     figure = shown_figure(
         "drawing", draw, f"Drawing to scale of {subject.name}: bodies, hinges and drive.", table(tables[0])
@@ -376,7 +374,8 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
     drawn, stresses, stage = dict[str, Fields](), dict[str, Array](), isinstance(subject, Stage)
     for axis in (0, 2) if stage else (0, 1, 2):
         held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
-        found, name = stiffness(subject, models="elements", displacement=held), _command(axis)
+        found, unit = stiffness(subject, models="elements", displacement=held), COMMANDS[axis]
+        name = f"{SYMBOLS[axis]} = {held[axis] * unit.factor:g} {unit}"
         fields = plane_fields(found.fields)
         drawn[name] = Fields(*fields) if stage else fields
         stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=ELEMENTS))
@@ -393,11 +392,6 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
     text = f"The deformed {type(subject).__name__.lower()} coloured by von Mises stress."
     figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
     return _section("stress", "Stress", notes([note], "note"), figure)
-
-
-def _command(axis: int) -> str:
-    """Return the text of a displacement of the stress figure."""
-    return f"{SYMBOLS[axis]} = {STRESS_AMPLITUDES[axis] * COMMANDS[axis].factor:g} {COMMANDS[axis]}"
 
 
 def _design_section(design: Designed, name: str, number: int) -> PageSection:

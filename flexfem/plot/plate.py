@@ -57,7 +57,7 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
     visible.append(output + CROSS * (1 + 1j) * float(np.max(np.ptp(rim, axis=0))))
     size = fit(ax, np.vstack([rim, *map(xy, visible)]), 0.07)
     scale_bar(ax)
-    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    bodies = _bodies(layout)
     obstacles: list[Any] = [_plate(layout).boundary]
     _draw_ports(ax, layout, size, obstacles)
     marks = [*_marks(layout, bodies)]
@@ -72,9 +72,12 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
     return ax
 
 
+def _bodies(layout: Layout) -> list[Any]:
+    return [body_polygon(layout, k, refuse=False) for k in range(len(layout.bodies))]
+
+
 def _plate(layout: Layout) -> Any:
-    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
-    return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=1e-6)
+    return shapely.union_all([*_bodies(layout), *map(joint_polygon, layout.joints)], grid_size=1e-6)
 
 
 def draw_plate(ax: Axes, design: Stage | Mechanism) -> Array:
@@ -82,8 +85,8 @@ def draw_plate(ax: Axes, design: Stage | Mechanism) -> Array:
     if isinstance(design, Stage):
         return stage.draw_outline(ax, design)
     layout = design.layout
-    for k, body in enumerate(layout.bodies):
-        _fill(ax, body_polygon(layout, k), RIGID if body.fixed else PALE, "////" if body.fixed else "")
+    for body, polygon in zip(layout.bodies, _bodies(layout), strict=True):
+        _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else "")
         lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
         ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
     for joint in layout.joints:
@@ -157,7 +160,7 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
     key = "; ".join(text for text, there in marks.items() if there)
     facts = f"Thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}."
     lines = [facts, f"{key.capitalize()}; X, Y: output."]
-    outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
+    outlines = shapely.get_coordinates(_bodies(layout))
     wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
     height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
     plot = partial(plot_mechanism, mechanism=mechanism)

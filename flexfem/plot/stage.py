@@ -23,7 +23,7 @@ from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
-from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, page, panels
+from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, page, panels, wrapped
 from flexfem.plot.text import minus, round_factor
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
@@ -32,6 +32,7 @@ from flexfem.units import DEGREE, LENGTH
 
 Point = Sequence[float] | Array
 MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0072B2", "#00664A"
+CLASH = "#D00000"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Heavy lines: clamped. Disc: rigid hub."
 STEP = np.pi / 24  # rad, of arc between two points of a drawn outline
@@ -384,17 +385,32 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         place_label(axes, foot, f"chain {hinge.chain}", obstacles, 0.06 * size, size=10)
 
 
-def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
+def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = (), bodies: Sequence[Any] = ()) -> Axes:
     """Draw a stage to scale with its dimensions, in mm; return `ax`, or new axes.
 
     `missing` : key paths that the stage file does not give; the parts that depend on them are not drawn.
+    `bodies` : polygons of a stage that cannot be made, which are drawn as they are.
 
     Raises BadInput when nothing is missing and the bodies cannot be drawn.
     """
     incomplete, ax = PartialStage(stage, list(missing)), ax or new_axes()
-    fit(ax, _draw_whole(ax, stage) if incomplete.whole else _draw_partial(ax, incomplete), 0.03)
+    rim = _draw_whole(ax, stage) if incomplete.whole and not bodies else _draw_partial(ax, incomplete)
+    for body in bodies:
+        ax.add_patch(Polygon(body.exterior.coords, facecolor=PALE, edgecolor=INK, linewidth=0.5, zorder=1))
+    fit(ax, np.vstack([rim, shapely.get_coordinates(list(bodies))]), 0.03)
     label_axes(ax)
     return ax
+
+
+def mark_clashes(ax: Axes, refusal: BadInput | None, clashes: Sequence[Any]) -> None:
+    """Draw polygons at fault in red, with the refusal, if any, as title."""
+    if refusal is None:
+        return
+    look: dict[str, Any] = {"facecolor": f"{CLASH}80", "edgecolor": CLASH, "linewidth": 2.0, "zorder": 7}
+    for polygon in clashes:
+        ax.add_patch(Polygon(polygon.exterior.coords, **look))
+    text = f"{refusal}{'. Red: the parts at fault' * bool(clashes)}"
+    ax.set_title(wrapped(text, 7.4, 9), color=CLASH, size=9)
 
 
 def _draw_whole(ax: Axes, stage: Stage) -> Array:
@@ -445,7 +461,7 @@ def _draw_partial(ax: Axes, incomplete: PartialStage) -> Array:
 
 
 @in_house_style
-def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
+def drawing_figure(stage: Stage, missing: Sequence[str] = (), bodies: Sequence[Any] = ()) -> Figure:
     """Draw a page with the dimensioned stage, and in its header further data and the missing keys."""
     incomplete = PartialStage(stage, list(missing))
     angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles)))
@@ -457,11 +473,13 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
     }
     lines = ["; ".join(text for key, text in facts.items() if incomplete.states(key))]
     lines += [f"missing: {', '.join(missing)}"] if missing else []
-    if incomplete.whole:
+    if bodies:
+        lines.append("The stage cannot be made. Strips along the links stand for bodies that cannot be drawn.")
+    elif incomplete.whole:
         chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
         lines.append(f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
     title = stage.name if incomplete.states("name") else str(stage.origin)
-    plot = partial(plot_dimensions, stage=stage, missing=missing)
+    plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
     return page((8.27, 7.6), f"{title}: drawing", [*filter(None, lines)], plot, incomplete.assumptions)
 
 
@@ -475,8 +493,8 @@ def show_window(draw: Callable[[Axes], object], title: str) -> bool:
         return False
     interactive = figure.canvas.required_interactive_framework is not None
     if interactive:
-        draw(ax)
         ax.set_title(title, wrap=True)
+        draw(ax)
         pyplot.show()
     pyplot.close(figure)
     return interactive

@@ -206,13 +206,7 @@ def _number(cell: str) -> int | float | str:
 
 
 def _answer(
-    kind: type[Kind],
-    subject: About,
-    drawn: Array,
-    made: Array,
-    draws: Array,
-    necks: tuple[Array, Array],
-    **texts: Any,
+    kind: type[Kind], subject: About, drawn: Array, made: Array, draws: Array, necks: tuple[Array, Array], **texts: Any
 ) -> Kind:
     """Return the result from stiffness (3, 3) as drawn and as made, and diagonals (draws, 3) with scattered necks."""
     (neck, sd), solved = necks, draws[np.all(np.isfinite(draws), axis=1)]

@@ -119,9 +119,7 @@ def for_mechanisms(
     The function raises BadInput for a mechanism with an option that the answer lacks; its docstring says so.
     """
 
-    def decorate(
-        function: Callable[Concatenate[Stage, Options], OfStage],
-    ) -> OfBoth[Options, OfStage, OfMechanism]:
+    def decorate(function: Callable[Concatenate[Stage, Options], OfStage]) -> OfBoth[Options, OfStage, OfMechanism]:
         signature, known = inspect.signature(function), inspect.signature(answer).parameters
         text = (function.__doc__ or "").replace("stage : Stage\n", "stage : Stage or Mechanism\n")
         one, other = (str(each.__annotations__["return"]) for each in (function, answer))

@@ -607,11 +607,7 @@ def power_of(points: Array) -> float | None:
 
 
 def _gain(
-    source: Source,
-    figure: Figure,
-    rows: Index,
-    undrawable: Index,
-    stages_at: Callable[[Index], Iterable[object]],
+    source: Source, figure: Figure, rows: Index, undrawable: Index, stages_at: Callable[[Index], Iterable[object]]
 ) -> float | None:
     """Return y over that of the base stage for the best drawable design that is no worse in x and no larger."""
     x, y, sign = figure.x or "", figure.y or "", {"larger": 1.0, "smaller": -1.0}

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+import shapely
 
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.feasibility import check_feasible, placed
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -55,6 +56,9 @@ def test_an_impossible_stage_is_refused_with_its_reason(name: str, make_stage: C
     said = str(refusal.value)
     assert "\n" not in said and "expected" in said
     assert all(word in said for word in says), said
+    bodies, at_fault = placed(stage)  # what a drawing shows
+    red = shapely.union_all(at_fault).area
+    assert bodies and 0 < red < shapely.union_all([*bodies, *at_fault]).area
 
 
 @pytest.mark.parametrize("scale", [1e-2, 7.3, 100.0])
