@@ -656,7 +656,8 @@ def _text(value: Any, unit: str = "") -> str:
         )
         return "; ".join(texts)
     if isinstance(value, list | tuple):
-        return f"{', '.join(map(_text, value))} {unit}".rstrip()
+        between = "; " if value and isinstance(value[0], list | tuple) else ", "
+        return f"{between.join(map(_text, value))} {unit}".rstrip()
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{round(value, 12) + 0.0:.6g} {unit}".rstrip() if isinstance(value, float) else str(value)

@@ -263,8 +263,8 @@ def _study_subject(path: Path, folder: Path) -> Subject:
     status = studies.status_facts(parts_on_disk)
     if status["open"]:
         raise BadInput(
-            f"{place_of(path)}: {status['open']} of {status['designs']} designs are open in "
-            f"{place_of(status['folder'])}, expected all done by flexfem study run"
+            f"{place_of(path)}: {status['open']} of {status['designs']} designs are unfinished in "
+            f"{place_of(status['folder'])}. Run `flexfem study run`"
         )
     found = studies.findings_of(parts_on_disk)
     loaded = found.source.loaded

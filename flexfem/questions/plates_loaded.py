@@ -51,11 +51,12 @@ class MechanismModes(Result):
     main = ("frequency", {})
     columns = ("model", "direction", "motion")
     reading = (
-        "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
-        "no share: the output hardly moves; modes of equal frequency: the first one moves along x, where any does",
-        "modes out of the plane are computed with layers only, a payload as a flat body at mid-plane; the analytic "
-        "models have no mass in the hinges, so they lack the modes in which leaf springs themselves vibrate, and their "
-        "numbers shift against those of finite elements from there on",
+        "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
+        "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
+        "one can",
+        "modes out of the plane are computed with layers only; a payload is a flat body at mid-plane; the hinges of "
+        "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
+        "modes differ from those of finite elements",
     )
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
     share = Quantity(
