@@ -37,6 +37,11 @@ EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes 
 STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
 LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
 CASES = ("uniform", "gradient in x", "gradient in y")
+FRAME = "frame.expansion_um_per_m_k"
+FRAME_ASSUMED = (
+    f"{FRAME} is not stated: the frame is assumed to expand like the plate, so a uniform change causes no stress; "
+    "state expansion_um_per_m_k under [frame], for example 12 for steel"
+)
 
 
 class MechanismModes(Result):
@@ -193,6 +198,7 @@ class MechanismDrift(Result):
     """Displacement and stress of a mechanism per change of temperature."""
 
     title = "change of temperature"
+    decisive = FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
@@ -218,7 +224,7 @@ def drift(
         raise BadInput(f"{mechanism.origin}: material.expansion_um_per_m_k is missing, expected um/(m K)")
     if ground is None:
         ground = plate
-        warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
+        warnings.append(FRAME_ASSUMED)
 
     lever = mechanism.layout.lever
     sizes = max(plate, ground) * np.outer([1.0, lever, lever], [lever, lever, 1.0])[:, None]  # of free expansion
