@@ -146,7 +146,7 @@ def _part_and_limits(plate: Plate, holes: float | None) -> tuple[Part, list[str]
         limits += ["the models do not include the mounting holes, which make the pads softer"] * (holes is not None)
         return part_of(plate, holes), limits
     if holes is not None:
-        raise BadInput(f"mounting holes of {holes:g} mm: for a stage file, a mechanism file has holes in its bodies")
+        raise BadInput(f"mounting holes of {holes:g} mm: expected a stage file; a mechanism states holes of bodies")
     with located(plate):
         outer, *others = plate_contours(plate.layout)
     ground = [[*body.outline] for body in plate.layout.bodies if body.fixed]

@@ -194,6 +194,7 @@ class Result:
     figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
+    decisive: ClassVar[str] = ""  # key of the file that the main result depends on: its warning is printed first
     quantities: ClassVar[dict[str, Quantity]] = {}
     kinds: ClassVar[dict[str, type[Result]]] = {}
 
@@ -655,7 +656,8 @@ def _text(value: Any, unit: str = "") -> str:
         )
         return "; ".join(texts)
     if isinstance(value, list | tuple):
-        return f"{', '.join(map(_text, value))} {unit}".rstrip()
+        between = "; " if value and isinstance(value[0], list | tuple) else ", "
+        return f"{between.join(map(_text, value))} {unit}".rstrip()
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{round(value, 12) + 0.0:.6g} {unit}".rstrip() if isinstance(value, float) else str(value)

@@ -79,7 +79,7 @@ def run_study(
     retry: bool = False,
     scheduler: str | None = None,
 ) -> dict[str, Any]:
-    """Compute the open designs of a study; a run that was stopped or killed continues where it was.
+    """Compute the unfinished designs of a study; a run that was stopped or killed continues where it was.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def compute(
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
-    """Count the designs of a study that are done, refused, failed with reasons, and open, as `study status --json`.
+    """Count the designs of a study done, refused, failed with reasons, or unfinished, as `study status --json`.
 
     Raises BadInput.
     """
@@ -140,9 +140,9 @@ def collect_study(
     Parameters
     ----------
     to : the table to write, .parquet or .csv.
-    partial : leave out open designs instead of refusing them.
+    partial : leave out unfinished designs instead of refusing them.
 
-    Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
+    Raises BadInput: designs are unfinished, a part is damaged, or the table cannot be written.
     """
     parts = parts_of(study, output)
     target = table_path(parts) if to is None else checked_path(to)

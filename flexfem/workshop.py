@@ -57,7 +57,7 @@ class View(NamedTuple):
 
 
 def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study: bool = False) -> NewFiles:
-    """Write a commented template of a stage file, or of a mechanism of another kind.
+    """Write a commented template of a stage or mechanism file.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
 
 
 def view(file: Path, *, output: Path | None = None) -> View:
-    """Draw a mechanism, or a stage with its dimensions, an incomplete one as far as possible; in a window if possible.
+    """Draw a mechanism, or a stage with its dimensions, also an incomplete one; in a window if possible.
 
     Parameters
     ----------

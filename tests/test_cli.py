@@ -135,6 +135,16 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
         assert code == 0 and "[red]x[/b] $y$" in out
 
 
+@pytest.mark.parametrize("name", ["mobility6", "bridge-amplifier"])
+def test_drift_says_first_that_the_coefficient_of_the_frame_is_missing(flexfem, name):
+    text = (ROOT / f"geometry/{name}.toml").read_text()
+    Path("bare.toml").write_text(re.sub(r'^\[frame\].*\n.*\n|^"frame\..*\n', "", text, flags=re.MULTILINE))
+    code, out, _ = flexfem("drift", "bare.toml", "--models", "analytic")
+    first, *others = out.splitlines()
+    assert code == 0 and first.startswith("warning: frame.expansion_um_per_m_k is not stated: the frame is assumed")
+    assert "under [frame], for example 12" in first and not any("is not stated: the frame" in line for line in others)
+
+
 # refusals
 
 

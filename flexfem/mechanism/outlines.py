@@ -131,7 +131,7 @@ def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
     sides = [corners[(k + 1) % n] - corners[k] for k in range(n)]
     for k, side in enumerate(sides):
         if abs(side) <= SHORTEST:
-            raise ValueError(k, "a corner apart from the next")
+            raise ValueError(k, "a corner that differs from the next")
     turns = [cmath.phase(sides[k] / sides[k - 1]) for k in range(n)]
     for k, turn in enumerate(turns):
         if abs(turn) > np.pi - 1e-6:
@@ -184,7 +184,7 @@ def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outli
     for k, direction in enumerate(ahead):
         for flank in (right, left):
             if ((flank[k + 1] - flank[k]) / direction).real <= SHORTEST:
-                raise ValueError(k, "a longer way to the next bend, or a smaller width")
+                raise ValueError(k, "a longer distance to the next bend, or a smaller width")
     try:
         loop, edges = rounded(right + left[::-1], of_right + of_left[::-1])
     except ValueError as error:

@@ -113,15 +113,16 @@ class Verification(Result):
     title = "errors of the finite-element displacement"
     main = ("percent", {})
     columns = ("direction",)
-    reading = ("errors at the largest command, in per cent of the command; all rotations are multiplied by l3",)
-    percent = Quantity("error, per cent of the command", "percents", ("curve", "direction"), PERCENT_GATE)
+    reading = ("errors are those at the largest command; rotations are multiplied by l3",)
+    percent = Quantity("positioning error, % of the commanded motion", "percents", ("curve", "direction"), PERCENT_GATE)
     along = Quantity(
         "stiffness of the platform along each direction", "stiffness", ("curve", "model", "direction"), FRESH
     )
     peak = Quantity(
         "highest neck stress per displacement along the command", "stress per motion",
         ("curve", "model", "chain", "hinge", "direction"), STRESS, "all", largest=("chain", "hinge"),
-        note="analytic, with the other directions held; by finite elements, divided by the resulting displacement",
+        note="the analytic stress is with the other directions held; that of finite elements is divided by the "
+        "resulting displacement",
     )  # fmt: skip
     neck_stress = Quantity(
         "neck stress of finite elements at the largest command", "mpa", ("curve", "chain", "hinge"), STRESS, "all",
@@ -203,7 +204,7 @@ class CurveElements(NamedTuple):
 
 @question
 def verification(*cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None) -> list[Result]:
-    """Apply the analytic force for a displacement, or joint commands, to finite elements: errors of cases, mechanisms.
+    """Compute the positioning error of the analytic model of cases or mechanisms by finite elements.
 
     Parameters
     ----------

@@ -37,6 +37,11 @@ EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes 
 STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
 LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
 CASES = ("uniform", "gradient in x", "gradient in y")
+FRAME = "frame.expansion_um_per_m_k"
+FRAME_ASSUMED = (
+    f"{FRAME} is not stated: the frame is assumed to expand like the plate, so a uniform change causes no stress; "
+    "state expansion_um_per_m_k under [frame], for example 12 for steel"
+)
 
 
 class MechanismModes(Result):
@@ -46,11 +51,12 @@ class MechanismModes(Result):
     main = ("frequency", {})
     columns = ("model", "direction", "motion")
     reading = (
-        "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
-        "no share: the output hardly moves; modes of equal frequency: the first one moves along x, where any does",
-        "modes out of the plane are computed with layers only, a payload as a flat body at mid-plane; the analytic "
-        "models have no mass in the hinges, so they lack the modes in which leaf springs themselves vibrate, and their "
-        "numbers shift against those of finite elements from there on",
+        "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
+        "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
+        "one can",
+        "modes out of the plane are computed with layers only; a payload is a flat body at mid-plane; the hinges of "
+        "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
+        "modes differ from those of finite elements",
     )
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
     share = Quantity(
@@ -192,6 +198,7 @@ class MechanismDrift(Result):
     """Displacement and stress of a mechanism per change of temperature."""
 
     title = "change of temperature"
+    decisive = FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
@@ -217,7 +224,7 @@ def drift(
         raise BadInput(f"{mechanism.origin}: material.expansion_um_per_m_k is missing, expected um/(m K)")
     if ground is None:
         ground = plate
-        warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
+        warnings.append(FRAME_ASSUMED)
 
     lever = mechanism.layout.lever
     sizes = max(plate, ground) * np.outer([1.0, lever, lever], [lever, lever, 1.0])[:, None]  # of free expansion

@@ -202,7 +202,7 @@ class Source(NamedTuple):
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """Return the text above a figure, with the title of the study file where it has one."""
         loaded, study, table = self.loaded, self.loaded.study, self.table
-        counts = table.counts | {"open": loaded.count - len(table.design)}
+        counts = table.counts | {"unfinished": loaded.count - len(table.design)}
         text = [
             f"Study: {study.name}. Base: {loaded.base.name}.",
             f"{model_words(loaded)}. {thousands(loaded.count)} designs ({sampling_words(loaded)}): {counted(counts)}.",
