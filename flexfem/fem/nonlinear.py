@@ -325,7 +325,7 @@ def _advance(
     condition = "holding the hub at" if hold else "under the load"
     raise ComputationFailed(
         f"no equilibrium {condition} {target.tolist()}: Newton's method fails after {iterations} iterations, "
-        f"at more than {100 * done:.3g} % of this: the structure buckles, or the load is far too large"
+        f"at more than {100 * done:.3g} % of the target: the structure buckles, or the load is far too large"
     )
 
 

@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.mechanism.bodies import draw_sector, turn
+from flexfem.mechanism.bodies import draw_sector, given_angles, turn
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import polygon_points
@@ -65,7 +65,11 @@ def conditions(designs: Designs) -> list[Condition]:
     for k, name in enumerate(HINGE_NAMES):
         key, wrong, limit = f"hinges.{name}.neck_mm", "neck as wide as the link", "< chain.link_width_mm = {:g}"
         checks.append(Condition(key, wrong, limit, neck[..., k], (width - neck)[..., k]))
-        key, wrong, limit = f"hinges.{name}.radius_mm", "notch deeper than the link", "<= (link_width - neck)/2 = {:g}"
+        key, wrong, limit = (
+            f"hinges.{name}.radius_mm",
+            "notch deeper than the link",
+            "<= (chain.link_width_mm - neck_mm)/2 = {:g}",
+        )
         checks.append(Condition(key, wrong, limit, radius[..., k], depth_margin[..., k]))
     wrong, limit = "hub larger than the platform", "< platform.radius_mm = {:g}"
     checks.append(Condition("platform.hub_radius_mm", wrong, limit, hub, disc - hub))
@@ -110,6 +114,10 @@ def _check_conditions(stage: StageContent) -> None:
             table, *hinge, key = check.key.split(".")
             path = key_of(stage, place + 1, hinge[0], key) if hinge else check.key
             chain = f" of chain {place + 1}" if table == "platform" and len(check.room[0]) > 1 else ""
+            if key == "radius_mm" and not hinge and limit <= stage.platform.hub_radius:  # no radius is small enough
+                given = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at {given_angles(stage)}"
+                farther = f"this hinge {value - limit:.4g} mm farther from the platform centre"
+                raise BadInput(f"{given}, {check.wrong}{chain} with platform.radius_mm = {value:g}, expected {farther}")
             raise BadInput(f"{path} = {value:g}, {check.wrong}{chain}, expected {check.expected.format(limit)}")
 
 
@@ -153,13 +161,15 @@ def placed(stage: StageContent) -> tuple[list[Any], list[Any]]:
 def _check_bodies(stage: StageContent) -> None:
     """Raise BadInput for a body that crosses itself, or bodies that overlap beyond their necks and sector cuts."""
     bodies = {name: outline for chain in CHAINS for name, outline in _outlines(stage, chain).items()}
+    lengths = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}"
     size = (
-        f"at chain.link_lengths_mm = {list(stage.chain.link_lengths)}, chain.link_width_mm = "
-        f"{stage.chain.link_width:g}, platform.radius_mm = {stage.platform.radius:g}"
+        f"at {given_angles(stage)}, chain.link_width_mm = {stage.chain.link_width:g}, platform.radius_mm = "
+        f"{stage.platform.radius:g}"
     )
     for name, outline in bodies.items():
         if not outline.is_valid:
-            raise BadInput(f"chain: {name} overlaps itself {size}, expected an outline that does not cross itself")
+            raise BadInput(f"{lengths}: {name} overlaps itself {size}, expected an outline that does not cross itself")
     for (name, outline), (other, other_outline) in combinations(bodies.items(), 2):
-        if outline.intersects(other_outline) and outline.intersection(other_outline).area > TOUCHING:
-            raise BadInput(f"chain: {name} and {other} overlap {size}, expected bodies that meet only at their hinges")
+        if outline.intersects(other_outline) and (area := outline.intersection(other_outline).area) > TOUCHING:
+            how = f"overlap by {area:.3g} mm^2 {size}"
+            raise BadInput(f"{lengths}: {name} and {other} {how}, expected bodies that meet only at their hinges")

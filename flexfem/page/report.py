@@ -23,9 +23,9 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.page.key import ENDS, SHARES, Ask, opening
 from flexfem.page.section import (
@@ -248,7 +248,7 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
         raise BadInput(f"{first} and {len(files) - 1} more, expected one stage or study file, or results as .json")
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind in ("stage file", Mechanism.kind):
-        return _plate_subject(files[0], kind, sections, amplitude)
+        return _plate_subject(load_plate(files[0]), sections, amplitude)
     if kind not in ("results", "study file"):
         found = f"{first}: this is a {kind or 'TOML file'}"
         raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
@@ -291,8 +291,7 @@ def _stored_subject(files: Sequence[Path]) -> Subject:
     return Subject(title, "Stored results", *_assumptions(records), parts)
 
 
-def _plate_subject(path: Path, kind: str, sections: Sequence[str], amplitude: Any) -> Subject:
-    plate = load_mechanism(path) if kind == Mechanism.kind else load_feasible(path)
+def _plate_subject(plate: Stage | Mechanism, sections: Sequence[str], amplitude: Any) -> Subject:
     stage = plate if isinstance(plate, Stage) else None
     if stage is None and "life" in sections:
         raise BadInput(f"{plate.origin}: section life, expected some of {', '.join(SECTIONS[:-1])}")
