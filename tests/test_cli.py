@@ -230,6 +230,17 @@ def test_what_is_wrong_or_cannot_be_done_is_refused_in_one_line_and_nothing_is_w
     assert sorted(os.listdir()) == before
 
 
+@pytest.mark.parametrize("given", ["geometry/mobilty6.toml", "geometry/mobility6", "geometry/mobility-6.tml"])
+def test_a_file_that_does_not_exist_is_refused_with_the_nearest_name(flexfem, given):
+    Path("geometry").mkdir()
+    for name in ("mobility6.toml", "mobility6.png", "mobility6.csv", "pivot.toml"):
+        Path("geometry", name).touch()
+    said = f"flexfem: {given}: no such file, did you mean geometry/mobility6.toml?\n"
+    assert flexfem("check", given) == (2, "", said)
+    assert flexfem("check", "geometry/rhombus.toml") == (2, "", "flexfem: geometry/rhombus.toml: no such file\n")
+    assert flexfem("check", "nowhere/pivot.toml") == (2, "", "flexfem: nowhere/pivot.toml: no such file\n")
+
+
 KINDS = {
     "geometry/mobility6.toml": ("stage file", ["check"]),
     "cases/fig5.toml": ("case file", ["verify"]),
