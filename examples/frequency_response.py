@@ -10,11 +10,11 @@ import numpy as np
 from matplotlib import pyplot
 
 import flexfem
+from flexfem.questions.modes import dynamic_model
 
 stage = flexfem.load("../geometry/mobility6.toml")
 models = {
-    payload: flexfem.dynamic_model(stage, count=6, payload=payload, resolution=4)
-    for payload in ((0.0, 0.0), (0.05, 10.0))
+    payload: dynamic_model(stage, count=6, payload=payload, resolution=4) for payload in ((0.0, 0.0), (0.05, 10.0))
 }
 figure, axes = pyplot.subplots(1, 2, figsize=(11, 4.2), layout="constrained", sharey=True)
 for ax, (payload, model) in zip(axes, models.items(), strict=True):

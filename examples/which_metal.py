@@ -10,10 +10,11 @@ Dimensions are assumed.
 from matplotlib import pyplot
 
 import flexfem
+from flexfem.mechanism.materials import materials
 
 stage = flexfem.load("../geometry/mobility6.toml")
 found = {}
-for name in flexfem.materials():
+for name in materials():
     model = flexfem.analyse(stage.replace(material=name), formula="calibrated", links=True)
     found[name] = (1e3 * model.range_at_yield[0], model.stiffness[0, 0])
 
@@ -31,7 +32,7 @@ ax.grid(color="0.9")
 # %%
 # The life for a motion to 320 µm and back, for the metals whose fatigue constants are known:
 
-for name, metal in flexfem.materials().items():
+for name, metal in materials().items():
     if metal.fatigue_strength_coefficient:
         life = flexfem.life(stage.replace(material=name), amplitude=(0.16, 0, 0), ratio=0.0, models="analytic")
         hinge = life.axes["hinge"][life.cycles.argmin() % 3]

@@ -24,39 +24,19 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.baselines import regression as regression
     from flexfem.cad import export as export
     from flexfem.design.run import run_design as run_design
-    from flexfem.hinges.formulas import formulas as formulas
-    from flexfem.hinges.formulas import register_formula as register_formula
-    from flexfem.hinges.strength import Basquin as Basquin
-    from flexfem.hinges.strength import fit_basquin as fit_basquin
-    from flexfem.mechanism.actuators import Actuator as Actuator
     from flexfem.mechanism.materials import Material as Material
-    from flexfem.mechanism.materials import materials as materials
-    from flexfem.mechanism.materials import register_material as register_material
     from flexfem.mechanism.mechanism import Mechanism as Mechanism
     from flexfem.mechanism.stage import Stage as Stage
-    from flexfem.mechanism.stage_file import Chain as Chain
-    from flexfem.mechanism.stage_file import Hinge as Hinge
-    from flexfem.mechanism.stage_file import Hinges as Hinges
-    from flexfem.mechanism.stage_file import Override as Override
-    from flexfem.mechanism.stage_file import Platform as Platform
-    from flexfem.models import AnalyticModel as AnalyticModel
-    from flexfem.models import ElementModel as ElementModel
-    from flexfem.models import Errors as Errors
     from flexfem.models import analyse as analyse
     from flexfem.models import errors as errors
     from flexfem.models import load as load
     from flexfem.models import solve as solve
-    from flexfem.page.report import plot_results as plot_results
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built
     from flexfem.questions.budget import budget as budget
     from flexfem.questions.check import check as check
-    from flexfem.questions.check import hinge_review as hinge_review
-    from flexfem.questions.check import known_formulas as known_formulas
-    from flexfem.questions.check import thickness_review as thickness_review
     from flexfem.questions.convergence import converge as converge
     from flexfem.questions.drive import drive as drive
-    from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.errors import verification as verification
     from flexfem.questions.experiment import experiment as experiment
     from flexfem.questions.gravity import gravity as gravity
@@ -64,7 +44,6 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.questions.identify import identify as identify
     from flexfem.questions.large import large as large
     from flexfem.questions.life import life as life
-    from flexfem.questions.modes import dynamic_model as dynamic_model
     from flexfem.questions.modes import modes as modes
     from flexfem.questions.reach import reach as reach
     from flexfem.questions.setup import Analytic as Analytic
@@ -73,36 +52,60 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
     from flexfem.schemas import schema as schema
-    from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
     from flexfem.studies import run_study as run_study
+    from flexfem.workshop import new_stage as new_stage
+
+if TYPE_CHECKING:  # names that scripts may use, too; documented in their modules
+    from flexfem.hinges.formulas import formulas as formulas
+    from flexfem.hinges.formulas import register_formula as register_formula
+    from flexfem.hinges.strength import Basquin as Basquin
+    from flexfem.hinges.strength import fit_basquin as fit_basquin
+    from flexfem.mechanism.actuators import Actuator as Actuator
+    from flexfem.mechanism.materials import materials as materials
+    from flexfem.mechanism.materials import register_material as register_material
+    from flexfem.mechanism.stage_file import Chain as Chain
+    from flexfem.mechanism.stage_file import Hinge as Hinge
+    from flexfem.mechanism.stage_file import Hinges as Hinges
+    from flexfem.mechanism.stage_file import Override as Override
+    from flexfem.mechanism.stage_file import Platform as Platform
+    from flexfem.models import AnalyticModel as AnalyticModel
+    from flexfem.models import ElementModel as ElementModel
+    from flexfem.models import Errors as Errors
+    from flexfem.page.report import plot_results as plot_results
+    from flexfem.questions.check import hinge_review as hinge_review
+    from flexfem.questions.check import known_formulas as known_formulas
+    from flexfem.questions.check import thickness_review as thickness_review
+    from flexfem.questions.errors import Verification as Verification
+    from flexfem.questions.modes import dynamic_model as dynamic_model
+    from flexfem.studies import clean_study as clean_study
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_status as study_status
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
-    from flexfem.workshop import new_stage as new_stage
     from flexfem.workshop import view as view
 
 __version__ = "0.1.0"
 
-_IMPORTS = re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", Path(__file__).read_text(), re.MULTILINE)
-_HOMES: dict[str, str] = {name: home for home, name in _IMPORTS}
-FOLDERS = ("design", "plot", "study")
-__all__ = sorted(["__version__", *_HOMES])
+_BLOCKS = Path(__file__).read_text().split("\nif TYPE_CHECKING:")[1:]
+_LISTED, OTHERS = (re.findall(r"^    from flexfem\.([\w.]+) import \w+ as (\w+)$", text, re.M) for text in _BLOCKS)
+_HOMES: dict[str, str] = {name: home for home, name in (*_LISTED, *OTHERS)}
+SUBJECTS = ("design", "plot", "studies", "study", "workshop")
+__all__ = sorted(["__version__", *(name for _, name in _LISTED)])
 
 
 def home_of(name: str) -> str:
-    """Return the module under `flexfem` that defines a public name, "" for other names."""
+    """Return the module under `flexfem` that defines a name, listed or not, "" for other names."""
     return _HOMES.get(name, "")
 
 
 def __getattr__(name: str) -> Any:
     if home := home_of(name):
         return getattr(import_module(f"flexfem.{home}"), name)
-    if name in FOLDERS:
+    if name in SUBJECTS:
         return import_module(f"flexfem.{name}")
     raise AttributeError(f"module 'flexfem' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return [*__all__, *FOLDERS]
+    return [*__all__, *SUBJECTS]

@@ -11,7 +11,7 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from operator import methodcaller
@@ -21,7 +21,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
-from flexfem.arrays import Array, brief
+from flexfem.arrays import brief
 from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
@@ -351,36 +351,11 @@ def _number(path: str, value: float, accepted: float) -> Number:
     return Number(path, value, np.nan, NONE, accepted, 0.0)
 
 
-class Meshable(NamedTuple):
-    """What a stored mesh needs: how it is made, its area, mm^2, its pieces, the ports, and the compliance (k, k)."""
-
-    made: Callable[[int], StageMesh]
-    drawn: float
-    pieces: int
-    ports: Sequence[str]
-    compliance: Callable[[StageMesh], Array]
-
-
-def meshable(plate: Stage | Mechanism) -> Meshable:
-    """Return what the stored mesh of a stage or mechanism needs."""
-    if isinstance(plate, Stage):
-        of_hub = lambda mesh: platform_response(mesh, plate_of(plate)).compliance  # noqa: E731
-        return Meshable(lambda level: build_mesh(plate, level), drawn_area(plate), 1, DIRECTIONS, of_hub)
-    layout = plate.layout
-    return Meshable(
-        lambda level: mesh_layout(layout, level),
-        plate_area(layout),
-        len([*components(layout)]),
-        [port.label for port in layout.ports],
-        lambda mesh: plate_response(layout, mesh).compliance,
-    )
-
-
 def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
     """Return the compliance on the stored mesh, which is made if missing. Raises BadInput when it is damaged."""
-    place, of = folder / f"{path.stem}-{plate.hash[:8]}.npz", meshable(plate)
+    place = folder / f"{path.stem}-{plate.hash[:8]}.npz"
     if not place.exists():
-        made = of.made(COARSE)
+        made = build_mesh(plate, COARSE) if isinstance(plate, Stage) else mesh_layout(plate.layout, COARSE)
         arrays: dict[str, Any] = {f"edges.{name}": edge for name, edge in made.edges.items()} | {"nodes": made.nodes}
         arrays |= {"triangles": made.triangles.astype(np.int32), "bodies": made.bodies.astype(np.int16)}
         write_atomically(place, lambda file: np.savez_compressed(file, allow_pickle=False, **arrays))
@@ -389,15 +364,18 @@ def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
         edges = {name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")}
         bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))
         mesh = StageMesh(held["nodes"], triangles, bodies, edges)
-        check_triangles(mesh, of.drawn, of.pieces)
-        C = of.compliance(mesh)
+        if isinstance(plate, Stage):
+            check_triangles(mesh, drawn_area(plate), 1)
+            ports, C = list[str](DIRECTIONS), platform_response(mesh, plate_of(plate)).compliance
+        else:
+            check_triangles(mesh, plate_area(plate.layout), len([*components(plate.layout)]))
+            C = plate_response(plate.layout, mesh).compliance
+            ports = [port.label.replace(" ", "_") for port in plate.layout.ports]
     except (KeyError, IndexError, ValueError, ComputationFailed) as error:
         raise BadInput(f"{place}: not a mesh of {path}: {error}") from None
     size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
     return _by_path(
-        _number(
-            f"compliance.{of.ports[i]}.{of.ports[j]}".replace(" ", "_"), float(C[i, j]), ON_KEPT * float(size[i, j])
-        )
+        _number(f"compliance.{ports[i]}.{ports[j]}", float(C[i, j]), ON_KEPT * float(size[i, j]))
         for i, j in np.ndindex(C.shape)
     )
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import ezdxf
 
 from flexfem import arguments
-from flexfem.fem.mesher import Extruded, PlateSolid, run_mesher
+from flexfem.fem.mesher import PlateSolid, Region, run_mesher
 from flexfem.fem.plate_mesh import plate_contours, regions_of
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
@@ -146,7 +146,7 @@ def _part_and_limits(plate: Plate, holes: float | None) -> tuple[Part, list[str]
         limits += ["the models do not include the mounting holes, which make the pads softer"] * (holes is not None)
         return part_of(plate, holes), limits
     if holes is not None:
-        raise BadInput(f"mounting holes of {holes:g} mm: for a stage file, a mechanism file has holes in its bodies")
+        raise BadInput(f"mounting holes of {holes:g} mm: expected a stage file; a mechanism states holes of bodies")
     with located(plate):
         outer, *others = plate_contours(plate.layout)
     ground = [[*body.outline] for body in plate.layout.bodies if body.fixed]
@@ -160,13 +160,11 @@ def write_step(plate: Plate, part: Part, path: Path) -> None:
     Raises ComputationFailed when what is read does not have the part's volume and height in mm, BadInput when the
     file cannot be written.
     """
-    pieces, holes = sum(area(loop) > 0 for loop in part.loops), [(hole.centre, hole.radius) for hole in part.holes]
+    pieces, thickness = sum(area(loop) > 0 for loop in part.loops), plate.thickness
+    circles = [[Segment(z := hole.centre + hole.radius, z, hole.centre)] for hole in part.holes]
+    regions = [Region([part.outer, *circles], [])] if isinstance(plate, Stage) else regions_of(plate.layout)
     with replacing(path) as temporary:
-        to, thickness = str(temporary), plate.thickness
-        if isinstance(plate, Stage):
-            read = run_mesher(Extruded(to, part.outer, holes, thickness), TIME_LIMIT)
-        else:
-            read = run_mesher(PlateSolid(to, regions_of(plate.layout), thickness), TIME_LIMIT)
+        read = run_mesher(PlateSolid(str(temporary), regions, thickness), TIME_LIMIT)
         found, height = read["volumes"], float(read["box"][1, 2] - read["box"][0, 2])
         off, most = abs(found.sum() / (part.area * thickness) - 1), TOLERANCE if isinstance(plate, Stage) else OF_ARCS
         if len(found) != pieces or off > most or abs(height - thickness) > 1e-6:

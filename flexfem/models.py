@@ -184,7 +184,7 @@ def analyse(
     Parameters
     ----------
     mobility : 3, 6, 12 or 21; None takes the prismatic hinges of the stage itself.
-    formula : a name of `flexfem.formulas()`; None takes `paros-weisbord`.
+    formula : a name of `formulas()` in `flexfem.hinges.formulas`; None takes `paros-weisbord`.
     links : pads, links and platform elastic, with all freedoms of the hinges (mobility 21 or None).
 
     Raises

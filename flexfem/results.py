@@ -195,6 +195,7 @@ class Result:
     figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
+    decisive: ClassVar[str] = ""  # key of the file that the main result depends on: its warning is printed first
     quantities: ClassVar[dict[str, Quantity]] = {}
     kinds: ClassVar[dict[str, type[Result]]] = {}
 
@@ -560,6 +561,27 @@ class Result:
         rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
         return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
 
+    def to_xarray(self) -> Any:
+        """Return all quantities as an xarray Dataset in the declared units, `NAME_band` beside NAME with bands.
+
+        Coordinates are the labels of the axes; an axis with the name of a quantity is called `AXIS_label`. Attributes
+        of a variable are its meaning and its unit: one, or one for each direction, or row by row of a matrix.
+        """
+        import xarray as xr
+
+        dims = {axis: f"{axis}_label" if axis in self.values else axis for axis in self.axes}
+        found = {}
+        for name, values in self.values.items():
+            one = self.quantities[name]
+            units = [UNITS[unit].plain if unit else "1" for unit in np.ravel(one.unit)]
+            attributes = {"meaning": one.meaning, "unit": ", ".join(units if len({*units}) > 1 else units[:1])}
+            for key, arrays in ((name, self.values), (f"{name}_band", self.bands)):
+                if name in arrays:
+                    array = arrays[name] * one.factors(values.shape)
+                    found[key] = ([dims[axis] for axis in one.over], array, attributes)
+        coordinates = {dims[axis]: list(labels) for axis, labels in self.axes.items()}
+        return xr.Dataset(found, coordinates, {"title": self.heading(), "hash": self.about.hash})
+
 
 def html_table(content: TextTable) -> str:
     """Return a table as an HTML element that needs no style sheet."""
@@ -568,7 +590,8 @@ def html_table(content: TextTable) -> str:
         sides = ["left" if k < content.names else "right" for k in range(len(row))]
         cells = (f'<{tag} style="text-align: {s}">{escape(text)}</{tag}>' for s, text in zip(sides, row, strict=True))
         lines.append(f"<tr>{''.join(cells)}</tr>")
-    return f"<table><caption>{escape(content.caption)}</caption>{''.join(lines)}</table>"
+    caption = f'<caption style="text-align: left">{escape(content.caption)}</caption>'
+    return f'<table style="margin-top: 1em">{caption}{"".join(lines)}</table>'
 
 
 def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]], list[TextTable]]:
@@ -635,7 +658,8 @@ def _text(value: Any, unit: str = "") -> str:
         )
         return "; ".join(texts)
     if isinstance(value, list | tuple):
-        return f"{', '.join(map(_text, value))} {unit}".rstrip()
+        between = "; " if value and isinstance(value[0], list | tuple) else ", "
+        return f"{between.join(map(_text, value))} {unit}".rstrip()
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{round(value, 12) + 0.0:.6g} {unit}".rstrip() if isinstance(value, float) else str(value)

@@ -328,8 +328,8 @@ def _in_words(of: dict[str, Any]) -> str:
         return f"{_in_words(of | {'type': 'number'})} or expression"
     if kind == "array":
         least, most = of.get("minItems", 0), of.get("maxItems")
-        count = f"{least} of" if least == most else f"{least} to {most} of" if most else f"{least} or more of"
-        return f"{count if most or least else 'array of'}: {_in_words(of['items'])}"
+        count = f" {least}" if least == most else f" {least} to {most}" if most else f" {least} or more"
+        return f"array of{count if most or least else ''}: {_in_words(of['items'])}"
     if kind == "object":
         is_number = of["additionalProperties"]["type"] == EXPRESSIONS
         return "number or expression for each name" if is_number else "text for each key path in quotes"

@@ -45,7 +45,7 @@ def require_unchanged(expected: Mapping[str, str] | None = None) -> None:
     for name in sorted({*now, *before}):
         if now.get(name) != before.get(name):
             raise SourcesChanged(
-                f"flexfem/{name} is not what it was when this command began; what is done is kept, run again"
+                f"flexfem/{name} changed after this command began; finished results are kept: run the command again"
             )
 
 

@@ -49,10 +49,26 @@ def processors() -> int:
 
 
 def parts_of(study: PathLike, output: PathLike = REPORTS) -> Parts:
-    """Return the parts of a study file in an output folder. Raises BadInput."""
-    parts = run.parts_of(load_study(checked_path(study)), checked_path(output))
+    """Return the parts of a study file in an output folder, or of a folder of results. Raises BadInput."""
+    path, folder = checked_path(study), checked_path(output)
+    if path.is_dir():
+        path, folder = _study_of(path)
+    parts = run.parts_of(load_study(path), folder)
     check_folder(parts.folder, written=False)
     return parts
+
+
+def _study_of(results: Path) -> tuple[Path, Path]:
+    """Return the study file and the output folder of a folder of results, or of its parts. Raises BadInput."""
+    folder = Path(os.path.abspath(results))
+    folder = folder.parent if folder.name == run.PARTS else folder
+    try:
+        file = Path(os.path.normpath(folder / json.loads((folder / run.FILE).read_text(encoding="utf-8"))["study"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        raise BadInput(f"{results}: no study has run in this folder, expected a study file or its results") from None
+    if file.stem != folder.name:
+        raise BadInput(f"{results}: a folder of results of {file}, expected it to be named {file.stem}")
+    return file, folder.parent
 
 
 def run_study(
@@ -63,11 +79,12 @@ def run_study(
     retry: bool = False,
     scheduler: str | None = None,
 ) -> dict[str, Any]:
-    """Compute the open designs of a study; a run that was stopped or killed continues where it was.
+    """Compute the unfinished designs of a study; a run that was stopped or killed continues where it was.
 
     Parameters
     ----------
-    study, output : the study file, and the folder of results, in which the study has its own folder.
+    study : the study file, or the folder of its results, such as `reports/study-reach`, as for all functions here.
+    output : the folder of results, in which the study has its own folder.
     workers : number of processes on this machine, by default one a processor.
     shard : `I/N`, compute only the I-th of N shares.
     retry : also repeat designs that failed or ran out of time.
@@ -102,24 +119,11 @@ def compute(
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
-    """Count the designs of a study that are done, refused, failed with reasons, and open, as `study status --json`.
+    """Count the designs of a study done, refused, failed with reasons, or unfinished, as `study status --json`.
 
-    `study` : the study file, or its folder of results, such as `reports/study-reach`.   Raises BadInput.
+    Raises BadInput.
     """
-    path = checked_path(study)
-    if not path.is_dir():
-        return status_facts(parts_of(path, output))
-    folder = Path(os.path.abspath(path))
-    try:
-        file = json.loads((path / run.FILE).read_text(encoding="utf-8"))["study"]
-        parts = parts_of(os.path.normpath(folder / file), folder.parent)
-    except (OSError, ValueError, KeyError, TypeError):
-        raise BadInput(f"{path}: no study has run in this folder, expected a study file or its results") from None
-    if parts.loaded.stem != folder.name:
-        raise BadInput(
-            f"{path}: a folder of results of {parts.loaded.path}, expected it to be named {parts.loaded.stem}"
-        )
-    return status_facts(parts)
+    return status_facts(parts_of(study, output))
 
 
 def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:
@@ -136,9 +140,9 @@ def collect_study(
     Parameters
     ----------
     to : the table to write, .parquet or .csv.
-    partial : leave out open designs instead of refusing them.
+    partial : leave out unfinished designs instead of refusing them.
 
-    Raises BadInput: designs are open, a part is damaged, or the table cannot be written.
+    Raises BadInput: designs are unfinished, a part is damaged, or the table cannot be written.
     """
     parts = parts_of(study, output)
     target = table_path(parts) if to is None else checked_path(to)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable
 from functools import partial
 from operator import methodcaller
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from flexfem import arguments
 from flexfem.arrays import brief
@@ -16,18 +15,13 @@ from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import checked_path, place_of, shown, suggestion
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.feasibility import check_feasible, placed
 from flexfem.mechanism.mechanism import Mechanism, read_mechanism
-from flexfem.mechanism.plate import check_layout
+from flexfem.mechanism.plate import check_layout, clashes
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_partly
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 MECHANISMS = (
     "parallelogram",
@@ -63,7 +57,7 @@ class View(NamedTuple):
 
 
 def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study: bool = False) -> NewFiles:
-    """Write a commented template of a stage file, or of a mechanism of another kind.
+    """Write a commented template of a stage or mechanism file.
 
     Parameters
     ----------
@@ -117,19 +111,8 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
     )
 
 
-class Drawing(NamedTuple):
-    """A drawing of a file: the name of its subject, missing keys, warnings, assumptions, and functions that draw it."""
-
-    name: str
-    missing: list[str]
-    warnings: list[str]
-    assumptions: Assumptions
-    plot: Callable[[Axes], object]
-    page: Callable[[], Figure]
-
-
 def view(file: Path, *, output: Path | None = None) -> View:
-    """Draw a mechanism, or a stage with its dimensions, an incomplete one as far as possible; in a window if possible.
+    """Draw a mechanism, or a stage with its dimensions, also an incomplete one; in a window if possible.
 
     Parameters
     ----------
@@ -141,47 +124,52 @@ def view(file: Path, *, output: Path | None = None) -> View:
     Raises
     ------
     BadInput
-        The file is invalid or has nothing to draw, or the folder is not writable.
+        The file is invalid or has nothing to draw, or the folder is not writable. What the file describes cannot be
+        made; this is drawn as far as possible, with what clashes in red, before it is raised.
     """
-    from flexfem.plot.stage import show_window
+    from flexfem.plot.plate import mechanism_figure, plot_mechanism
+    from flexfem.plot.stage import drawing_figure, mark_clashes, plot_dimensions, show_window
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    is_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
-    drawing = _of_mechanism(read_mechanism(source)) if is_mechanism else _of_stage(source)
-    title = f"{source}: missing {', '.join(drawing.missing)}" if drawing.missing else drawing.name
-    window, written = target is None and show_window(drawing.plot, title), list[Path]()
+    missing, warnings, refused = list[str](), list[str](), None
+    bodies, clashing = list[Any](), list[Any]()
+    if kind_of(read_toml(source).data) == Mechanism.kind:
+        mechanism = read_mechanism(source)
+        name, doubts = mechanism.name, Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
+        try:
+            with located(mechanism):
+                check_layout(mechanism.layout)
+        except BadInput as refusal:
+            refused, clashing = refusal, clashes(mechanism.layout, refusal)
+        page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
+    else:
+        stage, missing = incomplete = load_partly(source)
+        name, doubts = stage.name, incomplete.assumptions
+        skeleton = incomplete.states("chain.link_lengths_mm", "chain.joint_angles_deg")
+        if not (incomplete.whole or skeleton or incomplete.states("platform.radius_mm")):
+            keys = "chain.link_lengths_mm and chain.joint_angles_deg"
+            raise BadInput(f"{source}: nothing to draw, expected {keys} first")
+        warnings += [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
+        try:
+            if incomplete.whole:
+                check_feasible(stage)
+        except BadInput as refusal:
+            refused, (bodies, clashing) = refusal, placed(stage)
+        page = partial(drawing_figure, stage, missing, bodies)
+        plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
+    title = f"{source}: missing {', '.join(missing)}" if missing else name
+    mark = partial(mark_clashes, refusal=refused, clashes=clashing)
+    window, written = target is None and show_window(lambda ax: mark(plot(ax)), title), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
-        written = write_beside(place, drawing.page())
-    files = list(map(str, written))
-    return View(str(source), drawing.name, drawing.missing, files, window, drawing.warnings, *drawing.assumptions)
-
-
-def _of_stage(source: Path) -> Drawing:
-    from flexfem.plot.stage import drawing_figure, plot_dimensions
-
-    stage, missing = incomplete = load_partly(source)
-    skeleton = incomplete.states("chain.link_lengths_mm", "chain.joint_angles_deg")
-    if not (incomplete.whole or skeleton or incomplete.states("platform.radius_mm")):
-        raise BadInput(f"{source}: nothing to draw, expected chain.link_lengths_mm and chain.joint_angles_deg first")
-    warnings = [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
-    page, plot = partial(drawing_figure, stage, missing), partial(plot_dimensions, stage=stage, missing=missing)
-    return Drawing(stage.name, missing, warnings, incomplete.assumptions, plot, page)
-
-
-def _of_mechanism(mechanism: Mechanism) -> Drawing:
-    from flexfem.plot.plate import mechanism_figure, plot_mechanism
-
-    warnings, doubts = list[str](), Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
-    try:
-        check_layout(mechanism.layout)
-    except BadInput as refusal:
-        warnings.append(f"the mechanism cannot be made: {refusal}")
-    page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
-    return Drawing(mechanism.name, [], warnings, doubts, plot, page)
+        mark((figure := page()).axes[0])
+        written = write_beside(place, figure)
+    if refused is not None:
+        raise BadInput(f"{refused}{f'; drawn in {written[0]}' if written else ''}")
+    return View(str(source), name, missing, list(map(str, written)), window, warnings, *doubts)
 
 
 class MeshReport(NamedTuple):

@@ -135,6 +135,16 @@ def test_names_with_markup_are_printed_as_they_are(flexfem, project):
         assert code == 0 and "[red]x[/b] $y$" in out
 
 
+@pytest.mark.parametrize("name", ["mobility6", "bridge-amplifier"])
+def test_drift_says_first_that_the_coefficient_of_the_frame_is_missing(flexfem, name):
+    text = (ROOT / f"geometry/{name}.toml").read_text()
+    Path("bare.toml").write_text(re.sub(r'^\[frame\].*\n.*\n|^"frame\..*\n', "", text, flags=re.MULTILINE))
+    code, out, _ = flexfem("drift", "bare.toml", "--models", "analytic")
+    first, *others = out.splitlines()
+    assert code == 0 and first.startswith("warning: frame.expansion_um_per_m_k is not stated: the frame is assumed")
+    assert "under [frame], for example 12" in first and not any("is not stated: the frame" in line for line in others)
+
+
 # refusals
 
 
@@ -218,6 +228,17 @@ def test_what_is_wrong_or_cannot_be_done_is_refused_in_one_line_and_nothing_is_w
     code, out, err = flexfem(*arguments)
     assert (code, out, err.count("\n")) == (2, "", 1) and err.startswith("flexfem: ") and said in err, err
     assert sorted(os.listdir()) == before
+
+
+@pytest.mark.parametrize("given", ["geometry/mobilty6.toml", "geometry/mobility6", "geometry/mobility-6.tml"])
+def test_a_file_that_does_not_exist_is_refused_with_the_nearest_name(flexfem, given):
+    Path("geometry").mkdir()
+    for name in ("mobility6.toml", "mobility6.png", "mobility6.csv", "pivot.toml"):
+        Path("geometry", name).touch()
+    said = f"flexfem: {given}: no such file, did you mean geometry/mobility6.toml?\n"
+    assert flexfem("check", given) == (2, "", said)
+    assert flexfem("check", "geometry/rhombus.toml") == (2, "", "flexfem: geometry/rhombus.toml: no such file\n")
+    assert flexfem("check", "nowhere/pivot.toml") == (2, "", "flexfem: nowhere/pivot.toml: no such file\n")
 
 
 KINDS = {

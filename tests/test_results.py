@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import ClassVar
 from xml.etree import ElementTree
@@ -119,3 +120,16 @@ def test_a_notebook_shows_heading_main_result_tables_and_warnings_escaped(found:
     assert f"<b>& stage: {found.title}; resolution 8" in texts and "Warning: t/R < 0.1" in texts
     cells = [[cell.text for cell in row] for row in root.iter("tr")]
     assert any(row[:3] == ["cold", "analytic", "10 µm"] for row in cells), cells
+
+
+def test_a_dataset_of_xarray_has_labels_declared_units_and_bands(found: Trial) -> None:
+    pytest.importorskip("xarray")
+    data = found.to_xarray()
+    assert float(data["mass"]) == pytest.approx(2.0) and data["mass"].attrs == {"meaning": "mass", "unit": "kg"}
+    here = {"case": "cold", "model": "finite elements", "direction": "x"}
+    assert float(data["pose"].sel(here)) == 0.0125 and float(data["pose_band"].sel(here)) == 0.0003
+    assert data["pose"].attrs["unit"] == "mm, mm, rad" and "stress_band" not in data
+    assert data["stress"].sel(case="cold", model="analytic", hinge="elbow").item() == 5.0
+    with pytest.MonkeyPatch.context() as patched, pytest.raises(ImportError, match=r"^[^\n]*xarray[^\n]*$"):
+        patched.setitem(sys.modules, "xarray", None)
+        found.to_xarray()

@@ -64,7 +64,7 @@ def test_a_child_refuses_sources_that_its_parent_did_not_hash():
     told = pickle.dumps(hashes() | {"fem/mesher.py": "0" * 64})
     child = subprocess.run(child_command("flexfem.fem.mesher"), input=told, capture_output=True)
     assert child.returncode == 3
-    assert child.stderr.decode().startswith("flexfem/fem/mesher.py is not what it was")
+    assert child.stderr.decode().startswith("flexfem/fem/mesher.py changed after this command")
 
 
 def test_children_import_nothing_from_the_current_folder(tmp_path, monkeypatch):
@@ -81,7 +81,7 @@ def test_an_error_under_edited_sources_is_said_to_be_that(monkeypatch):
     """Modules are loaded when they are needed: parts of two versions together can fail anywhere."""
     monkeypatch.setattr("flexfem.sources.manifest", lambda: {"one.py": "0" * 64})
     monkeypatch.setattr("flexfem.sources.hashes", lambda: {"one.py": "1" * 64})
-    assert reason_of(TypeError("an unexpected argument")).startswith("flexfem/one.py is not what it was when this comm")
+    assert reason_of(TypeError("an unexpected argument")).startswith("flexfem/one.py changed after this command began")
     monkeypatch.setattr("flexfem.sources.hashes", lambda: {"one.py": "0" * 64})
     assert "TypeError: an unexpected argument" in reason_of(TypeError("an unexpected argument"))
 

@@ -23,7 +23,7 @@ from flexfem.units import unit_of  # noqa: E402
 
 FOLDER = ROOT / "docs/reference"
 OVERRIDE = "override"  # its other keys are those of hinges and actuators
-MARKED = r"Keys marked \* must be given; a file with other keys than these is refused."
+MARKED = r"Keys marked \* are required. A file with other keys is refused."
 COMMON = (
     "Options stand before or after arguments; `--json` prints the result as JSON. Exit code 0: done; 1: a check or a "
     "computation failed; 2: bad input; 128 + n: stopped by signal n."
@@ -38,24 +38,24 @@ a TOML file then names one:
 #:schema FOLDER/flexfem-stage.schema.json
 ```
 
-They refuse what a schema can say; `flexfem check` and the other commands refuse more, such as bodies that overlap.
-The stored results of commands have schemas as well: `flexfem schema drift --json`.
+They refuse the faults that a schema can describe. `flexfem check` and the other commands also refuse other faults, such
+as bodies that overlap. The stored results of commands also have schemas: `flexfem schema drift --json`.
 
 """
 RESULTS = """# Results
 
-The quantities of every result: in its JSON document, in tables, as columns of studies and in `regression`. In Python
-`found.at("pose", model="analytic")` is the part of a quantity at labels of its axes, `found.band` its numerical
-uncertainty, and `found.to_frame()` gives all numbers.
+Each result has the quantities below in its JSON document, in tables, as columns of studies and in `regression`. In
+Python, `found.at("pose", model="analytic")` returns the part of a quantity at labels of its axes, `found.band` returns
+its numerical uncertainty, and `found.to_frame()` returns all numbers.
 """
 QUANTITIES = """## Quantities
 
-Expressions name outputs of [studies](study.md) and keys of the stage file, and besides
+Expressions may contain outputs of [studies](study.md), keys of the stage file, and the following quantities:
 
-- `mass_kg`: of what is drawn;
+- `mass_kg`: mass of the drawn plate;
 - `error_x_percent`, `error_y_percent`, `error_theta_percent`: error of the model of `paper_formula` along a command;
-- with `[tolerance]`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`: what the coupling does not exceed in 95 % of
-  stages, and `coupling_95`, of the largest of the three."""
+- with `[tolerance]`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`: the 95 % quantile of the coupling over
+  all stages, and `coupling_95`, that of the largest of the three."""
 
 
 def pages() -> dict[str, str]:
@@ -119,8 +119,8 @@ def _materials() -> str:
         rows.append((f"`{name}`", *(f"{each[key]}{assumptions[key]}" if key in each else "" for key in shown)))
         sources.append(f"- `{name}`: {'; '.join([of.source, *(f'`{k}`: {text}' for k, text in of.sources.items())])}")
     about = (
-        "At room temperature. Where a fatigue constant or an expansion is not given, none was found with a source. "
-        "`flexfem check` prints the source of every number; `flexfem.register_material` adds your own."
+        "The numbers are for room temperature. A fatigue constant or an expansion is missing if no source states it. "
+        "`flexfem check` prints the source of every number; `register_material` in Python adds your own."
     )
     table = markdown_table(("`name`", *map(_code, shown)), rows, "l" + "r" * len(shown))
     return "\n\n".join(["## Registered materials", about, table, "\n".join(sources)])

@@ -234,19 +234,18 @@ def choose(stage: Stage, mobility: int | None, formula: str | None, links: bool,
     return ModelChoice(stage, mobility, name, links)
 
 
-def best_model(stage: Stage, warnings: list[str], formula: str | None = None) -> ModelChoice:
+def best_model(stage: Stage, warnings: list[str]) -> ModelChoice:
     """Return the default model of every question: calibrated hinges, corrected for thickness, and elastic links.
 
-    A `model` in the stage file and a `formula` are kept. Where a chart does not cover a hinge, the default formula or
+    A `model` in the stage file is kept. Where a chart does not cover a hinge, the default formula or
     plane stress is used, and a warning is added.
     """
-    if formula is None:
-        try:
-            hinge_compliance(stage, CALIBRATED)
-            formula = CALIBRATED
-        except BadInput as refusal:
-            warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is used instead")
-            formula = DEFAULT_FORMULA
+    formula = CALIBRATED
+    try:
+        hinge_compliance(stage, formula)
+    except BadInput as refusal:
+        warnings.append(f"{refusal.reason}; {DEFAULT_FORMULA} is used instead")
+        formula = DEFAULT_FORMULA
     if "model" not in stage.model_fields_set:
         try:
             hinge_compliance(corrected(stage), formula)

@@ -24,7 +24,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
 from flexfem.mechanism.outlines import GAUSS as ALONG
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
-from flexfem.mechanism.plate import cuts_of
+from flexfem.mechanism.plate import components, cuts_of
 from flexfem.mechanism.profiles import Profile
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -113,13 +113,9 @@ def moving_bodies(layout: Layout) -> tuple[int, ...]:
     Raises ComputationFailed for bodies that no chain of hinges joins to the ground.
     """
     ground = {i for i, body in enumerate(layout.bodies) if body.fixed or body.clamped}
-    reached, grown = set(ground), True
-    while grown:
-        joined = {i for hinge in layout.joints for i in hinge.bodies if reached & {*hinge.bodies}}
-        grown = not joined <= reached
-        reached |= joined
-    if loose := [body.name for i, body in enumerate(layout.bodies) if i not in reached]:
-        names = ", ".join(repr(name) for name in loose)
+    loose = {i for joined in components(layout) if not joined & ground for i in joined}
+    if loose:
+        names = ", ".join(repr(layout.bodies[i].name) for i in sorted(loose))
         raise ComputationFailed(f"{names} can move without load: no chain of hinges leads from there to a fixed body")
     return tuple(i for i in range(len(layout.bodies)) if i not in ground)
 
@@ -169,10 +165,7 @@ def network_of_plate(
 
 
 def respond(
-    layout: Layout,
-    bodies: Sequence[ElasticBody] = (),
-    ports: Sequence[Port] | None = None,
-    hinges: Array | None = None,
+    layout: Layout, bodies: Sequence[ElasticBody] = (), ports: Sequence[Port] | None = None, hinges: Array | None = None
 ) -> NetworkResponse:
     """Return the response of a layout to unit loads on its ports, or on other ones; parts as of `network_of_plate`.
 
@@ -185,11 +178,7 @@ def respond(
 
 
 def warmed(
-    layout: Layout,
-    expansion: float,
-    ground: float,
-    bodies: Sequence[ElasticBody] = (),
-    hinges: Array | None = None,
+    layout: Layout, expansion: float, ground: float, bodies: Sequence[ElasticBody] = (), hinges: Array | None = None
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
 

@@ -70,11 +70,7 @@ def driven_model(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...]
 
 
 def driven(
-    frames: Frames,
-    hinges: Compliance,
-    freedoms: Freedoms,
-    stacks: tuple[Stack, ...],
-    elastic: LinkParts | None = None,
+    frames: Frames, hinges: Compliance, freedoms: Freedoms, stacks: tuple[Stack, ...], elastic: LinkParts | None = None
 ) -> DrivenModel:
     """Return the driven model of any number of designs: frames (..., 3, 3, 2), hinges (..., 3, 3), wrenches of stacks.
 

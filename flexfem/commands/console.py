@@ -84,6 +84,9 @@ def _print(found: Any) -> None:
     terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file each sentence is a line
     width = None if terminal else shutil.get_terminal_size((WIDTH, 24)).columns
     out = Console(soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=width)
+    warnings, decisive = getattr(found, "warnings", []), getattr(found, "decisive", "")
+    for text in (first := [text for text in warnings if decisive and text.startswith(decisive)]):
+        out.print(f"warning: {text}")
     if hasattr(found, "tables"):
         if answer := getattr(found, "answer", str)():
             out.print(answer)
@@ -99,8 +102,9 @@ def _print(found: Any) -> None:
     else:
         out.print(str(found))
     assumptions = getattr(found, "about", found)
-    for text in getattr(found, "warnings", []):
-        out.print(f"warning: {text}")
+    for text in warnings:
+        if text not in first:
+            out.print(f"warning: {text}")
     for text in assumptions_said(getattr(assumptions, "assumed", []), getattr(assumptions, "not_stated", [])):
         out.print(f"{text}: --json lists them")
 

@@ -24,9 +24,10 @@ app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-StudyFile = Annotated[Path, typer.Argument(help="Study file, see flexfem schema study.", metavar="STUDY")]
+STUDY = "Study file, see flexfem schema study, or the folder of its results."
+StudyFile = Annotated[Path, typer.Argument(help=STUDY, metavar="STUDY")]
 Output = Annotated[Path, typer.Option("--output", "-o", help="Folder of results, with a folder for each study.")]
-Partial = Annotated[bool, typer.Option("--partial", help="Leave out open designs.")]
+Partial = Annotated[bool, typer.Option("--partial", help="Leave out unfinished designs.")]
 Workers = Annotated[int | None, typer.Option(min=1, max=MOST_WORKERS, help="Processes, by default one per processor.")]
 
 
@@ -40,7 +41,7 @@ def run(
     retry: Annotated[bool, typer.Option("--retry", help="Repeat designs that failed or timed out.")] = False,
     json: Json = False,
 ) -> None:
-    """Compute the open designs of a study. A run that was stopped or killed continues where it was."""
+    """Compute the unfinished designs of a study. A run that was stopped or killed continues where it was."""
     from flexfem import studies
 
     share = studies.shard_of(shard)
@@ -50,7 +51,8 @@ def run(
         studies.compute(parts, workers, share, retry, scheduler, watch, _note)
     facts = studies.status_facts(parts, share)
     later = [text for text in facts["warnings"] if text not in parts.factor_warnings]
-    where = [] if output == REPORTS else ["--output", str(output)]
+    output = parts.folder.parents[1]
+    where = [] if output.absolute() == REPORTS.absolute() else ["--output", str(output)]
     command = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     facts |= {"shard": shard, "next": shlex.join(["flexfem", "study", *command, facts["file"], *where])}
     show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
@@ -72,7 +74,7 @@ def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
             yield watch
     except Stopped as stop:
         kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "finished parts are"
-        stop.said = f"stopped; {kept} kept in {parts.folder}, the same command continues"
+        stop.said = f"stopped; {kept} kept in {parts.folder}; the same command continues"
         raise
 
 
@@ -98,11 +100,7 @@ def _note(text: str) -> None:
 
 
 @app.command()
-def status(
-    study: Annotated[Path, typer.Argument(help="Study file, or the folder of its results.", metavar="STUDY")],
-    output: Output = REPORTS,
-    json: Json = False,
-) -> None:
+def status(study: StudyFile, output: Output = REPORTS, json: Json = False) -> None:
     """Count the designs of a study by status. The output states the reasons of refusals and failures."""
     from flexfem import studies
 
@@ -115,7 +113,7 @@ def print_status(facts: dict[str, Any]) -> None:
 
     share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
     elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
-    print(f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} open{elsewhere}")
+    print(f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} unfinished{elsewhere}")
     print(f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, {facts['failed']:,} failed")
     for state, reasons in facts["reasons"].items():
         for reason, n in reasons.items():

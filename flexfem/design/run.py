@@ -27,10 +27,7 @@ FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
 
 def run_design(
-    requirements: PathLike,
-    output: PathLike | None = None,
-    workers: int = 1,
-    say: Callable[[str], object] = silent,
+    requirements: PathLike, output: PathLike | None = None, workers: int = 1, say: Callable[[str], object] = silent
 ) -> Designed:
     """Find the best stage or mechanism for requirements, or the one that misses least, and check it by finite elements.
 

@@ -117,9 +117,8 @@ class _Search:
             return merits
 
         order = np.argsort(merit(u), kind="stable")
-        _, least, most, each, generations, *_ = self.effort
-        population = u[order[: int(np.clip(each * d, least, most))]]
-        best = self._evolved(merit, population, np.zeros(d), np.ones(d), generations)
+        size = int(np.clip(self.effort.each * d, self.effort.least, self.effort.most))
+        best = self._evolved(merit, u[order[:size]], np.zeros(d), np.ones(d), self.effort.generations)
         return np.asarray(self.space.from_unit(best[None])[0])
 
     def _sample(self) -> Array:

@@ -20,28 +20,15 @@ GROUPS = ("ground", "hub", "clamped")
 FORMATS = (".msh", ".vtu", ".inp")
 
 
-def write_deck(mesh: StageMesh, plate: Plate, path: Path) -> None:
-    """Write the stage as an Abaqus/CalculiX input deck, in N, mm, MPa and rad, with a linear step for each unit load.
+def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
+    """Yield the Abaqus/CalculiX input deck of a stage, in N, mm, MPa and rad, with a linear step for each unit load.
 
-    Raises BadInput when the file cannot be written.
-
-    Notes
-    -----
     The sets are `stage` (elements), `all`, `ground`, `hub` and `platform` (nodes). Node k of the mesh has the number
     k + 1; two more nodes at the platform centre carry the pose: x and y are the degrees of freedom 1 and 2 of the
     first, theta, in rad, is the degree of freedom 1 of the second, where a moment in N mm acts as a force. Linear
     equations tie the hub to them, `u = X - theta y`, `v = Y + theta x`, because a `*RIGID BODY` describes a large
     rotation, which each program linearises differently.
     """
-    _write_lines(_deck(mesh, plate), path)
-
-
-def _write_lines(lines: Iterable[str], path: Path) -> None:
-    text = "\n".join(lines)
-    write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
-
-
-def _deck(mesh: StageMesh, plate: Plate) -> Iterator[str]:
     centre, rotation = len(mesh.nodes) + 1, len(mesh.nodes) + 2
     sets = {"ground": nodes_on(mesh, "ground"), "hub": nodes_on(mesh, "hub")}
     ties = list[str]()
@@ -128,7 +115,8 @@ def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
 def _write(mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]) -> None:
     """Write the lines of `deck` as .inp, the mesh as .vtu, or its `cells` by group as .msh."""
     if path.suffix == ".inp":
-        _write_lines(deck, path)
+        text = "\n".join(deck)
+        write_atomically(path, lambda file: file.write(f"{text}\n".encode()))
     elif path.suffix == ".vtu":
         write_vtu(mesh, path, {})
     else:

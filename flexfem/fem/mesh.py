@@ -235,10 +235,7 @@ class Sector(NamedTuple):
 
 
 def mesh_sectors(
-    stage: Stage,
-    resolution: int | tuple[int, int, int],
-    time_limit: float | Limit = TIME_LIMIT,
-    inside: bool = False,
+    stage: Stage, resolution: int | tuple[int, int, int], time_limit: float | Limit = TIME_LIMIT, inside: bool = False
 ) -> tuple[Sector, ...]:
     """Mesh a feasible stage: three sectors, or one that represents three identical chains.
 

@@ -88,23 +88,14 @@ class Job(NamedTuple):
     cones: tuple[Cone, ...]
 
 
-class Extruded(NamedTuple):
-    """An extruded solid to write as .step, from z = 0 to its thickness, mm.
+class Region(NamedTuple):
+    """A face of a plate: closed loops, the outer one first, less the closed loops `cuts`.
 
-    outer : closed counter-clockwise loop.   holes : centre (complex) and radius of each.
+    A loop of one arc that ends at its start is a circle.
     """
 
-    path: str
-    outer: list[Segment]
-    holes: list[tuple[complex, float]]
-    thickness: float
-
-
-class Region(NamedTuple):
-    """A face of a plate: closed loops, the outer one first, less the closed loops `cuts`."""
-
-    loops: list[list[Curve]]
-    cuts: list[list[Segment]]
+    loops: Sequence[Sequence[Curve]]
+    cuts: Sequence[Sequence[Segment]]
 
 
 class Line(NamedTuple):
@@ -160,7 +151,7 @@ class PlateSolid(NamedTuple):
     thickness: float
 
 
-Request: TypeAlias = Job | Extruded | PlateMesh | PlateContours | PlateSolid
+Request: TypeAlias = Job | PlateMesh | PlateContours | PlateSolid
 NamedArrays: TypeAlias = dict[str, AnyArray]
 
 
@@ -295,45 +286,28 @@ def _meshed(
     return nodes, [index[each] for each in triangles], [index[elements(edge, tag)] for tag in curves]
 
 
-def write_extruded(solid: Extruded) -> NamedArrays:
-    """Write a solid as a STEP file, its arcs as cylinders, in mm, and read it back.
+def write_plate(solid: PlateSolid) -> NamedArrays:
+    """Write a plate as a STEP file, its arcs as cylinders, in mm, and read it back.
 
     Returns
     -------
-    volumes (n,), mm^3, of the n solids in the file, exact mass properties; box (2, 3), mm, lowest and highest corner;
-    cylinders (), number of cylindrical faces.
+    volumes (n,), mm^3, of the n solids in the file, exact mass properties; box (2, 3), mm, lowest and highest corner.
     """
     with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
-        _, loops = _draw_loops(kernel, [Face(solid.outer, ["free"] * len(solid.outer))])
-        for centre, radius in solid.holes:
-            loops.append(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, radius)]))
-        return _extrude(gmsh, [(2, kernel.addPlaneSurface(loops))], solid.thickness, solid.path)
-
-
-def write_plate(solid: PlateSolid) -> NamedArrays:
-    """Write a plate as `write_extruded`."""
-    with gmsh_session() as gmsh:
-        return _extrude(gmsh, _union(gmsh.model.occ, solid.regions), solid.thickness, solid.path)
-
-
-def _extrude(gmsh: Any, faces: list[tuple[int, int]], thickness: float, path: str) -> NamedArrays:
-    kernel = gmsh.model.occ
-    kernel.extrude(faces, 0.0, 0.0, thickness)
-    kernel.synchronize()
-    corners = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
-    kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners])  # centres of the arcs
-    kernel.synchronize()
-    gmsh.write(path)
-    gmsh.clear()
-    solids = [tag for dim, tag in kernel.importShapes(path) if dim == 3]
-    kernel.synchronize()
-    types = [gmsh.model.getType(*face) for face in gmsh.model.getEntities(2)]
-    return {
-        "volumes": np.array([kernel.getMass(3, tag) for tag in solids]),
-        "box": np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)),
-        "cylinders": np.array(types.count("Cylinder")),
-    }
+        kernel.extrude(_union(kernel, solid.regions), 0.0, 0.0, solid.thickness)
+        kernel.synchronize()
+        corners = {tag for _, tag in gmsh.model.getBoundary(gmsh.model.getEntities(3), False, False, True)}
+        kernel.remove([(0, tag) for _, tag in kernel.getEntities(0) if tag not in corners])  # centres of the arcs
+        kernel.synchronize()
+        gmsh.write(solid.path)
+        gmsh.clear()
+        solids = [tag for dim, tag in kernel.importShapes(solid.path) if dim == 3]
+        kernel.synchronize()
+        return {
+            "volumes": np.array([kernel.getMass(3, tag) for tag in solids]),
+            "box": np.reshape(gmsh.model.getBoundingBox(-1, -1), (2, 3)),
+        }
 
 
 def _draw_region(kernel: Any, region: Region) -> list[tuple[int, int]]:
@@ -346,6 +320,9 @@ def _draw_region(kernel: Any, region: Region) -> list[tuple[int, int]]:
 def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
     """Draw a closed loop of curves, each of which begins where the one before it ends."""
     ends = [(curve.points[0], curve.points[-1]) if isinstance(curve, Spline) else curve[:2] for curve in loop]
+    if len(loop) == 1 and isinstance(circle := loop[0], Segment) and circle.centre is not None:
+        radius = abs(circle.start - circle.centre)
+        return int(kernel.addCurveLoop([kernel.addCircle(circle.centre.real, circle.centre.imag, 0.0, radius)]))
     long = [abs(end - start) > SAME_POINT for start, end in ends]
     corners = [_point(kernel, start) for (start, _), keep in zip(ends, long, strict=True) if keep]
     curves = [curve for curve, keep in zip(loop, long, strict=True) if keep]
@@ -557,7 +534,6 @@ def main() -> None:
     """Serve lists of requests until standard input ends or a request fails."""
     serve: dict[type, Any] = {
         Job: mesh_faces,
-        Extruded: write_extruded,
         PlateMesh: mesh_plate,
         PlateContours: contours_of,
         PlateSolid: write_plate,

@@ -324,8 +324,8 @@ def _advance(
         part = min(2 * part, 1.0 - done)
     condition = "holding the hub at" if hold else "under the load"
     raise ComputationFailed(
-        f"no equilibrium {condition} {target.tolist()}: Newton's method fails beyond {100 * done:.3g} % of the way "
-        f"after {iterations} iterations: it buckles, or the load is far too large"
+        f"no equilibrium {condition} {target.tolist()}: Newton's method fails after {iterations} iterations, "
+        f"at more than {100 * done:.3g} % of the target: the structure buckles, or the load is far too large"
     )
 
 

@@ -20,7 +20,6 @@ from flexfem.fem.mesh import (
     GROWTH,
     MOST_TRIANGLES,
     PER_TURN,
-    RESOLUTION,
     TIME_LIMIT,
     StageMesh,
     check_triangles,
@@ -41,7 +40,6 @@ from flexfem.mechanism.plate import (
     joint_loop,
     neck_line,
 )
-from flexfem.mechanism.profiles import Curve
 from flexfem.refused import ComputationFailed
 
 PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
@@ -59,23 +57,16 @@ OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 def regions_of(layout: Layout) -> list[Region]:
     """Return the faces of the plate, bodies then hinges."""
     bodies = [
-        Region([list[Curve](loop) for loop in (body.outline, *map(reverse, body.holes))], cuts_of(layout, index))
+        Region([body.outline, *map(reverse, body.holes)], cuts_of(layout, index))
         for index, body in enumerate(layout.bodies)
     ]
     return bodies + [Region([joint_loop(joint)], []) for joint in layout.joints]
 
 
-def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float = TIME_LIMIT) -> StageMesh:
-    """Mesh a plate mechanism.
+def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
+    """Return the mesh of a plate mechanism with a number of triangles across a neck, see `Profile.sizes`.
 
-    Parameters
-    ----------
-    resolution : number of triangles across a neck, see `Profile.sizes`.
-    time_limit : s, for gmsh.
-
-    Returns
-    -------
-    Mesh whose `bodies` are indices of bodies of the layout, and of its hinges plus the number of bodies. Its edges are
+    Its `bodies` are indices of bodies of the layout, and of its hinges plus the number of bodies. Its edges are
     labelled `neck 0` at the centre of a hinge, `end 0 near` and `end 0 far` where it meets its first and second body,
     and `clamped` on the clamped edges of elastic bodies.
 
@@ -120,8 +111,8 @@ def mesh_layout(layout: Layout, resolution: int = RESOLUTION, time_limit: float 
     if turns > 1:
         cyclic = job._replace(lines=[*job.lines, *_rays(layout, about, turns)], about=about, turns=turns)
         with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh that is not cyclic, then
-            return _checked(layout, run_mesher(cyclic, time_limit), divisions)
-    return _checked(layout, run_mesher(job, time_limit), divisions)
+            return _checked(layout, run_mesher(cyclic, TIME_LIMIT), divisions)
+    return _checked(layout, run_mesher(job, TIME_LIMIT), divisions)
 
 
 def turns_of(layout: Layout) -> tuple[complex, int]:
@@ -238,14 +229,14 @@ def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> 
     return ordered(mesh)[0]
 
 
-def plate_contours(layout: Layout, time_limit: float = TIME_LIMIT) -> list[list[Segment]]:
+def plate_contours(layout: Layout) -> list[list[Segment]]:
     """Return the contours of the plate: closed loops of lines and arcs, counter-clockwise, around holes clockwise.
 
     Lines and circular arcs are exact; arcs in place of other curves are within 1e-4 mm of them. The loops of one
     connected part follow each other, the outer one first.
     """
     check_layout(layout)
-    found = run_mesher(PlateContours(regions_of(layout)), time_limit)
+    found = run_mesher(PlateContours(regions_of(layout)), TIME_LIMIT)
     parts: dict[int, list[list[Segment]]] = {}
     for number in np.unique(found["loops"]):
         at = found["loops"] == number

@@ -12,7 +12,7 @@ import difflib
 import json
 import os
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args, get_origin
@@ -106,10 +106,10 @@ def refusal(expected: str, *at: str | int) -> PydanticCustomError:
     return PydanticCustomError("refused", "expected {expected}", {"expected": expected, "at": at})
 
 
-def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ", did you mean ...?" with the known word closest to `word`, or "" when none is close."""
+def suggestion(word: str, known: Iterable[str], said: Callable[[str], str] = str) -> str:
+    """Return ", did you mean ...?" with the known word closest to `word`, as `said`, or "" when none is close."""
     close = difflib.get_close_matches(word, list(known), n=1)
-    return f", did you mean {close[0]}?" if close else ""
+    return f", did you mean {said(close[0])}?" if close else ""
 
 
 def one_line(text: str, limit: int | None = None) -> str:

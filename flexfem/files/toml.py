@@ -15,7 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Annotated, Any, TypeAlias, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
@@ -32,6 +32,7 @@ from flexfem.files.refusals import (
     problem_of,
     refusal,
     sentence,
+    suggestion,
 )
 from flexfem.refused import BadInput
 
@@ -285,13 +286,24 @@ def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
         with open(path, "rb") as file:
             data = file.read(most + 1)
     except FileNotFoundError:
-        raise BadInput(f"{place_of(path)}: no such file") from None
+        raise BadInput(f"{place_of(path)}: no such file{_similar(path)}") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
         reason = error.strerror if isinstance(error, OSError) else error
         raise BadInput(f"{place_of(path)}: cannot be read: {one_line(str(reason), 2 * SHOWN)}") from None
     if len(data) > most:
         raise BadInput(f"{place_of(path)}: more than {most} bytes, expected at most {most >> 20} MiB")
     return data
+
+
+def _similar(path: Path) -> str:
+    """Return ", did you mean ...?" with the file of the same folder whose name without extension is closest, or ""."""
+    try:
+        files = sorted(name for name in os.listdir(path.parent) if path.with_name(name).is_file())
+    except OSError:
+        return ""
+    files.sort(key=lambda name: (name.endswith(path.suffix), name.endswith(".toml")))  # of equal stems the last counts
+    names = {PurePath(name).stem: name for name in files}
+    return suggestion(path.stem, names, lambda stem: place_of(path.with_name(names[stem])))
 
 
 def _frozen(value: Any) -> Any:

@@ -137,7 +137,7 @@ _ENTRIES = (
     Formula(
         "lobontiu",
         "N. Lobontiu, Compliant Mechanisms: Design of Flexure Hinges, CRC Press (2003), symmetric circular hinge",
-        "rotation and transverse form from public code under his name, the book was not seen; axial form from memory."
+        "rotation and transverse form from public code under his name, not checked in the book; axial form from memory."
         " The same beam integrals in other algebra, computed by the formulas of Paros-Weisbord; the transverse form is"
         " for a force at the hinge's end and is moved to the centre. No published range",
         BEAM_RANGE,
@@ -170,7 +170,7 @@ _ENTRIES = (
     ),
     Formula(
         "quadrature",
-        "the Timoshenko beam integrals by Gauss quadrature, our own",
+        "Timoshenko beam integrals by Gauss quadrature, flexfem",
         "slow reference for the closed forms; same range",
         BEAM_RANGE,
         lambda tau: 12.0 * chart.quadrature(tau, 0, 3),
@@ -179,7 +179,7 @@ _ENTRIES = (
     ),
     Formula(
         "calibrated",
-        "plane-stress finite elements of one hinge between elastic blocks, our own (flexfem/data/hinge_chart.json)",
+        "plane-stress finite elements of one hinge between elastic blocks, flexfem (flexfem/data/hinge_chart.json)",
         "the full beam integrals times charted factors, for the height of the links beside the notch, any H/h from 1;"
         " mesh-extrapolated and interpolated to 1e-4 or better. It has no value outside its range of t/R. H/h above 3:"
         " hinge_chart_high.json",
@@ -228,7 +228,7 @@ def register_formula(
     Examples
     --------
     >>> import flexfem
-    >>> own = flexfem.register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
+    >>> own = register_formula("plain", lambda ratio: 15 * ratio**-2.5, source="a fit", valid=(0.05, 0.5))
     >>> flexfem.analyse(flexfem.load("geometry/mobility3.toml"), formula="plain").formula
     'plain'
     """

@@ -79,7 +79,7 @@ TESTED = "; the range is where the algebra is tested, none is published"
 SHAPE_FORMULAS = {
     "elliptical": ShapeFormula(
         "S. T. Smith, V. G. Badami, J. S. Dale, Y. Xu, Elliptical flexure hinges, Rev. Sci. Instrum. 68, 1474 (1997)",
-        f"cited from memory: the integrals of the circle by the eccentric angle, stretched; shear is our own{TESTED}",
+        f"cited from memory: the integrals of the circle, scaled, by the eccentric angle; shear derived here{TESTED}",
         (1e-3, 2.0),
         {
             "rotation": _elliptical(chart.rotation_paros_weisbord, 1, 2),
@@ -95,7 +95,7 @@ SHAPE_FORMULAS = {
         {"rotation": _filleted_rotation, "axial": _filleted_axial},
     ),
     "leaf": ShapeFormula(
-        "the uniform beam, of any textbook",
+        "uniform beam, any textbook",
         "exact for a beam; its ends yield in real bodies. The range is our choice",
         (1e-4, 0.2),
         {
@@ -107,7 +107,7 @@ SHAPE_FORMULAS = {
     "parabolic": ShapeFormula(
         "N. Lobontiu, J. S. N. Paine, E. O'Malley, M. Samuelson, Parabolic and hyperbolic flexure hinges, Precis. Eng."
         " 26, 183 (2002)",
-        f"the print was not seen: its integrals, in our own algebra{TESTED}",
+        f"not checked in the paper: its integrals, derived here{TESTED}",
         (1e-3, 2.0),
         {
             "rotation": lambda p: 12 * p.length / p.neck**3 * _parabolic(p)[3],

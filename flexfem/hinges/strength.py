@@ -212,9 +212,8 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
 
     Examples
     --------
-    >>> import flexfem
     >>> stress, cycles = [948, 834, 703, 631, 579, 524], [222, 992, 6004, 14130, 43860, 132150]
-    >>> found = flexfem.fit_basquin(stress, cycles)  # Dowling, Table E9.1
+    >>> found = fit_basquin(stress, cycles)  # Dowling, Table E9.1
     >>> round(found.A), round(found.B, 4), round(found.coefficient)
     (1587, -0.0945, 1695)
     """

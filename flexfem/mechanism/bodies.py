@@ -45,6 +45,12 @@ def necks(stage: StageContent, chain: int) -> tuple[Pose, ...]:
     return tuple(Pose(complex(*centre), axis) for centre, axis in zip(centres, axes, strict=True))
 
 
+def given_angles(stage: StageContent) -> str:
+    """Return the joint angles as a stage file states them."""
+    angles = [f"{np.rad2deg(angle):.6g}" for angle in stage.chain.joint_angles]
+    return f"chain.joint_angles_deg = [{', '.join(angles)}]"
+
+
 @once
 def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], ...]:
     """Centrelines of pad, link 1 and link 2 of one chain, from notch to notch.
@@ -53,18 +59,27 @@ def centrelines(stage: StageContent, chain: int) -> tuple[tuple[Segment, ...], .
     """
     poses, width = necks(stage, chain), stage.chain.link_width
     radii = [stage.hinge(chain, name).radius for name in HINGE_NAMES]
-    stub = FILLET * width
     lines = [tuple(polyline(poses[0].ahead(-radii[0] - width).point, poses[0].ahead(-radii[0]).point))]
     for k in (1, 2):
         leave, arrive = poses[k - 1].ahead(radii[k - 1]), poses[k].ahead(-radii[k])
-        bend = shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
+        bend = _bend(leave, arrive, width)
         if bend is None:
+            low, high = 0.0, width
+            for _ in range(24):  # bisection: the widest link that can be drawn
+                middle = (low + high) / 2
+                low, high = (low, middle) if _bend(leave, arrive, middle) is None else (middle, high)
             raise BadInput(
                 f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}, expected room for link {k} of "
-                f"chain {chain}: no strip {width:g} mm wide can be drawn from hinge to hinge"
+                f"chain {chain}: no strip {width:g} mm wide can be drawn from hinge to hinge at {given_angles(stage)}, "
+                f"{f'only with chain.link_width_mm < {high:.4g}' if low else 'nor with any other chain.link_width_mm'}"
             )
         lines.append((*polyline(leave.point, bend[0].start), *bend, *polyline(bend[-1].end, arrive.point)))
     return tuple(lines)
+
+
+def _bend(leave: Pose, arrive: Pose, width: float) -> list[Segment] | None:
+    stub = FILLET * width
+    return shortest_path(leave.ahead(stub), arrive.ahead(-stub), width / 2 + stub)
 
 
 def notch_side(neck: Pose, hinge: Hinge, width: float, side: int) -> tuple[list[Segment], list[Segment]]:
@@ -106,13 +121,13 @@ def lug_side(stage: StageContent, chain: int, side: int) -> tuple[Segment, ...]:
     front, aside = -(corner / along).real, side * (-(corner / along)).imag  # centre of the disc relative to the corner
     disc, fillet = stage.platform.radius, FILLET * width
     if front < width - disc:
-        angles = [f"{np.rad2deg(angle):.6g}" for angle in stage.chain.joint_angles]
-        given = f"chain.joint_angles_deg = [{', '.join(angles)}]"
+        given = given_angles(stage)
         if hinge.axis is not None:
             given = f"{key_of(stage, chain, 'platform', 'axis_deg')} = {np.rad2deg(hinge.axis):.6g}"
         raise BadInput(
             f"{given}: the neck of chain {chain} points past the platform, expected the platform centre at least "
-            f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, not {front:g}"
+            f"link_width - platform.radius = {width - disc:g} mm ahead of the hinge's face, not {front:g}, "
+            f"or platform.radius_mm >= {width - front:g}"
         )
     if aside > 0 and front < disc:  # the face of the hinge meets the disc
         return tuple(_filleted(corner, across, -along, disc, fillet))
@@ -129,9 +144,11 @@ def _filleted(start: complex, heading: complex, outside: complex, disc: float, f
     centre = height * outside - np.sqrt((disc + fillet) ** 2 - height**2) * heading
     foot = centre - fillet * outside
     if ((foot - start) / heading).real < 0:
+        front = -(start / heading).real
+        most = f"<= {np.hypot(front, height) - fillet:.6g}, or " * bool(front > 0)
         raise BadInput(
-            f"platform.radius_mm = {disc:g}, the platform covers the platform hinge; expected a smaller disc or a "
-            "longer chain.link_lengths_mm[2]"
+            f"platform.radius_mm = {disc:g}, the platform covers the platform hinge; expected {most}a longer "
+            "chain.link_lengths_mm[2]"
         )
     return [*polyline(start, foot), Segment(foot, centre * disc / (disc + fillet), centre)]
 
@@ -151,7 +168,8 @@ def cut_angle(stage: StageContent) -> float:
     if covered > CHAIN_TURN - NARROWEST_RIM:
         raise BadInput(
             f"platform.radius_mm = {stage.platform.radius:g}, expected a platform large enough for its three lugs, "
-            f"each covers {np.rad2deg(covered):.0f} of 120 degrees"
+            f"each covers {np.rad2deg(covered):.0f} of 120 degrees and may cover "
+            f"{np.rad2deg(CHAIN_TURN - NARROWEST_RIM):.0f} at chain.link_width_mm = {stage.chain.link_width:g}"
         )
     return float(middle + (min(first) + max(last) - CHAIN_TURN) / 2)
 

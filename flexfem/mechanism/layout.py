@@ -51,7 +51,7 @@ class Body(NamedTuple):
 
     outline : closed counter-clockwise loop.   holes : closed clockwise loops inside it.
     fixed : whether the body is rigid ground.   clamped : segments of the outline that are clamped, of an elastic body.
-    width : of a bar along a path, mm; None for a body with an outline.   path : its centreline.
+    width : of a bar along a path, mm; None for a body with an outline.
     key : key path of the body in the file, for refusals.
     """
 
@@ -62,7 +62,6 @@ class Body(NamedTuple):
     clamped: tuple[int, ...] = ()
     width: float | None = None
     key: str = ""
-    path: tuple[Segment, ...] = ()
 
 
 class Joint(NamedTuple):

@@ -190,8 +190,7 @@ def materials() -> Mapping[str, Material]:
 
     Examples
     --------
-    >>> import flexfem
-    >>> flexfem.materials()["al-6061-t6"].youngs_modulus
+    >>> materials()["al-6061-t6"].youngs_modulus
     68900.0
     """
     _known(None)
@@ -228,7 +227,7 @@ def register_material(
     Examples
     --------
     >>> import flexfem
-    >>> invar = flexfem.register_material("invar, lot 7", youngs_modulus=141e3, poissons_ratio=0.29,
+    >>> invar = register_material("invar, lot 7", youngs_modulus=141e3, poissons_ratio=0.29,
     ...     yield_strength=276.0, density=8050.0, source="assumed: example")
     >>> flexfem.load("geometry/mobility6.toml").replace(material="invar, lot 7").material == invar
     True

@@ -18,15 +18,7 @@ from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
 from flexfem.mechanism.materials import with_material_of_file
-from flexfem.mechanism.mechanism_file import (
-    PARTS,
-    STATED,
-    BodyHole,
-    Copies,
-    MechanismContent,
-    PlateBody,
-    PlateHinge,
-)
+from flexfem.mechanism.mechanism_file import PARTS, STATED, BodyHole, Copies, MechanismContent, PlateBody, PlateHinge
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import located, read_plate
@@ -269,9 +261,7 @@ def _body(part: PlacedPart) -> Body:
         clamped.append(segment)
     loops = tuple(tuple(reverse(hole)) for hole in holes)
     width = None if table.width is None else float(table.width)
-    return Body(
-        part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key, outline.path
-    )
+    return Body(part.name, tuple(outline.loop), loops, table.fixed, tuple(sorted(clamped)), width, part.key)
 
 
 def _outline(table: PlateBody | BodyHole, move: Move, key: str) -> Outline:

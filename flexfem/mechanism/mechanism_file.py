@@ -58,7 +58,7 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
     for key in stated:
         name = without_unit(key)
         if not (key.isidentifier() and key.isascii()) or name in keys:
-            other = f"a name that differs from {keys[name]} without its unit, too" if name in keys else ""
+            other = f"a name that differs from {keys[name]} also without its unit" if name in keys else ""
             raise refusal(other or "a name of letters, digits and _, a letter first", "parameters", key)
         keys[name] = key
     values, pending = dict[str, float](), list[str]()

@@ -110,14 +110,10 @@ def polyline(*points: complex) -> list[Segment]:
 
 
 class Outline(NamedTuple):
-    """A closed counter-clockwise loop, and the index of the segment on each edge of the polygon, None without one.
-
-    path : centreline of a bar.
-    """
+    """A closed counter-clockwise loop, and the index of the segment on each edge of the polygon, None without one."""
 
     loop: list[Segment]
     edges: list[int | None]
-    path: tuple[Segment, ...] = ()
 
 
 def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
@@ -128,14 +124,14 @@ def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
     n = len(corners)
     if sum((a.conjugate() * b).imag for a, b in zip(corners, [*corners[1:], corners[0]], strict=True)) < 0:
         try:
-            loop, edges, _ = rounded(corners[::-1], radii[::-1])
+            loop, edges = rounded(corners[::-1], radii[::-1])
         except ValueError as error:
             raise ValueError(n - 1 - error.args[0], error.args[1]) from None
         return Outline(loop, [edges[(n - 2 - k) % n] for k in range(n)])
     sides = [corners[(k + 1) % n] - corners[k] for k in range(n)]
     for k, side in enumerate(sides):
         if abs(side) <= SHORTEST:
-            raise ValueError(k, "a corner apart from the next")
+            raise ValueError(k, "a corner that differs from the next")
     turns = [cmath.phase(sides[k] / sides[k - 1]) for k in range(n)]
     for k, turn in enumerate(turns):
         if abs(turn) > np.pi - 1e-6:
@@ -188,22 +184,13 @@ def bar(bends: Sequence[complex], radii: Sequence[float], width: float) -> Outli
     for k, direction in enumerate(ahead):
         for flank in (right, left):
             if ((flank[k + 1] - flank[k]) / direction).real <= SHORTEST:
-                raise ValueError(k, "a longer way to the next bend, or a smaller width")
+                raise ValueError(k, "a longer distance to the next bend, or a smaller width")
     try:
-        loop, edges, _ = rounded(right + left[::-1], of_right + of_left[::-1])
+        loop, edges = rounded(right + left[::-1], of_right + of_left[::-1])
     except ValueError as error:
         k = error.args[0]
         raise ValueError(k if k < n else 2 * n - 1 - k, "a smaller radius, which fits between its neighbours") from None
-    path, start = list[Segment](), bends[0]
-    for point, radius, before, after in zip(bends[1:], radii[1:], ahead, ahead[1:], strict=False):
-        turn = cmath.phase(after / before)
-        tangent = radius * math.tan(abs(turn) / 2)
-        stop = point - tangent * before
-        path += polyline(start, stop)
-        start = point + tangent * after
-        if tangent > SHORTEST:
-            path.append(Segment(stop, start, stop + 1j * before * math.copysign(radius, turn)))
-    return Outline(loop, [edges[2 * n - 1], edges[n - 1]], (*path, *polyline(start, bends[-1])))
+    return Outline(loop, [edges[2 * n - 1], edges[n - 1]])
 
 
 def disc(centre: complex, radius: float) -> Outline:

@@ -130,15 +130,35 @@ def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
     return shapely.Polygon(np.column_stack([z.real, z.imag]))
 
 
-def body_polygon(layout: Layout, index: int) -> Any:
-    """Return the polygon of a body less the boxes of its hinges. Raises BadInput for loops that meet."""
+def clashes(layout: Layout, refusal: BadInput) -> list[Any]:
+    """Return the polygons of the overlaps of all parts, or else of the parts whose key a refusal begins with."""
+    bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+    outlines = [*bodies, *map(joint_polygon, layout.joints)]
+    keys = [*map(_key, layout.bodies), *map(_key, layout.joints)]
+    i, j = shapely.STRtree(outlines).query(np.array(outlines), predicate="intersects")
+    shared = [shapely.intersection(outlines[a], outlines[b]) for a, b in zip(i, j, strict=True) if a < b]
+    named = [each for each, key in zip(outlines, keys, strict=True) if refusal.reason.startswith(f"{key}:")]
+    overlaps = [piece for piece in shapely.get_parts(shared) if piece.area > SLIVER]
+    return overlaps or list(shapely.get_parts(named))
+
+
+def body_polygon(layout: Layout, index: int, refuse: bool = True) -> Any:
+    """Return the polygon of a body less the boxes of its hinges.
+
+    Raises BadInput for loops that meet; without `refuse`, for drawings, returns what they enclose.
+    """
     body = layout.bodies[index]
-    drawn = shapely.Polygon(polygon_points(body.outline, STEP), [polygon_points(hole, STEP) for hole in body.holes])
-    if not shapely.is_valid(drawn):
+    drawn: Any = shapely.Polygon(
+        polygon_points(body.outline, STEP), [polygon_points(hole, STEP) for hole in body.holes]
+    )
+    if not shapely.is_valid(drawn) and not refuse:
+        drawn = shapely.make_valid(drawn, method="structure", keep_collapsed=False)
+    elif not shapely.is_valid(drawn):
         reason = shapely.is_valid_reason(drawn)
         raise BadInput(f"{_key(body)}: {reason}, expected an outline that does not meet itself, and holes inside it")
     boxes = [shapely.Polygon(polygon_points(cut)) for cut in cuts_of(layout, index)]
-    return shapely.difference(drawn, shapely.union_all(boxes))
+    left = shapely.difference(drawn, shapely.union_all(boxes))
+    return left if refuse or left.area else drawn
 
 
 def plate_area(layout: Layout) -> float:

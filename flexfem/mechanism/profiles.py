@@ -437,7 +437,7 @@ class Vee(Profile):
         if self.angle >= np.pi:
             raise BadDimension("angle", "less than 180 degrees")
         if self.depth <= self.root * (1 - math.sin(self.angle / 2)):
-            raise BadDimension("depth", "more than the rounding takes, root_radius (1 - sin(angle / 2))")
+            raise BadDimension("depth", "more than the rounding removes, root_radius (1 - sin(angle / 2))")
 
     @property
     def _tangent(self) -> complex:

@@ -23,9 +23,9 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.mechanism import Mechanism, load_mechanism
+from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage import Stage, load_feasible
+from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.page.key import ENDS, SHARES, Ask, opening
 from flexfem.page.section import (
@@ -248,7 +248,7 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
         raise BadInput(f"{first} and {len(files) - 1} more, expected one stage or study file, or results as .json")
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind in ("stage file", Mechanism.kind):
-        return _plate_subject(files[0], kind, sections, amplitude)
+        return _plate_subject(load_plate(files[0]), sections, amplitude)
     if kind not in ("results", "study file"):
         found = f"{first}: this is a {kind or 'TOML file'}"
         raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
@@ -263,8 +263,8 @@ def _study_subject(path: Path, folder: Path) -> Subject:
     status = studies.status_facts(parts_on_disk)
     if status["open"]:
         raise BadInput(
-            f"{place_of(path)}: {status['open']} of {status['designs']} designs are open in "
-            f"{place_of(status['folder'])}, expected all done by flexfem study run"
+            f"{place_of(path)}: {status['open']} of {status['designs']} designs are unfinished in "
+            f"{place_of(status['folder'])}. Run `flexfem study run`"
         )
     found = studies.findings_of(parts_on_disk)
     loaded = found.source.loaded
@@ -291,8 +291,7 @@ def _stored_subject(files: Sequence[Path]) -> Subject:
     return Subject(title, "Stored results", *_assumptions(records), parts)
 
 
-def _plate_subject(path: Path, kind: str, sections: Sequence[str], amplitude: Any) -> Subject:
-    plate = load_mechanism(path) if kind == Mechanism.kind else load_feasible(path)
+def _plate_subject(plate: Stage | Mechanism, sections: Sequence[str], amplitude: Any) -> Subject:
     stage = plate if isinstance(plate, Stage) else None
     if stage is None and "life" in sections:
         raise BadInput(f"{plate.origin}: section life, expected some of {', '.join(SECTIONS[:-1])}")
@@ -358,10 +357,8 @@ def _answers_section(name: str, ask: Ask, questions: Sequence[Question]) -> Page
 
 def _drawing_section(subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Opened) -> PageSection:
     """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
-    without: dict[str, Any] = {"provenance": {}}  # it has a section of its own
-    if isinstance(checked, StageReport) and checked.drive:
-        without["drive"] = checked.drive._replace(provenance={})
-    pairs, tables = record_parts(checked._replace(**without), plain=False)
+    pairs, tables = record_parts(checked, plain=False)
+    pairs = [pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))]  # in another section
     draw = partial(drawing_figure, subject) if isinstance(subject, Stage) else partial(mechanism_figure, subject)
     figure = shown_figure(
         "drawing", draw, f"Drawing to scale of {subject.name}: bodies, hinges and drive.", table(tables[0])
@@ -376,7 +373,8 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
     drawn, stresses, stage = dict[str, Fields](), dict[str, Array](), isinstance(subject, Stage)
     for axis in (0, 2) if stage else (0, 1, 2):
         held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
-        found, name = stiffness(subject, models="elements", displacement=held), _command(axis)
+        found, unit = stiffness(subject, models="elements", displacement=held), COMMANDS[axis]
+        name = f"{SYMBOLS[axis]} = {held[axis] * unit.factor:g} {unit}"
         fields = plane_fields(found.fields)
         drawn[name] = Fields(*fields) if stage else fields
         stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=ELEMENTS))
@@ -393,11 +391,6 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
     text = f"The deformed {type(subject).__name__.lower()} coloured by von Mises stress."
     figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
     return _section("stress", "Stress", notes([note], "note"), figure)
-
-
-def _command(axis: int) -> str:
-    """Return the text of a displacement of the stress figure."""
-    return f"{SYMBOLS[axis]} = {STRESS_AMPLITUDES[axis] * COMMANDS[axis].factor:g} {COMMANDS[axis]}"
 
 
 def _design_section(design: Designed, name: str, number: int) -> PageSection:

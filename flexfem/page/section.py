@@ -186,37 +186,30 @@ def inline_svg(figure: Figure, name: str) -> Markup:
         f'<svg class="drawn" style="max-width: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'
     )
     text = re.sub(r'<svg\b|\s(width|height|viewBox)="[^"]*"', lambda m: "" if m[1] else opening, text, count=4)
-    targets = "".join(
-        Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format(*target)
-        for target in _targets(figure)
-    )
-    return Markup(text.replace("</svg>", f'<g class="spots">{targets}</g></svg>' if targets else "</svg>"))
+    rect = Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format
+    targets = [rect(*low, *(high - low), text) for low, high, text in _targets(figure) if np.isfinite(high + low).all()]
+    return Markup(text.replace("</svg>", f'<g class="spots">{"".join(targets)}</g></svg>' if targets else "</svg>"))
 
 
-def _targets(figure: Figure) -> Iterator[tuple[float, float, float, float, str]]:
-    """Yield left, top, width and height in points from the upper left corner, and text, of all markers and bars."""
+def _targets(figure: Figure) -> Iterator[tuple[Array, Array, str]]:
+    """Yield two corners in points from the upper left one of the figure, and text, of all markers and bars."""
     for ax in figure.axes:
         x_name, y_name = ax.get_xlabel() or figure.axes[-1].get_xlabel(), ax.get_ylabel().replace("\n", " ")
         for line in ax.lines:
-            xy = np.asarray(line.get_xydata(), dtype=float)
+            xy, name = np.asarray(line.get_xydata(), dtype=float), str(line.get_label()).strip()
             if line.get_marker() in ("None", "", None) or line.get_transform() != ax.transData or len(xy) > MARKERS:
                 continue
-            label = str(line.get_label()).strip()
-            for (x, y), (left, top) in zip(xy.tolist(), places_on(ax, xy).tolist(), strict=True):
-                lines = [label, f"{x_name}: {significant(x)}", f"{y_name}: {significant(y)}"]
-                if np.isfinite(left + top):
-                    text = "\n".join(lines[label.startswith("_") :])
-                    yield left - TARGET, top - TARGET, 2 * TARGET, 2 * TARGET, text
+            for (x, y), at in zip(xy.tolist(), places_on(ax, xy), strict=True):
+                text = f"{x_name}: {significant(x)}\n{y_name}: {significant(y)}"
+                yield at - TARGET, at + TARGET, text if name.startswith("_") else f"{name}\n{text}"
         rows = {round(at): name.get_text() for at, name in zip(ax.get_yticks(), ax.get_yticklabels(), strict=True)}
         for bars in ax.containers:
-            label = str(bars.get_label())
+            name = "" if str(bars.get_label()).startswith("_") else f", {bars.get_label()}"
             for bar in getattr(bars, "patches", ()):
                 corners = places_on(ax, bar.get_corners()[[0, 2]])
-                name = rows.get(round(bar.get_y() + bar.get_height() / 2), "").replace("\n", " ")
-                name += "" if label.startswith("_") else f", {label}"
-                if np.isfinite(corners).all():
-                    text = f"{name}\n{x_name}: {significant(bar.get_width())}"
-                    yield *corners.min(axis=0).tolist(), *np.ptp(corners, axis=0).tolist(), text
+                row = rows.get(round(bar.get_y() + bar.get_height() / 2), "").replace("\n", " ")
+                text = f"{row}{name}\n{x_name}: {significant(bar.get_width())}"
+                yield corners.min(axis=0), corners.max(axis=0), text
 
 
 def places_on(ax: Axes, points: Array) -> Array:

@@ -18,7 +18,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
 from flexfem.plot.plate import draw_plate, front_page
-from flexfem.plot.stage import draw_outline, fit, label_axes
+from flexfem.plot.stage import fit, label_axes
 from flexfem.plot.style import COLOURS, INK, new_axes, panels, titled, wrapped
 from flexfem.plot.text import percent, significant
 from flexfem.refused import BadInput
@@ -50,8 +50,7 @@ def design_figure(found: Designed) -> Figure:
     ]
     layout = ((10.6, 8.2), 2, 2) if found.front else ((14.0, 4.9), 1, 3)
     figure, axes = panels(layout[0], found.name, lines, *layout[1:], found)
-    plate = _plate(found.stage)
-    fit(axes[0], draw_plate(axes[0], plate) if isinstance(plate, Mechanism) else draw_outline(axes[0], plate))
+    fit(axes[0], draw_plate(axes[0], _plate(found.stage)))
     label_axes(axes[0])
     titled(axes[0], "a", f"designed {found.kind}")
     titled(plot_margins(axes[1], found), "b", "requirements")

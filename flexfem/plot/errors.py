@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from flexfem.arrays import Array
 from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, panels, titled, wrapped
 from flexfem.plot.text import banded, minus, scientific
-from flexfem.questions.budget import CHART, MEASURED, TOTAL, Budget
+from flexfem.questions.budget import CHART, MEASURED, SHARES, TOTAL, Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import Verification
 from flexfem.results import number
@@ -27,9 +28,6 @@ DRIVES = {
     "joints": "with the joint rotations of the analytic model, (29)",
     "strokes": "with the strokes of the analytic model, (29)",
 }
-SHARE_NAMES = (
-    "omitted hinge freedoms", "hinge formula", "rigid links, pads and platform", "remainder", "large displacement"
-)  # fmt: skip
 ORDER = 4  # of the energy of quadratic triangles, and so of the compliance
 
 
@@ -151,7 +149,7 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
     """
     shares, total = budget.at("share", direction=direction)[:-1], budget.at("share", direction=direction)[-1]
     band = float(budget.band("share", share=TOTAL, direction=direction))
-    rows = [(name, value, 0.0) for name, value in zip(SHARE_NAMES, shares.tolist(), strict=True)]
+    rows = [(name, value, 0.0) for name, value in zip(SHARES, shares.tolist(), strict=True)]
     rows.append(("total in the plane", float(total), band))
     for label in (MEASURED, CHART) if "solid" in budget.values else ():
         value, width = (float(read("solid", outside=label, direction=direction)) for read in (budget.at, budget.band))
@@ -186,9 +184,7 @@ def convergence_figure(study: MeshConvergence) -> Figure:
         "Error bar: band of the finest mesh by its grid convergence index."
     ]
     title = f"{study.about.name}: mesh convergence"
-    figure, (ax,) = panels((WIDTH, 4.8), title, lines, 1, assumptions=study.about)
-    plot_convergence(ax, study)
-    return figure
+    return style.page((WIDTH, 4.8), title, lines, partial(plot_convergence, study=study), study.about)
 
 
 def plot_convergence(ax: Axes, study: MeshConvergence) -> Axes:

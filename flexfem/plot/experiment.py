@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -100,9 +101,9 @@ def identification_figure(found: Identification) -> Figure:
         if np.isfinite(found.sd[k])
     )
     lines = [f"{found.settings['measured']}: {slopes}. Model: {found.settings['analytic model']}. {found.finding}"]
-    figure, (ax,) = panels((8.27, 5.2), f"{found.about.name}: fit of the slopes", lines, 1, assumptions=found.about)
-    plot_region(ax, found)
-    style.legend_below(figure, [ax], 2)
+    title = f"{found.about.name}: fit of the slopes"
+    figure = style.page((8.27, 5.2), title, lines, partial(plot_region, found=found), found.about)
+    style.legend_below(figure, figure.axes, 2)
     return figure
 
 
@@ -152,9 +153,7 @@ def life_figure(found: Life) -> Figure:
         f"{law}. {left_out[0].upper()}{left_out[1:]}; notch sensitivity {settings['notch sensitivity']:g}.",
     ]
     title = f"{found.about.name}: fatigue life of the necks"
-    figure, (ax,) = panels((10.6, 5.2), title, lines, 1, assumptions=found.about)
-    plot_life(ax, found)
-    return figure
+    return style.page((10.6, 5.2), title, lines, partial(plot_life, found=found), found.about)
 
 
 def plot_life(ax: Axes, found: Life) -> Axes:

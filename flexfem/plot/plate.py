@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +22,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.plot import stage, style
 from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
 from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
-from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, panels
+from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, page
 from flexfem.plot.text import significant
 from flexfem.questions.setup import MeshFields
 from flexfem.results import Result
@@ -56,7 +57,7 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
     visible.append(output + CROSS * (1 + 1j) * float(np.max(np.ptp(rim, axis=0))))
     size = fit(ax, np.vstack([rim, *map(xy, visible)]), 0.07)
     scale_bar(ax)
-    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
+    bodies = _bodies(layout)
     obstacles: list[Any] = [_plate(layout).boundary]
     _draw_ports(ax, layout, size, obstacles)
     marks = [*_marks(layout, bodies)]
@@ -71,16 +72,21 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
     return ax
 
 
+def _bodies(layout: Layout) -> list[Any]:
+    return [body_polygon(layout, k, refuse=False) for k in range(len(layout.bodies))]
+
+
 def _plate(layout: Layout) -> Any:
-    bodies = [body_polygon(layout, k) for k in range(len(layout.bodies))]
-    return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=1e-6)
+    return shapely.union_all([*_bodies(layout), *map(joint_polygon, layout.joints)], grid_size=1e-6)
 
 
-def draw_plate(ax: Axes, mechanism: Mechanism) -> Array:
-    """Draw bodies, ground, hinges and clamped edges without names; return the points (n, 2) of the outline, mm."""
-    layout = mechanism.layout
-    for k, body in enumerate(layout.bodies):
-        _fill(ax, body_polygon(layout, k), RIGID if body.fixed else PALE, "////" if body.fixed else "")
+def draw_plate(ax: Axes, design: Stage | Mechanism) -> Array:
+    """Draw bodies, ground, hinges and clamped edges without names; return points (n, 2) of the outline, mm."""
+    if isinstance(design, Stage):
+        return stage.draw_outline(ax, design)
+    layout = design.layout
+    for body, polygon in zip(layout.bodies, _bodies(layout), strict=True):
+        _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else "")
         lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
         ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
     for joint in layout.joints:
@@ -154,13 +160,11 @@ def mechanism_figure(mechanism: Mechanism) -> Figure:
     key = "; ".join(text for text, there in marks.items() if there)
     facts = f"Thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}."
     lines = [facts, f"{key.capitalize()}; X, Y: output."]
-    outlines = np.concatenate([shapely.get_coordinates(body_polygon(layout, k)) for k in range(len(layout.bodies))])
+    outlines = shapely.get_coordinates(_bodies(layout))
     wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
     height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
-    figure, (ax,) = panels((WIDTH, height), f"{mechanism.name}: drawing", lines, 1, assumptions=mechanism)
-    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    plot_mechanism(ax, mechanism)
-    return figure
+    plot = partial(plot_mechanism, mechanism=mechanism)
+    return page((WIDTH, height), f"{mechanism.name}: drawing", lines, plot, mechanism)
 
 
 def front_page(
@@ -175,9 +179,9 @@ def front_page(
     figure = below_header((WIDTH, sum(heights) + 0.3), caption.title, caption.lines, caption)
     axes = figure.subplot_mosaic(mosaic, height_ratios=heights)
     plane(axes["front"])
-    outlines, drawings = [], [axes[f"{k}"] for k in range(len(designs))]
-    for ax, design, (name, *_) in zip(drawings, designs, rows[1:], strict=True):
-        outlines.append(draw_plate(ax, design) if isinstance(design, Mechanism) else stage.draw_outline(ax, design))
+    drawings = [axes[f"{k}"] for k in range(len(designs))]
+    outlines = list(map(draw_plate, drawings, designs))
+    for ax, (name, *_) in zip(drawings, rows[1:], strict=True):
         ax.set_title(name, weight="bold")
         ax.set_axis_off()
     if designs:

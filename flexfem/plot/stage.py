@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,7 +23,7 @@ from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
-from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, panels
+from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, page, panels, wrapped
 from flexfem.plot.text import minus, round_factor
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
@@ -31,6 +32,7 @@ from flexfem.units import DEGREE, LENGTH
 
 Point = Sequence[float] | Array
 MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0072B2", "#00664A"
+CLASH = "#D00000"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Heavy lines: clamped. Disc: rigid hub."
 STEP = np.pi / 24  # rad, of arc between two points of a drawn outline
@@ -202,10 +204,8 @@ def xy(z: complex) -> tuple[float, float]:
 @in_house_style
 def stage_figure(model: CurveModels, fields: Fields) -> Figure:
     """Draw the stage of one curve of a stored verification with its mesh; see `plot_mesh`."""
-    figure, (ax,) = panels((8.27, 7.6), f"{model.stage}: mesh", [mesh_size(model), KEY], 1, assumptions=model)
-    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    plot_mesh(ax, model, fields)
-    return figure
+    plot, lines = partial(plot_mesh, model=model, fields=fields), [mesh_size(model), KEY]
+    return page((8.27, 7.6), f"{model.stage}: mesh", lines, plot, model)
 
 
 def plot_mesh(ax: Axes, model: CurveModels, fields: Fields) -> Axes:
@@ -280,9 +280,7 @@ def plot_neck(ax: Axes, fields: Fields, hinge: HingeDrawing, whole: bool = False
 def model_sketch(model: CurveModels) -> Figure:
     """Draw the pseudo-rigid-body model, Figs. 3 and 4 of the paper: see `plot_model`."""
     title = f"{model.stage}: model of mobility {model.mobility}"
-    figure, (ax,) = panels((8.27, 7.9), title, [mobility_line(model)], 1, assumptions=model)
-    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    plot_model(ax, model)
+    figure = page((8.27, 7.9), title, [mobility_line(model)], partial(plot_model, stage=model), model)
     ring: dict[str, Any] = {"marker": "o", "markersize": 9, "markerfacecolor": "white", "color": INK}
     handles: list[Any] = [Line2D([], [], linestyle="none", label=MEANING["rotation"], **ring)]
     handles += [
@@ -387,17 +385,32 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         place_label(axes, foot, f"chain {hinge.chain}", obstacles, 0.06 * size, size=10)
 
 
-def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = ()) -> Axes:
+def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = (), bodies: Sequence[Any] = ()) -> Axes:
     """Draw a stage to scale with its dimensions, in mm; return `ax`, or new axes.
 
     `missing` : key paths that the stage file does not give; the parts that depend on them are not drawn.
+    `bodies` : polygons of a stage that cannot be made, which are drawn as they are.
 
     Raises BadInput when nothing is missing and the bodies cannot be drawn.
     """
-    partial, ax = PartialStage(stage, list(missing)), ax or new_axes()
-    fit(ax, _draw_whole(ax, stage) if partial.whole else _draw_partial(ax, partial), 0.03)
+    incomplete, ax = PartialStage(stage, list(missing)), ax or new_axes()
+    rim = _draw_whole(ax, stage) if incomplete.whole and not bodies else _draw_partial(ax, incomplete)
+    for body in bodies:
+        ax.add_patch(Polygon(body.exterior.coords, facecolor=PALE, edgecolor=INK, linewidth=0.5, zorder=1))
+    fit(ax, np.vstack([rim, shapely.get_coordinates(list(bodies))]), 0.03)
     label_axes(ax)
     return ax
+
+
+def mark_clashes(ax: Axes, refusal: BadInput | None, clashes: Sequence[Any]) -> None:
+    """Draw polygons at fault in red, with the refusal, if any, as title."""
+    if refusal is None:
+        return
+    look: dict[str, Any] = {"facecolor": f"{CLASH}80", "edgecolor": CLASH, "linewidth": 2.0, "zorder": 7}
+    for polygon in clashes:
+        ax.add_patch(Polygon(polygon.exterior.coords, **look))
+    text = f"{refusal}{'. Red: the parts at fault' * bool(clashes)}"
+    ax.set_title(wrapped(text, 7.4, 9), color=CLASH, size=9)
 
 
 def _draw_whole(ax: Axes, stage: Stage) -> Array:
@@ -423,16 +436,16 @@ def _draw_whole(ax: Axes, stage: Stage) -> Array:
     return np.concatenate([rim, [xy(z) for z in visible]])
 
 
-def _draw_partial(ax: Axes, partial: PartialStage) -> Array:
+def _draw_partial(ax: Axes, incomplete: PartialStage) -> Array:
     """Draw the parts whose keys are given; return points (n, 2) that must be within the axes."""
-    stage, visible = partial.stage, [np.zeros((1, 2))]
+    stage, visible = incomplete.stage, [np.zeros((1, 2))]
     for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
-        if partial.states(f"platform.{key}_mm"):
+        if incomplete.states(f"platform.{key}_mm"):
             radius = getattr(stage.platform, key)
             ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
             write(ax, xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **DIMENSION_TEXT)
             visible.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-    if not partial.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
+    if not incomplete.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
         return np.concatenate(visible)
     lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
     size = fit(ax, 1.2 * lines.reshape(-1, 2), 0.03)
@@ -448,9 +461,9 @@ def _draw_partial(ax: Axes, partial: PartialStage) -> Array:
 
 
 @in_house_style
-def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
+def drawing_figure(stage: Stage, missing: Sequence[str] = (), bodies: Sequence[Any] = ()) -> Figure:
     """Draw a page with the dimensioned stage, and in its header further data and the missing keys."""
-    partial = PartialStage(stage, list(missing))
+    incomplete = PartialStage(stage, list(missing))
     angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles)))
     facts = {
         "thickness_mm": f"thickness {stage.thickness:.6g} {LENGTH}",
@@ -458,17 +471,16 @@ def drawing_figure(stage: Stage, missing: Sequence[str] = ()) -> Figure:
         "chain.joint_angles_deg": f"joint angles {angles} {DEGREE}",
         "material.name": stage.material.name,
     }
-    lines = ["; ".join(text for key, text in facts.items() if partial.states(key))]
+    lines = ["; ".join(text for key, text in facts.items() if incomplete.states(key))]
     lines += [f"missing: {', '.join(missing)}"] if missing else []
-    if partial.whole:
+    if bodies:
+        lines.append("The stage cannot be made. Strips along the links stand for bodies that cannot be drawn.")
+    elif incomplete.whole:
         chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
         lines.append(f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
-    title = stage.name if partial.states("name") else str(stage.origin)
-    shown = [line for line in lines if line]
-    figure, (ax,) = panels((8.27, 7.6), f"{title}: drawing", shown, 1, assumptions=partial.assumptions)
-    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
-    plot_dimensions(ax, stage, missing)
-    return figure
+    title = stage.name if incomplete.states("name") else str(stage.origin)
+    plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
+    return page((8.27, 7.6), f"{title}: drawing", [*filter(None, lines)], plot, incomplete.assumptions)
 
 
 def show_window(draw: Callable[[Axes], object], title: str) -> bool:
@@ -481,8 +493,8 @@ def show_window(draw: Callable[[Axes], object], title: str) -> bool:
         return False
     interactive = figure.canvas.required_interactive_framework is not None
     if interactive:
-        draw(ax)
         ax.set_title(title, wrap=True)
+        draw(ax)
         pyplot.show()
     pyplot.close(figure)
     return interactive

@@ -83,9 +83,8 @@ def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequen
 @in_house_style
 def map_figure(shown: StudyMap) -> Figure:
     """Draw a map on a page."""
-    figure, (ax,) = panels((WIDTH, 6.0), shown.caption.title, shown.caption.lines, 1, assumptions=shown.caption)
-    plot_map(ax, shown)
-    return figure
+    plot, caption = partial(plot_map, shown=shown), shown.caption
+    return style.page((WIDTH, 6.0), caption.title, caption.lines, plot, caption)
 
 
 def plot_map(ax: Axes, shown: StudyMap) -> Axes:

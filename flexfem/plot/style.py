@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import textwrap
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from typing import Any
@@ -152,6 +152,16 @@ def panels(
     for spare in axes[count:] if count is not None else ():
         spare.remove()
     return figure, axes[:count]
+
+
+def page(
+    size: tuple[float, float], title: str, lines: Sequence[str], plot: Callable[[Axes], object], assumptions: Any
+) -> Figure:
+    """Return a figure with a header and one panel, which `plot` draws when the size of the panel is known."""
+    figure, (ax,) = panels(size, title, lines, 1, assumptions=assumptions)
+    figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
+    plot(ax)
+    return figure
 
 
 def titled(axes: Axes, letter: str, text: str, **style: Any) -> None:

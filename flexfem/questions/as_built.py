@@ -41,7 +41,7 @@ from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.plates import ELASTIC, ELASTIC_READ, PART_RESOLUTION, ElasticParts, parts_in, parts_of
-from flexfem.questions.setup import DEFAULT, Analytic, about, about_mechanism, for_mechanisms, question
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, question
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, About, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -206,13 +206,7 @@ def _number(cell: str) -> int | float | str:
 
 
 def _answer(
-    kind: type[Kind],
-    subject: About,
-    drawn: Array,
-    made: Array,
-    draws: Array,
-    necks: tuple[Array, Array],
-    **texts: Any,
+    kind: type[Kind], subject: About, drawn: Array, made: Array, draws: Array, necks: tuple[Array, Array], **texts: Any
 ) -> Kind:
     """Return the result from stiffness (3, 3) as drawn and as made, and diagonals (draws, 3) with scattered necks."""
     (neck, sd), solved = necks, draws[np.all(np.isfinite(draws), axis=1)]
@@ -276,7 +270,7 @@ def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
     ]
     return _answer(
         MechanismAsBuilt,
-        about_mechanism(mechanism, {"necks": measured}),
+        about(mechanism, files={"necks": measured}),
         _stiffness(layout, parts_of(mechanism)),
         _stiffness(made, parts),
         np.concatenate([diagonals(block) for block in blocks]),

@@ -31,14 +31,14 @@ AMPLITUDES = (0.05, 0.05, 1e-3)  # mm, mm, rad: assumed, as in cases/
 LARGEST_AMPLITUDE = (10.0, 10.0, 1.0)  # mm, mm, rad
 SOLID = (4, 3)  # resolution and layers: the effect of three dimensions hardly depends on the in-plane mesh
 SHARES = (
-    "freedoms left out of the model",
+    "omitted hinge freedoms",
     "hinge formula",
-    "links, pads and platform as rigid",
-    "what the chart and the links leave",
+    "rigid links, pads and platform",
+    "residual",
     "large displacement",
 )
 TOTAL = "total"
-CHART, MEASURED, IN_ALL = "hinges of three dimensions, by the chart", "three dimensions", "total in three dimensions"
+CHART, MEASURED, IN_ALL = "three-dimensional hinges", "three dimensions", "total in three dimensions"
 POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
 
 
@@ -49,7 +49,7 @@ class Budget(Result):
     main = ("share", {"share": TOTAL})
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
     figure = "errors.budget_figure"
-    reading = ("per cent of the command, in its direction; a share is the error change by one model refinement",)
+    reading = ("shares are % of the commanded motion; a share is the error change by one model refinement",)
     share = Quantity("share of the error in the commanded direction", "percents", ("share", "direction"), POINTS)
     solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS)
     across = Quantity(

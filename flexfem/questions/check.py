@@ -425,5 +425,5 @@ def thickness_review(poissons_ratio: float = 0.33) -> ThicknessReview:
     poissons_ratio = arguments.between("poissons_ratio", poissons_ratio, *thickness_chart().ends[2])
     width, ratio = np.geomspace(*THICKNESSES, POINTS), np.array(RATIOS)
     factors = thickness_factors(1.0 / ratio[:, None], 1.0, width, poissons_ratio)
-    source = "three-dimensional finite elements of one hinge, our own (flexfem/data/thickness_chart.json)"
+    source = "three-dimensional finite elements of one hinge, flexfem (flexfem/data/thickness_chart.json)"
     return ThicknessReview(width, ratio, poissons_ratio, factors.rotation, factors.axial, source)

@@ -51,8 +51,8 @@ from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; more than a thousand times the range of piezo drives
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
 PUSHES = {
-    "pushed": "preloaded, pushes normal to the pushed body",
-    "carrier": "preloaded, pushes kept by the carrier",
+    "pushed": "preloaded, forces normal to the loaded body",
+    "carrier": "preloaded, forces fixed to the carrier",
 }
 FREE = ("disengaged, other directions free", "engaged, other directions free")
 UNIT_POSES = (("", "", "mm_per_rad"), ("", "", "mm_per_rad"), ("rad_per_mm", "rad_per_mm", ""))
@@ -68,8 +68,8 @@ class Drive(Result):
     figure = "drive.command_figure"
     drawn_from_fields = True
     reading = (
-        "strokes and rotations are relative to rest, forces and stress include the preloads; stiffness with the other "
-        "directions held unless stated",
+        "strokes and rotations are relative to rest; forces and stress include the preloads; the other directions are "
+        "held where a stiffness does not state otherwise",
     )
     pose = Quantity("pose of the platform", "motion", ("direction",), prefixed=True)
     load = Quantity("load on the platform", "wrench", ("direction",))
@@ -91,7 +91,7 @@ class Drive(Result):
         largest=("chain", "hinge"),
     )  # fmt: skip
     friction = Quantity(
-        "uncertainty of the pose by friction, at most ±", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
+        "largest pose uncertainty by friction (±)", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
         prefixed=True,
     )  # fmt: skip
     stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
@@ -101,11 +101,11 @@ class Drive(Result):
     )  # fmt: skip
     push_spread = Quantity("spread of the engaged stiffness (±)", "stiffness", ("direction",), SOLVED)
     error = Quantity(
-        "error of finite elements with strokes by", "motion", ("commanding model", "direction"), COARSER, "all",
+        "error of finite elements with the strokes", "motion", ("commanding model", "direction"), COARSER, "all",
         prefixed=True,
     )  # fmt: skip
     calibration = Quantity(
-        "pose to command for a unit pose", UNIT_POSES, ("component", "direction"), COARSER, "matrix", shown=False
+        "pose command for a unit pose", UNIT_POSES, ("component", "direction"), COARSER, "matrix", shown=False
     )
 
 
@@ -168,7 +168,7 @@ def drive(
     Parameters
     ----------
     pose : tuple of float, optional
-        Pose of the platform: mm, mm, rad. A mechanism needs none: its result is the motion for every free stroke.
+        Pose of the platform: mm, mm, rad.
     load : tuple of float
         Load on the platform: N, N, N mm.
     models : {"both", "analytic"}
@@ -237,7 +237,7 @@ def drive(
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
     warnings += warning.of_motion(stage, target, "the pose")
     notes = [
-        f"each stack pushes via {', or '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
+        f"contact of each stack: {', or '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
@@ -336,8 +336,8 @@ def _stiffness(
     joints = {way: serial(first.stage, first.result, drive.stacks, way) for way in FOLLOWS}
     preloaded = {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
     for name, force in forces.items():
-        preloaded[f"pushed with the forces by {name}"] = _preloaded(joints["pushed"], drive, force, load)
-    warnings += [f"no stable equilibrium with stacks {name}" for name, K in preloaded.items() if np.isnan(K).any()]
+        preloaded[f"stack forces, {name}"] = _preloaded(joints["pushed"], drive, force, load)
+    warnings += [f"no stable equilibrium in the state {name!r}" for name, K in preloaded.items() if np.isnan(K).any()]
     C = system.C[:3, :3]
     free = zip(FREE, (1 / np.diag(C), 1 / np.diag(system.engaged)), strict=True)
     states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | preloaded | dict(free)
@@ -412,5 +412,5 @@ def limit_warnings(system: Driven, drive: StageDrive, x: Array, load: Array, cri
         exceeded = np.any(np.reshape(used > 1 + ROUND_OFF, (-1, len(names))), axis=0)
         if exceeded.any():
             k, count = int(np.argmax(np.where(exceeded, excess, -np.inf))), np.count_nonzero(exceeded)
-            found.append(f"{criterion}: {count} {kind} beyond their limits, worst: {names[k]} needs {describe(k)}")
+            found.append(f"{criterion}: {kind} beyond their limits: {count}, the worst at {names[k]}: {describe(k)}")
     return found

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from itertools import chain
 from pathlib import Path
@@ -21,8 +22,8 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of, sheet_of, structure
 from flexfem.files.provenance import Assumptions, assumptions
-from flexfem.files.refusals import checked_path
-from flexfem.files.toml import kind_of, read_toml
+from flexfem.files.refusals import checked_path, shown
+from flexfem.files.toml import bad_key, kind_of, read_toml
 from flexfem.files.writing import check_folder, check_name, digest, digest_of_arrays, read_arrays, write_atomically
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
@@ -113,15 +114,16 @@ class Verification(Result):
     title = "errors of the finite-element displacement"
     main = ("percent", {})
     columns = ("direction",)
-    reading = ("errors at the largest command, in per cent of the command; all rotations are multiplied by l3",)
-    percent = Quantity("error, per cent of the command", "percents", ("curve", "direction"), PERCENT_GATE)
+    reading = ("errors are those at the largest command; rotations are multiplied by l3",)
+    percent = Quantity("positioning error, % of the commanded motion", "percents", ("curve", "direction"), PERCENT_GATE)
     along = Quantity(
         "stiffness of the platform along each direction", "stiffness", ("curve", "model", "direction"), FRESH
     )
     peak = Quantity(
         "highest neck stress per displacement along the command", "stress per motion",
         ("curve", "model", "chain", "hinge", "direction"), STRESS, "all", largest=("chain", "hinge"),
-        note="analytic, with the other directions held; by finite elements, divided by the resulting displacement",
+        note="the analytic stress is with the other directions held; that of finite elements is divided by the "
+        "resulting displacement",
     )  # fmt: skip
     neck_stress = Quantity(
         "neck stress of finite elements at the largest command", "mpa", ("curve", "chain", "hinge"), STRESS, "all",
@@ -203,7 +205,7 @@ class CurveElements(NamedTuple):
 
 @question
 def verification(*cases: Path, output: Path | None = Path("reports"), progress: Progress | None = None) -> list[Result]:
-    """Apply the analytic force for a displacement, or joint commands, to finite elements: errors of cases, mechanisms.
+    """Compute the positioning error of the analytic model of cases or mechanisms by finite elements.
 
     Parameters
     ----------
@@ -248,7 +250,10 @@ class CurveRun(NamedTuple):
 def run_case(loaded: LoadedCase) -> Verification:
     """Run every curve of a case. Raises BadInput if a stage does not suit its formula, ComputationFailed."""
     case, stages, doubts = loaded.case, loaded.stages, _assumptions(loaded)
-    models = {c: analyse(stages[c.label], c.mobility, c.formula, c.links) for c in case.curve}
+    models = dict[Curve, AnalyticResult]()
+    for curve in case.curve:
+        with _named(loaded, curve):
+            models[curve] = analyse(stages[curve.label], curve.mobility, curve.formula, curve.links)
     runs = [CurveRun(c, stages[c.label], model, _solve(loaded, c, model)) for c, model in models.items()]
     joints = tuple(dict.fromkeys(name for run in runs for name in run.elements.joints))
     curves = {run.curve.label: _curve_models(case, run) for run in runs}
@@ -366,15 +371,25 @@ def _warnings(case: Case, run: CurveRun) -> list[str]:
     return found
 
 
+@contextmanager
+def _named(loaded: LoadedCase, curve: Curve) -> Iterator[None]:
+    """Name the case file and the curve in refusals and failures of a curve."""
+    try:
+        yield
+    except BadInput as error:
+        index = loaded.case.curve.index(curve)
+        raise bad_key(loaded.path, ("curve", index), f"curve[{index}], {shown(curve.label)}: {error}") from None
+    except ComputationFailed as failure:
+        raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
+
+
 def _solve(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> CurveElements:
     """Solve the finite elements of a curve. Raises BadInput, ComputationFailed."""
     case, stage = loaded.case, loaded.stages[curve.label]
-    try:
+    with _named(loaded, curve):
         if case.model == "three_dimensional":
             return _solve_solid(stage, model, case)
         return _solve_force(stage, curve, model, case) if case.drive == "force" else _solve_imposed(stage, model, case)
-    except ComputationFailed as failure:
-        raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
 def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> CurveElements:

@@ -33,7 +33,7 @@ class Experiment(Result):
     columns = ("source", "against", "part")
     labels: ClassVar = {
         "source": ("model", "stage", "simulated", "measured"),
-        "against": ("stage", "simulated", "measured", "measured from stage"),
+        "against": ("stage", "simulated", "measured", "measured relative to stage"),
         "part": ("stage", "pole", "bar"),
     }
     figure = "experiment.experiment_figure"
@@ -235,7 +235,7 @@ def _run_warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> l
                 "the intervals, which assume normal and independent errors, may be wrong"
             )
     for axis, pose in zip(DIRECTIONS, loads @ C.T, strict=True):
-        where, highest = f"the largest push in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
+        where, highest = f"the largest force in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
         messages += warning.of_motion(stage, pose, where)
         messages += warning.of_yield(highest, stage.material.yield_strength, where)
     return messages
@@ -248,12 +248,12 @@ def _coupling_warnings(pushes: Pushes, C: Array) -> list[str]:
     for k, axis in enumerate(DIRECTIONS):
         if abs(K[k] / free[k] - 1) > COUPLED:
             free_messages.append(
-                f"a push in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal "
-                f"term of the stiffness, {K[k]:.5g}"
+                f"a force in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the "
+                f"diagonal term of the stiffness, {K[k]:.5g}"
             )
         if abs(on_rigid_fixture[k] / free[k] - 1) > COUPLED:
             load_messages.append(
-                f"a push in {axis} also loads other directions, by its arm or the pole's offset: on a rigid "
+                f"a force in {axis} also loads other directions, by its arm or the pole's offset: on a rigid "
                 f"fixture the slope is {on_rigid_fixture[k]:.5g}, and 1/C is {free[k]:.5g}"
             )
     return free_messages + load_messages

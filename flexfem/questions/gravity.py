@@ -73,8 +73,8 @@ def gravity(
     payload : float
         Mass of a payload at the centre of the platform, kg.
     layers : int, optional
-        Three-dimensional model with this number of layers in half the thickness, from 3: of a horizontal plate, for a
-        mechanism of an upright one, too.
+        Three-dimensional model with this number of layers in half the thickness, from 3. The plate is horizontal; a
+        mechanism is also computed with an upright plate.
     {shared}
 
     Examples

@@ -49,6 +49,7 @@ class Drift(Result):
     """Displacement and stress of a stage per change of temperature."""
 
     title = "change of temperature"
+    decisive = plates_loaded.FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
     figure = "fields.drift_figure"
@@ -133,7 +134,7 @@ def drift(
     mesh = setup.mesh_of(models, resolution, layers, 4, LEAST_SOLID)
     expansion, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
     if stage.frame.expansion is None:
-        warnings.append("frame.expansion_um_per_m_k is not stated: the frame is assumed to expand like the stage")
+        warnings.append(plates_loaded.FRAME_ASSUMED)
     results, values, analytic_name = dict[str, ModelAnswer](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES

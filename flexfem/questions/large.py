@@ -39,7 +39,7 @@ STATED = np.array([-20, -2, 2, 20])  # steps at which numbers are stated: a tent
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
-THEORIES = ("(16) less its terms", "(16)", "exact", "finite elements", "finite elements, same load")
+THEORIES = ("(16) without second-order terms", "(16)", "exact", "finite elements", "finite elements, same load")
 PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
 
 
@@ -57,21 +57,21 @@ class Large(Result):
     columns = ("theory",)
     figure = "drive.large_figure"
     reading = (
-        "each theory relative to its own linear solution, at per cent of the amplitude; position error: linear "
-        "position under the load that holds the stage at the command, minus the command, in per cent of it; across: "
-        "the larger of the other two directions, rotations times the lever",
+        "each theory is compared with its own linear solution; position error: linear position under the load that "
+        "holds the stage at the command, minus the command, in % of the command; across: the larger error of the "
+        "other two directions, rotations multiplied by the lever; at: command in % of the amplitude",
     )
     amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",), prefixed=True)
     stiffness = Quantity("change of the tangent stiffness (%)", "", ("direction", "at", "theory"), PERCENT)
-    error = Quantity("linear position error along (%)", "", ("direction", "at", "theory"), PERCENT)
-    aside = Quantity("linear position error across (%)", "", ("direction", "at", "theory"), PERCENT, "all")
-    position = Quantity("largest linear position error of all poses", "percent", ("within",), PERCENT)
+    error = Quantity("error of the linear position along (%)", "", ("direction", "at", "theory"), PERCENT)
+    aside = Quantity("error of the linear position across (%)", "", ("direction", "at", "theory"), PERCENT, "all")
+    position = Quantity("largest error of the linear position, all poses", "percent", ("within",), PERCENT)
     terms = Quantity("change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT)
     tangent = Quantity(
         "change of the tangent stiffness", "percent", ("direction", "share", "theory"), PERCENT, shown=False
     )
     errors = Quantity(
-        "linear position error", "percent", ("direction", "share", "theory", "component"), PERCENT, shown=False
+        "error of the linear position", "percent", ("direction", "share", "theory", "component"), PERCENT, shown=False
     )
     load = Quantity(
         "load that holds the platform", ("n", "n", "n_mm"), ("direction", "share", "theory", "component"), Gate(1.5e-5),

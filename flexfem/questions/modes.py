@@ -61,13 +61,13 @@ AGREED = 0.1  # relative difference up to which the observed order agrees with t
 SAME_SHAPE = 0.7  # least overlap of identical shapes: any rotation within a pair of equal frequency keeps as much
 RIGID_MODES = 3  # modes of the platform on its hinges; in higher ones links swing and bend
 ABOVE_THIRD = (
-    "analytic frequencies above the third are not reliable: links swing and bend in these modes. On 40 random stages, "
-    "drives disengaged, those of elastic links were 0.8 to 28 % too low (half by more than 10 %), those of rigid links "
-    "with calibrated hinges 5 to 163 % too high; the first three were within 0.11 % (elastic) and 3.4 % (rigid links)"
+    "analytic frequencies above the third are not reliable: links swing and bend in these modes. On 40 random stages "
+    "with disengaged drives, they were 0.8 to 28 % too low with elastic links (half of them by more than 10 %), and 5 "
+    "to 163 % too high with rigid links and calibrated hinges. The error of the first three was at most 0.11 % with "
+    "elastic and 3.4 % with rigid links"
 )
 OUT_OF_PLANE = (
-    "motion in the plane only: modes in which the platform leaves the plane are excluded; the lowest of them can be "
-    "below these"
+    "modes in which the platform leaves the plane are not computed; the lowest of them can be below these modes"
 )
 NO_STACKS = "engaged stacks are springs that hold their strokes; the mass of the stacks is neglected"
 AT_ITS_PLACE = (
@@ -85,7 +85,7 @@ class NaturalModes(Result):
     columns = ("model", "base")
     figure = "modes.figures"
     drawn_from_fields = True
-    reading = ("effective modal mass: for motion of the base, as a share of the whole mass or moment of inertia",)
+    reading = ("effective modal mass: share of the whole mass or moment of inertia, for a motion of the base",)
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
     share = Quantity("effective modal mass", "percent", ("mode", "base"), Gate(1e-3, absolute=1e-6), "all")
     band_plane = Quantity("band by the mesh in the plane", "hz", ("mode",), Gate(0.2), shown=False)

@@ -117,6 +117,11 @@ def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
+def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
+    """Return the parts of the analytic network, rigid bodies or elastic ones."""
+    return parts_of(mechanism) if elastic else ElasticParts()
+
+
 def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
     layout = mechanism.layout
@@ -127,7 +132,7 @@ def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
 @once
 def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     """Return the response of the analytic network with rigid bodies or with elastic parts."""
-    parts = parts_of(mechanism) if elastic else ElasticParts()
+    parts = joined_parts(mechanism, elastic)
     found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
 
     def stress(loads: Array) -> Array:
@@ -376,7 +381,7 @@ def answer(
     if {ELEMENTS, SOLID} & models.keys() and any("stress" in name for name in stacked):
         texts["warnings"] = [*texts.get("warnings", ()), *sharp_roots(layout)]
     texts["notes"] = [*texts.get("notes", ()), *([ELASTIC_READ] if ELASTIC in models else [])]
-    return kind(setup.about_mechanism(mechanism), values, widths, labels, settings, **texts)
+    return kind(setup.about(mechanism), values, widths, labels, settings, **texts)
 
 
 def sharp_roots(layout: Layout) -> list[str]:
@@ -395,8 +400,10 @@ class MechanismErrors(Result):
     title = "errors of the finite-element displacement"
     main = ("percent", {})
     labels: ClassVar = {"commanded": DIRECTIONS}
-    reading = ("error in per cent of the command; a rotation counts with the lever of the output",)
-    percent = Quantity("error for a command, per cent of it", "percents", ("model", "commanded", "direction"), POINTS)
+    reading = ("rotations are multiplied by the lever of the output",)
+    percent = Quantity(
+        "positioning error, % of the commanded motion", "percents", ("model", "commanded", "direction"), POINTS
+    )
     stiffness = Quantity("stiffness", "stiffness", ("model", "direction"), ON_MESHES, shown=False)
     lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
 
@@ -427,11 +434,10 @@ class MechanismBudget(Result):
     main = ("share", {"share": SHARES[-1]})
     labels: ClassVar = {"share": SHARES}
     reading = (
-        "per cent of the command in its direction, under the force of the network with rigid bodies",
-        "rigid bodies: change by elastic bodies, each by plane finite elements of it alone",
-        "hinge formulas: change from beam integrals of the hinges to plane finite elements of each hinge alone",
-        "joining of parts: from these parts, joined at sections that move rigidly, to plane finite elements of the "
-        "whole, whose sections warp",
+        "shares are % of the commanded motion, under the force of the network with rigid bodies",
+        "rigid bodies: change by elastic bodies, from plane finite elements of each body",
+        "hinge formulas: change from beam integrals to plane finite elements of each hinge",
+        "joining of parts: change from parts with rigid end sections to plane finite elements of the whole mechanism",
     )
     share = Quantity("share of the error", "percents", ("share", "direction"), POINTS)
 
@@ -490,9 +496,7 @@ class MechanismDrive(Result):
 
     title = "drive"
     main = ("motion", {})
-    reading = (
-        "every actuator is in place with its stiffness; a motion is that for the free stroke of one actuator alone",
-    )
+    reading = ("all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator",)
     motion = Quantity(
         "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), ON_MESHES, "all",
         prefixed=True,
@@ -501,19 +505,19 @@ class MechanismDrive(Result):
         "output motion per free stroke", ("", "", "rad_per_mm"), ("actuator", "model", "direction"), ON_MESHES, "all"
     )
     used = Quantity(
-        "opening of the actuator, per cent of the free stroke", "percent", ("actuator", "model"), ON_MESHES,
+        "opening of the actuator over its free stroke", "percent", ("actuator", "model"), ON_MESHES,
         note="the rest of the stroke is lost to the elasticity of the actuator",
     )  # fmt: skip
     coupling = Quantity(
-        "opening of the other actuators, per cent of the free stroke", "percent", ("actuator", "other", "model"),
+        "opening of the other actuators over the free stroke", "percent", ("actuator", "other", "model"),
         ON_MESHES, "all",
     )  # fmt: skip
     cross = Quantity(
-        "cross motion of the output, per cent of its main translation", "percent", ("actuator", "model"),
+        "cross motion of the output over its main translation", "percent", ("actuator", "model"),
         ON_MESHES._replace(absolute=5e-3), "all",
     )  # fmt: skip
     rotation = Quantity(
-        "parasitic rotation per main translation of the output", "rad_per_mm", ("actuator", "model"),
+        "parasitic rotation of the output over its main translation", "rad_per_mm", ("actuator", "model"),
         ON_MESHES._replace(absolute=1e-6), "all",
     )  # fmt: skip
     force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), ON_MESHES)
@@ -582,6 +586,7 @@ def drive(
         with np.errstate(divide="ignore", invalid="ignore"):
             cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
         rotation[np.abs(rotation) * mechanism.layout.lever < ROUND_OFF] = 0.0
+        cross[np.abs(cross) < ROUND_OFF], others[np.abs(others) < ROUND_OFF] = 0.0, 0.0
         return {
             "motion": np.moveaxis(found.motion * strokes, -1, 0),
             "transmission": output,
@@ -622,11 +627,11 @@ class MechanismReach(Result):
     main = ("ends", {"others": "free"})
     labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}
     reading = (
-        "motion relative to zero strokes; others: the other two directions, free or held at zero by three actuators or "
-        "more",
+        "motion relative to zero strokes; others: the other two directions, free, or held at zero by at least three "
+        "actuators",
     )
     ends = Quantity(
-        "end of the motion of the output", "motion", ("others", "end", "model", "direction"), ON_MESHES, "all",
+        "ends of the motion of the output", "motion", ("others", "end", "model", "direction"), ON_MESHES, "all",
         prefixed=True,
     )  # fmt: skip
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -21,16 +20,15 @@ from flexfem.questions.plates import (
     PEAK,
     ROUND_OFF,
     SOLID_RESOLUTION,
-    ElasticParts,
     answer,
     by_models,
     factorised,
+    joined_parts,
     meshed,
     model_of,
-    parts_of,
     stress_by,
 )
-from flexfem.questions.setup import Mesh, MeshFields, ModelAnswer, Models, mesh_of, on_meshes
+from flexfem.questions.setup import MeshFields, ModelAnswer, Models, mesh_of, on_meshes
 from flexfem.refused import BadInput
 from flexfem.results import ELEMENTS, SOLID, SOLVED, Gate, Progress, Quantity, Result
 
@@ -39,22 +37,11 @@ EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes 
 STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
 LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
 CASES = ("uniform", "gradient in x", "gradient in y")
-
-
-def of_loads(
-    mechanism: Mechanism,
-    mesh: Mesh | None,
-    models: Models,
-    by_network: Callable[[ElasticParts], dict[str, Array]],
-    of_size: Callable[[int, int], dict[str, Array]],
-    progress: Progress | None,
-) -> dict[str, ModelAnswer]:
-    """Return the values of all models: functions of elastic parts, and of resolution and layers; bands from meshes."""
-
-    def of_network(elastic: bool) -> dict[str, Array]:
-        return by_network(parts_of(mechanism) if elastic else ElasticParts())
-
-    return by_models(mesh, models, of_network, of_size, progress)
+FRAME = "frame.expansion_um_per_m_k"
+FRAME_ASSUMED = (
+    f"{FRAME} is not stated: the frame is assumed to expand like the plate, so a uniform change causes no stress; "
+    "state expansion_um_per_m_k under [frame], for example 12 for steel"
+)
 
 
 class MechanismModes(Result):
@@ -64,11 +51,12 @@ class MechanismModes(Result):
     main = ("frequency", {})
     columns = ("model", "direction", "motion")
     reading = (
-        "motion of the output: share of each direction in its squared motion, where rotations count with the lever",
-        "no share: the output hardly moves; modes of equal frequency: the first one moves along x, where any does",
-        "modes out of the plane are computed with layers only, a payload as a flat body at mid-plane; the analytic "
-        "models have no mass in the hinges, so they lack the modes in which leaf springs themselves vibrate, and their "
-        "numbers shift against those of finite elements from there on",
+        "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
+        "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
+        "one can",
+        "modes out of the plane are computed with layers only; a payload is a flat body at mid-plane; the hinges of "
+        "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
+        "modes differ from those of finite elements",
     )
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
     share = Quantity(
@@ -96,9 +84,10 @@ def modes(
     if engaged and not mechanism.layout.actuators:
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     count, lever = arguments.integer("count", count, 100), mechanism.layout.lever
-    kept, fields = dict[str, Modes](), None  # modes of the finest mesh, which is the last
+    kept = dict[str, Modes]()  # modes of the finest mesh, which is the last
 
-    def by_network(parts: ElasticParts) -> dict[str, Array]:
+    def by_network(elastic: bool) -> dict[str, Array]:
+        parts = joined_parts(mechanism, elastic)
         found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
@@ -113,37 +102,32 @@ def modes(
         frequency, share = map(np.concatenate, zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
-    answered, values = of_loads(mechanism, mesh, models, by_network, of_size, progress), dict[str, Array]()
-    found = {label: ModelAnswer(*({name: part[name] for name in part if name == "frequency"} for part in one))
-             for label, one in answered.items()}  # fmt: skip
-    names = [str(k + 1) for k in range(count)]
+    answered = by_models(mesh, models, by_network, of_size, progress)
+    order = np.argsort(answered[SOLID].values["frequency"], kind="stable")[:count] if solid else np.arange(count)
+    lifted, planar = order >= count, np.flatnonzero(order < count)
+
+    def placed(label: str, frequencies: Array) -> Array:
+        """Return frequencies at their modes; models of the plane have no others."""
+        if label == SOLID:
+            return frequencies[order]
+        at_modes = np.full(count, np.nan)
+        at_modes[planar] = frequencies[: len(planar)]
+        return at_modes
+
+    found = {
+        label: ModelAnswer(*({n: placed(label, part[n]) for n in part if n == "frequency"} for part in one))
+        for label, one in answered.items()
+    }
+    names, values, fields = [str(k + 1) for k in range(count)], dict[str, Array](), None
     if mesh is not None:
-        share = answered[SOLID if solid else ELEMENTS].values["share"]
-        values["share"] = share[:count]
-        shapes = kept["found"]
-        fields = MeshFields(
-            meshed(mechanism, mesh.resolution), lambda: {f"mode {k + 1}": shapes.field(k) for k in range(count)}
-        )
+        share = answered[SOLID if solid else ELEMENTS].values["share"][order]
+        values["share"] = np.where(lifted[:, None], np.nan, share)
     if solid:
-        fields = None
-        order = np.argsort(found[SOLID].values["frequency"], kind="stable")[:count]
-        lifted, planar = order >= count, np.flatnonzero(order < count)
         names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
-
-        def placed(label: str, frequencies: Array) -> Array:
-            """Return frequencies at their modes; models of the plane have no others."""
-            if label == SOLID:
-                return frequencies[order]
-            at_modes = np.full(count, np.nan)
-            at_modes[planar] = frequencies[: len(planar)]
-            return at_modes
-
-        found = {
-            label: ModelAnswer(*({name: placed(label, array) for name, array in part.items()} for part in one))
-            for label, one in found.items()
-        }
-        values["share"] = np.where(lifted[:, None], np.nan, share[order])
-        values["tilt"] = np.where(lifted[:, None], share[order], np.nan)
+        values["tilt"] = np.where(lifted[:, None], share, np.nan)
+    elif mesh is not None:
+        shapes, plate = kept["found"], meshed(mechanism, mesh.resolution)
+        fields = MeshFields(plate, lambda: {f"mode {k + 1}": shapes.field(k) for k in range(count)})
     settings = {"actuators": drives} if mechanism.layout.actuators else {}
     return answer(MechanismModes, mechanism, found, mesh, values, {"mode": names}, settings=settings, fields=fields)
 
@@ -193,7 +177,8 @@ def gravity(
     field = GRAVITY * np.array([[np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))]])
     points = 3 * len(mechanism.layout.points)
 
-    def by_network(parts: ElasticParts) -> dict[str, Array]:
+    def by_network(elastic: bool) -> dict[str, Array]:
+        parts = joined_parts(mechanism, elastic)
         motions, wrenches = network.weighed(mechanism.layout, field, parts.bodies, hinges=parts.hinges)
         return {"pose": motions[:points, 0].reshape(-1, 3), "stress": stress_by(mechanism, wrenches[..., 0])}
 
@@ -205,7 +190,7 @@ def gravity(
         lifted = fem.weight_of(factorised(mechanism, resolution, layers, lifting=True), np.array([[-GRAVITY]]))
         return {"pose": pose, "stress": stress, "sag": lifted.motions[:, 0]}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_size, progress)
+    found = by_models(mesh, models, by_network, of_size, progress)
     return answer(MechanismGravity, mechanism, found, mesh, settings={"gravity": f"at {angle:g} degrees"})
 
 
@@ -213,6 +198,7 @@ class MechanismDrift(Result):
     """Displacement and stress of a mechanism per change of temperature."""
 
     title = "change of temperature"
+    decisive = FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
@@ -238,7 +224,7 @@ def drift(
         raise BadInput(f"{mechanism.origin}: material.expansion_um_per_m_k is missing, expected um/(m K)")
     if ground is None:
         ground = plate
-        warnings.append("frame.expansion_um_per_m_k is not stated: the ground is assumed to expand like the plate")
+        warnings.append(FRAME_ASSUMED)
 
     lever = mechanism.layout.lever
     sizes = max(plate, ground) * np.outer([1.0, lever, lever], [lever, lever, 1.0])[:, None]  # of free expansion
@@ -247,7 +233,8 @@ def drift(
         """Return poses (cases, points, 3) without round-off."""
         return np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose)
 
-    def by_network(parts: ElasticParts) -> dict[str, Array]:
+    def by_network(elastic: bool) -> dict[str, Array]:
+        parts = joined_parts(mechanism, elastic)
         motions, wrenches = network.warmed(mechanism.layout, plate, ground, parts.bodies, hinges=parts.hinges)
         stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
         return {"pose": cleared(motions[:points].T.reshape(3, -1, 3)), "stress": stress}
@@ -257,7 +244,7 @@ def drift(
         pose = cleared(response.motions[:points].T.reshape(3, -1, 3))
         return {"pose": pose, "stress": fem.hinge_stress(response, np.eye(3))}
 
-    found = of_loads(mechanism, mesh, models, by_network, of_size, progress)
+    found = by_models(mesh, models, by_network, of_size, progress)
     return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)
 
 

@@ -53,7 +53,7 @@ class Reach(Result):
     figure = "drive.reach_figure"
     drawn_from_fields = True
     reading = (
-        "limits: stroke, contacts that only push, blocking force, yield at the necks by the linear analytic model",
+        "limits: stroke, contacts without tension, blocking force, and yield of the necks by the linear analytic model",
     )
     load = Quantity("load on the platform", "wrench", ("direction",), shown=False)
     ends = Quantity(
@@ -149,7 +149,7 @@ def reach(
     resolution: int | None = None,
     layers: int | None = None,
 ) -> Reach:
-    """The poses that the drive of a stage reaches within all limits, or a mechanism within its strokes.
+    """Poses that the drive of a stage reaches within all limits, or that a mechanism reaches within its strokes.
 
     Parameters
     ----------

@@ -119,9 +119,7 @@ def for_mechanisms(
     The function raises BadInput for a mechanism with an option that the answer lacks; its docstring says so.
     """
 
-    def decorate(
-        function: Callable[Concatenate[Stage, Options], OfStage],
-    ) -> OfBoth[Options, OfStage, OfMechanism]:
+    def decorate(function: Callable[Concatenate[Stage, Options], OfStage]) -> OfBoth[Options, OfStage, OfMechanism]:
         signature, known = inspect.signature(function), inspect.signature(answer).parameters
         text = (function.__doc__ or "").replace("stage : Stage\n", "stage : Stage or Mechanism\n")
         one, other = (str(each.__annotations__["return"]) for each in (function, answer))
@@ -256,22 +254,16 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
     return {} if mesh is None else {"resolution": mesh.resolution, "layers": mesh.layers or None}
 
 
-def about_mechanism(mechanism: Mechanism, files: Mapping[str, Sourced] = NO_FILES) -> About:
-    """Return the subject of a result: a mechanism, and other files by name."""
-    doubts = assumptions([("", mechanism), *((f"{name}: ", file) for name, file in files.items())])
-    lever = mechanism.layout.lever
-    return About(
-        mechanism.name, str(mechanism.origin), mechanism.hash, tuple(doubts.assumed), tuple(doubts.not_stated), lever
-    )
-
-
-def about(stage: Stage, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES) -> About:
-    """Return the subject of a result: a stage, its coefficients of `heat`, its `drive`, and other files by name."""
-    doubts = assumptions([("", stage), *((f"{name}: ", file) for name, file in files.items())])
-    doubts = stage.heat_assumptions if heat else stage.drive_assumptions if drive else doubts
-    digest = stage.heat_hash if heat else stage.drive_hash if drive else stage.hash
-    lever = stage.chain.link_lengths[2]
-    return About(stage.name, str(stage.origin), digest, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
+def about(
+    plate: Stage | Mechanism, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES
+) -> About:
+    """Return the subject of a result: a plate, `heat` coefficients or `drive` of a stage, and other files by name."""
+    doubts = assumptions([("", plate), *((f"{name}: ", file) for name, file in files.items())])
+    digest, lever = plate.hash, plate.layout.lever if isinstance(plate, Mechanism) else plate.chain.link_lengths[2]
+    if isinstance(plate, Stage) and (heat or drive):
+        doubts = plate.heat_assumptions if heat else plate.drive_assumptions
+        digest = plate.heat_hash if heat else plate.drive_hash
+    return About(plate.name, str(plate.origin), digest, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
 
 
 class ModelAnswer(NamedTuple):

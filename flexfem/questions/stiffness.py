@@ -62,9 +62,7 @@ class Stiffness(Result):
         prefixed=True,
     )  # fmt: skip
     yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), STRESS)
-    thickness = Quantity(
-        "change of the plane stiffness by three-dimensional hinges, thickness chart", "percents", ("direction",)
-    )
+    thickness = Quantity("change of stiffness in three dimensions", "percents", ("direction",))
     force = Quantity("load on the platform", "wrench", ("model", "direction"), COARSER, "wrench")
     pose = Quantity(
         "displacement of the platform under the load", "motion", ("model", "direction"), COARSER, "pose", prefixed=True
@@ -86,7 +84,7 @@ class Summary(Result):
     title = "summary"
     main = ("free", {})
     reading = (
-        "range at yield: displacement when the first neck yields, others held; force at yield: along the displacement",
+        "range at yield: displacement at which the first neck yields, others held; force at yield: force along it",
         "others: the other two directions, held at zero or free; drive min, max: range of the drive",
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
@@ -295,7 +293,7 @@ def _by_direction(found: Stiffness | plates.MechanismStiffness) -> tuple[dict[st
 def _ends(part: Callable[..., Array], model: str) -> dict[str, Array]:
     """Return the ranges of the drive by one model; `part` returns the values or bands of an answer of `reach`."""
     return {
-        f"{name}_{end}": part("ends", others=others, end=end, model=model)
+        f"{name}_{end}": np.where(np.abs(one := part("ends", others=others, end=end, model=model)) < 1e-12, 0.0, one)
         for name, others in (("held", "zero"), ("free", "free"))
         for end in ("low", "high")
     }
@@ -334,7 +332,7 @@ def _of_mechanism(
         model = driven.axes["model"][-1]
         values |= _ends(driven.at, model)
         bands |= _ends(driven.band, model)
-        notes.append(f"drive min, max: by {model}, with the stiffness of all actuators; first frequency: without it")
+        notes.append(f"drive min, max: {model} model with all actuators; first frequency: without the actuators")
     return MechanismSummary(
         found.about, values, bands, found.axes, settings | found.settings, found.warnings, [*found.notes, *notes]
     )
@@ -351,7 +349,7 @@ def summary(
     layers: int | None = None,
     progress: Progress | None = None,
 ) -> Summary:
-    """Range of a stage or mechanism in each direction before a neck yields, the force there, the range of its drive.
+    """Stiffness of a stage or mechanism, range and force at which the first neck yields, and range of its drive.
 
     Parameters
     ----------

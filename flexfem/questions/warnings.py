@@ -39,7 +39,7 @@ SOLID_ABOVE = {
     "koster": (-4.0, 6.0),
     "calibrated": (-2.0, 2.0),
 }
-SOLID_BELOW = "those of resolution 6 and 3 layers are up to 2 % low; "  # 1.6 at b/t = 20
+SOLID_BELOW = "finite elements of resolution 6 with 3 layers are up to 2 % low; "  # 1.6 at b/t = 20
 # margin of the limits of driven stages, as a share of the yield strength: the model may underestimate the neck stress
 YIELD_MARGIN: dict[Plane, float] = {"plane_stress": 0.01, "plane_strain": 0.01, "corrected": 0.02}
 STRESS_BELOW = 1.0  # per cent at resolution 4, falling with its square: 0.6 to 1.02 on reference and random stages
@@ -193,16 +193,16 @@ def stress_accuracy(formula: str, links: bool = True, plane: Plane = "plane_stre
     excess, solid = stress_above(formula, links, plane), plane == "corrected"
     if excess is None and not links and formula not in RIGID_ABOVE:
         return (
-            "with rigid links the stress is too high, by 14 to 34 % with paros-weisbord where it was compared with "
-            "finite elements; `summary` uses calibrated hinges and elastic links"
+            "with rigid links the stress is too high: with paros-weisbord by 14 to 34 % relative to finite elements; "
+            "`summary` uses calibrated hinges and elastic links"
         )
     stress = f"stress by {formula} with {'elastic' if links else 'rigid'} links"
     if excess is None:
         return f"{stress} has not been compared with finite elements{' in three dimensions' if solid else ''}"
     elements = "finite elements in three dimensions without mesh error" if solid else "plane finite elements"
     return (
-        f"{stress} differs by {excess[0]:+g} to {excess[1]:+g} % from that of {elements}, where compared; "
-        f"{SOLID_BELOW if solid else ''}the safe range has the opposite error"
+        f"{stress} differs by {excess[0]:+g} to {excess[1]:+g} % from {elements} in the compared cases; "
+        f"{SOLID_BELOW if solid else ''}the range at yield has the opposite error"
     )
 
 
@@ -211,12 +211,12 @@ def driven_accuracy(formula: str, links: bool, plane: Plane) -> str:
 
     They are those of single highly stressed necks on random stages, rounded outwards (benchmarks/drive_stress.py).
     """
-    limits = f"limits of yield are set at {100 * (1 - YIELD_MARGIN[plane]):g} % of the yield strength"
+    limits = f"the stress limits are {100 * (1 - YIELD_MARGIN[plane]):g} % of the yield strength"
     if formula == "calibrated" and links:
-        error = "neck stress differs by -1 to +2 % from plane finite elements with the same strokes, where compared"
+        error = "neck stress differs by -1 to +2 % from plane finite elements with the same strokes in compared cases"
         return f"{error}; {limits}" if plane != "corrected" else f"{error}, in plane stress; {limits}"
     if links and formula == "paros-weisbord":
-        return f"neck stress differs by -4 to +23 % from plane finite elements, at single necks too; {limits}"
+        return f"neck stress differs by -4 to +23 % from plane finite elements, also at single necks; {limits}"
     if links:
         return f"neck stress by {formula} has not been compared with finite elements of driven stages; {limits}"
     return (

@@ -30,7 +30,7 @@ OK = "ok"
 
 
 class Collected(NamedTuple):
-    """A written table: its path, its number of designs, and the number of open designs."""
+    """A written table: its path, its number of designs, and the number of unfinished designs."""
 
     path: Path
     designs: int
@@ -47,12 +47,12 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
 
     Parameters
     ----------
-    path : a Parquet or CSV file.   partial : leave out open designs instead of refusing them.
+    path : a Parquet or CSV file.   partial : leave out unfinished designs instead of refusing them.
 
     Raises
     ------
     BadInput
-        Designs are open, a part is damaged, or the table cannot be written.
+        Designs are unfinished, a part is damaged, or the table cannot be written.
     """
     if path.suffix not in FORMATS:
         raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
@@ -62,9 +62,9 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     designs = sum(map(len, found.counts))
     if designs == 0 or (designs < loaded.count and not partial):
         others = f"; {len(found.stale)} parts there belong to other inputs or versions" if found.stale else ""
-        done = "expected some" if partial else "expected --partial, or all"
-        expected = f"{done} to be done by flexfem study run{others}"
-        raise BadInput(f"{parts.folder}: {loaded.count - designs} of {loaded.count} designs are open, {expected}")
+        state = f"{loaded.count - designs} of {loaded.count} designs are unfinished"
+        state, choice = (state, ", or pass --partial") if designs else ("no designs are finished", "")
+        raise BadInput(f"{parts.folder}: {state}. Run `flexfem study run`{choice}{others}")
     about = json.loads(parts.schema.metadata[ABOUT]) | {"count": loaded.count}
     metadata = {ABOUT: json.dumps(about, sort_keys=True).encode()}
     schema = _with_derived(loaded, parts.schema.empty_table()).schema.with_metadata(metadata)

@@ -202,7 +202,7 @@ class Source(NamedTuple):
     def caption(self, figure: Figure, title: str, *lines: str) -> Caption:
         """Return the text above a figure, with the title of the study file where it has one."""
         loaded, study, table = self.loaded, self.loaded.study, self.table
-        counts = table.counts | {"open": loaded.count - len(table.design)}
+        counts = table.counts | {"unfinished": loaded.count - len(table.design)}
         text = [
             f"Study: {study.name}. Base: {loaded.base.name}.",
             f"{model_words(loaded)}. {thousands(loaded.count)} designs ({sampling_words(loaded)}): {counted(counts)}.",
@@ -607,11 +607,7 @@ def power_of(points: Array) -> float | None:
 
 
 def _gain(
-    source: Source,
-    figure: Figure,
-    rows: Index,
-    undrawable: Index,
-    stages_at: Callable[[Index], Iterable[object]],
+    source: Source, figure: Figure, rows: Index, undrawable: Index, stages_at: Callable[[Index], Iterable[object]]
 ) -> float | None:
     """Return y over that of the base stage for the best drawable design that is no worse in x and no larger."""
     x, y, sign = figure.x or "", figure.y or "", {"larger": 1.0, "smaller": -1.0}

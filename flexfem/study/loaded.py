@@ -83,7 +83,7 @@ class LoadedStudy:
         """Text on the error of the highest neck stress and of quantities computed from it."""
         study, plane = self.study, self.base.model
         if study.on_mechanism:
-            return "bands and the other models of each number: the command of its question, for one mechanism"
+            return "the command of a question, for one mechanism, gives bands and the values of other models"
         if study.model != "analytic":
             return f"neck stress by finite elements of resolution {study.resolution} is {study.stress_below}"
         stress = accuracy.stress_accuracy(study.formula, study.links, plane)

@@ -40,6 +40,7 @@ SIZES = {"fe": 4, "verify": 4, "three_dimensional": 2}  # designs in a part, whi
 LINKED, DRAWN, BROADCAST = 32, 512, 8192  # the same, analytic: with links or other questions, with stages, by arrays
 PART = re.compile(r"part-(\d{10})-([0-9a-f]{16})\.parquet")
 RETRIED = ("time limit", "crashed", "failed")  # statuses that may change in another run
+PARTS = "parts"  # folder, in the folder of a study
 FILE = "study.json"  # in the folder of a study: the path of its study file
 ANALYTIC_LIMIT, SLACK = 600.0, 10.0  # s: for a part of analytic designs; added to the time limit of a meshed design
 OLD = 3600.0  # s: age at which the temporary file of a killed run is removed
@@ -103,7 +104,7 @@ def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Part
     """Return the parts of a study in an output folder, by default some seconds of work each."""
     study = loaded.study
     analytic = LINKED if study.links or study.ask else DRAWN if needs_stages(study) or study.driven else BROADCAST
-    return Parts(loaded, output / loaded.stem / "parts", size or SIZES.get(study.model, analytic))
+    return Parts(loaded, output / loaded.stem / PARTS, size or SIZES.get(study.model, analytic))
 
 
 def table_of(parts: Parts, designs: range, rows: Rows) -> Any:

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.analytic.bars import bar_bodies
 from flexfem.analytic.finite import displaced
 from flexfem.analytic.plates import body_moments, modes, respond, warmed, weighed
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
-from flexfem.mechanism.outlines import bar, polyline
+from flexfem.mechanism.outlines import polyline
 from flexfem.mechanism.profiles import Circular, Leaf
 from flexfem.refused import ComputationFailed
 
@@ -137,22 +136,6 @@ def test_parallelogram_moves_on_a_curve_and_stiffens():
     assert found.motions[0, 1] == pytest.approx(-0.6 * found.motions[0, 0] ** 2 / SPAN, rel=5e-3)
     pulled = 1 / found.compliance[1:, 0, 0] / (EI / SPAN**3)
     assert pulled == pytest.approx([26.4, 21.6], rel=0.01)
-
-
-def test_a_bent_bar_is_a_beam():
-    """A leaf goes on as a bar with a turn: by a moment at the tip, the rotation is s / (E I)."""
-    loop, _, path = bar([SPAN + 0j, SPAN + 35 + 0j, SPAN + 35 + 20j], [0, 10, 0], T)
-    z = np.concatenate([np.linspace(0, SPAN, 4001), *(one.at(np.linspace(0, 1, 4001)) for one in path)])
-    steps, middle = np.diff(z), (z[1:] + z[:-1]) / 2
-    s = np.cumsum(abs(steps))
-    u = np.cumsum(1j * steps * (s - abs(steps) / 2)) / EI
-    of_bar = np.where(s > SPAN + 1e-9, abs(steps), 0)
-    centroid, mean = np.sum(of_bar * middle) / sum(of_bar), np.sum(of_bar * u) / sum(of_bar)
-    bodies = [box("wall", -9 - 9j, 0j, fixed=True), Body("bar", tuple(loop), width=T, path=path)]
-    points = ("tip", Patch(1, z[-1], 0.1)), ("whole", Patch(1, centroid))
-    bent = layout(bodies, [Joint("leaf", (0, 1), SPAN / 2, 0.0, LEAF, T)], points)
-    moved = respond(bent, bar_bodies(bent)).compliance[:5, 2]
-    assert moved == pytest.approx([u[-1].real, u[-1].imag, s[-1] / EI, mean.real, mean.imag], rel=2e-3)
 
 
 def test_a_beam_between_walls_expands():

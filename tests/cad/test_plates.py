@@ -17,7 +17,9 @@ import flexfem as api
 from flexfem.cad import write_step
 from flexfem.fem.plate_mesh import plate_contours
 from flexfem.mechanism.drawing import Part, cut_path
+from flexfem.mechanism.mechanism import read_mechanism
 from flexfem.mechanism.outlines import polygon_points
+from flexfem.mechanism.plate import clashes
 from flexfem.plot.plate import load_figure, mechanism_figure
 
 from .test_export import chained, dxf_pieces
@@ -87,7 +89,10 @@ def test_a_report_lists_parts_and_refuses_those_that_overlap_which_are_drawn(fle
     (folder / "low.toml").write_text(TEXT.replace("[-4.4, 5.2, 1.3], [6, 5.2, 1.3]", "[-4.4, -1, 1.3], [6, -1, 1.3]"))
     code, _, err = flexfem("check", folder / "low.toml")
     assert code == 2 and re.fullmatch(r"flexfem: \S+low.toml, line \d+: \S*base\S*: .*\bhead\b.*\n", err), err
-    assert "cannot be made" in api.view(folder / "low.toml", output=folder).warnings[0]
+    code, out, drawn = flexfem("view", folder / "low.toml", "-o", folder)
+    assert (code, out) == (2, "") and drawn == f"{err[:-1]}; drawn in {folder / 'low-drawing.png'}\n"
+    (overlap,) = clashes(read_mechanism(folder / "low.toml").layout, api.BadInput(""))  # above it are 0.3 mm of fillets
+    assert overlap.bounds == pytest.approx((-3.1 - math.sqrt(1.6), -1, 4.7 + math.sqrt(1.6), 0), abs=1e-4)
 
 
 def test_a_mesh_holds_bodies_hinges_and_unit_loads(nod, folder):

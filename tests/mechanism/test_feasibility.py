@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
+import shapely
 
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.feasibility import check_feasible, placed
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -55,6 +58,43 @@ def test_an_impossible_stage_is_refused_with_its_reason(name: str, make_stage: C
     said = str(refusal.value)
     assert "\n" not in said and "expected" in said
     assert all(word in said for word in says), said
+    bodies, at_fault = placed(stage)  # what a drawing shows
+    red = shapely.union_all(at_fault).area
+    assert bodies and 0 < red < shapely.union_all([*bodies, *at_fault]).area
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "says", "changes"),
+    [
+        (
+            "chain.link_width_mm",
+            9.5,
+            r"only with chain\.link_width_mm < (\S+)$",
+            {"chain.link_lengths_mm": [31.0, 20, 25]},
+        ),
+        ("platform.radius_mm", 22.9, r"^platform.* expected <= (\S+), or", {}),
+        ("platform.radius_mm", 8.0, r"^chain\.joint.* platform.radius_mm >= (\S+)$", {}),
+    ],
+)
+def test_a_refusal_states_the_limit(
+    key: str, value: float, says: str, changes: dict[str, Any], make_stage: Callable[..., Stage]
+) -> None:
+    """The stage is refused for this reason 0.2 % beyond the limit of the message, and not 0.2 % within it."""
+
+    def refused(value: float) -> re.Match[str] | None:
+        try:
+            check_feasible(make_stage(changes | {key: value}))
+        except BadInput as refusal:
+            return re.search(says, str(refusal))
+        return None
+
+    found = refused(value)
+    assert found is not None
+    limit = float(found[1])
+    assert [refused(limit * (1 + sign * math.copysign(2e-3, value - limit))) is None for sign in (-1, 1)] == [
+        True,
+        False,
+    ]
 
 
 @pytest.mark.parametrize("scale", [1e-2, 7.3, 100.0])

@@ -181,7 +181,7 @@ def test_stored_json_that_is_no_answer_is_refused_in_one_line(tmp_path, content)
 
 
 def test_a_study_that_is_not_done_has_no_page(tmp_path):
-    with pytest.raises(BadInput, match=r"400 of 400 designs are open in .*expected all done by flexfem study run$"):
+    with pytest.raises(BadInput, match=r"400 of 400 designs are unfinished in .*Run `flexfem study run`$"):
         report(ROOT / "cases/study-trust.toml", tmp_path / "page.html", folder=tmp_path / "none")
     assert not (tmp_path / "page.html").exists()
 

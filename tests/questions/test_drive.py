@@ -62,11 +62,11 @@ def test_strokes_by_three_criteria_and_where_finite_elements_go(found):
 
 def test_stiffness_without_stacks_with_them_and_with_their_preloads(found):
     changed = {state: found.at("change", state=state) / 100 for state in found.axes["state"]}
-    pushed = changed["preloaded, pushes normal to the pushed body"]
+    pushed = changed["preloaded, forces normal to the loaded body"]
     np.testing.assert_allclose(pushed, [4.80e-4, 4.80e-4, 5.26e-4], rtol=3e-3)
-    carried = changed["preloaded, pushes kept by the carrier"]
+    carried = changed["preloaded, forces fixed to the carrier"]
     np.testing.assert_allclose(carried, [-3.33e-4, -3.33e-4, -3.64e-4], rtol=3e-3)
-    own = changed["pushed with the forces by least energy"]
+    own = changed["stack forces, least energy"]
     assert np.all(np.abs(own - pushed) < 1e-4) and not np.array_equal(own, pushed)
     engaged, bare = (found.at("stiffness", state=state) for state in ("engaged", "disengaged"))
     assert engaged[0] > 100 * bare[0]
@@ -102,9 +102,9 @@ def test_preloads_that_no_equilibrium_stands_are_said(stage):
     weak = {"stack": None, "stroke": 9.0, "blocking_force": 9e4, "preload": 8e4}
     strong = stage.replace(actuator=[each.model_copy(update=weak) for each in stage.actuator])
     found = flexfem.drive(strong, pose=POSE, models="analytic")
-    state = "preloaded, pushes kept by the carrier"
+    state = "preloaded, forces fixed to the carrier"
     assert np.isnan(found.at("stiffness", state=state)).all()
-    assert f"no stable equilibrium with stacks {state}" in found.warnings
+    assert f"no stable equilibrium in the state {state!r}" in found.warnings
 
 
 def test_both_models_agree_on_friction_and_stress_under_a_load(stage):
@@ -138,13 +138,15 @@ PUSH = "some stacks preloaded to their blocking force would have to push harder"
 def test_strokes_and_forces_beyond_their_limits_are_warned_of(stage):
     """3 N in X turn links 1 to both sides: no strokes without one below zero hold them, though no contact is lost."""
     (*_, strokes) = said_of(single(stage), (0.0, 0.0, 0.0), (3.0, 0.0, 0.0))
-    assert "1 strokes beyond their limits, worst: base, chain 3 needs -1.059 um, outside 0 to 17.4" in strokes
+    assert "strokes beyond their limits: 1, the worst at base, chain 3: -1.059 um, outside 0 to 17.4" in strokes
     assert said_of(single(stage), (0.0, 0.0, 1e-4)) == []
     assert "it requires 1.296 times the limit of stroke" in said_of(stage, (0.03, -0.0011, 7e-5))[0]
     found = said_of(stage, (0.3, 0.0, 0.0), (0.0, 3000.0, 0.0))  # six pairs far out of reach under 3 kN
-    expected = ("elbow, chain 1 needs 317.2 um", "needs a pull of 1190 N", "1290 N, above 935 N")
+    expected = ("elbow, chain 1: 317.2 um", ": a pull of 1190 N", "1290 N, above 935 N")
     for count, kind, said in zip((6, 5, 3), ("strokes", "contacts", "forces"), expected, strict=True):
-        assert any(f"least energy: {count} {kind} beyond" in text and said in text for text in found)
+        assert any(
+            f"least energy: {kind} beyond their limits: {count}, the worst" in text and said in text for text in found
+        )
 
 
 @pytest.mark.parametrize(

@@ -157,3 +157,11 @@ def test_a_broken_case_is_refused_in_one_line_that_names_the_key(project, edit, 
         LoadedCase(path)
     assert named in str(refusal.value)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_refusal_of_a_stage_in_a_run_names_the_case_and_the_curve(project):
+    path = project.edit("cases/fig5.toml", ("points = 21", "points = 21\nresolution = 4"))
+    project.edit("geometry/mobility3.toml", ("thickness_mm = 10.0", 'thickness_mm = 10.0\nmodel = "corrected"'))
+    said = r'fig5\.toml, line \d+: curve\[0\], "mobility three": \S*mobility3\.toml, line \d+: model = "corrected", '
+    with pytest.raises(BadInput, match=said):
+        verification(path, output=None)

@@ -98,7 +98,7 @@ def test_measured_slopes_are_compared_with_the_model_and_the_stage(stage):
     assert (measured[0], found.measured_sd[0]) == (37.0, 0.2) and np.isnan(measured[1])
     x = dict(zip(found.axes["against"], found.deviation[0], strict=True))
     assert x["measured"] == pytest.approx(100 * (37.0 / 42.7434 - 1), rel=1e-5)
-    assert x["measured from stage"] == pytest.approx(100 * (37.0 / 37.98114 - 1), rel=1e-4)
+    assert x["measured relative to stage"] == pytest.approx(100 * (37.0 / 37.98114 - 1), rel=1e-4)
     assert x["stage"] == pytest.approx(-11.1415, rel=1e-4)
     assert np.isnan(found.spring[1]) and np.isnan(found.spring[2]), "not measured, and stiffer than the stage"
     assert found.spring[0] == pytest.approx(37.0 * 37.98114 / 0.98114, rel=1e-4)
@@ -109,12 +109,12 @@ def test_a_push_leaves_the_other_directions_free_and_on_the_bar_is_a_force_too(u
     found = analytic(unlike, FIXTURE.model_copy(update={"measured": MeasuredSlopes(ktt=36000.0)}))
     C = flexfem.analyse(unlike, links=True, formula="calibrated").compliance
     np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(C), rtol=1e-9)
-    assert any(text.startswith("a push in x leaves the other directions free") for text in found.warnings)
+    assert any(text.startswith("a force in x leaves the other directions free") for text in found.warnings)
     read = 1 / (C[2, 2] + C[2, 1] / 30.0)
     assert abs(read * C[2, 2] - 1) > 0.005
     said = f"on a rigid fixture the slope is {read:.5g}, and 1/C is {1 / C[2, 2]:.5g}"
-    assert any(text.startswith("a push in theta also loads other") and said in text for text in found.warnings)
-    assert not any("a push in x also" in text for text in found.warnings)
+    assert any(text.startswith("a force in theta also loads other") and said in text for text in found.warnings)
+    assert not any("a force in x also" in text for text in found.warnings)
     assert found.spring[2] == pytest.approx(36000.0 * read / (read - 36000.0), rel=1e-9)
 
 

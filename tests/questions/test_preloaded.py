@@ -173,6 +173,6 @@ def test_the_stiffness_by_the_forces_of_a_command_is_that_under_its_load(stage):
     found = flexfem.drive(stage, pose=(2e-3, 1e-3, 5e-5), load=tuple(load), models="analytic", analytic=own)
     force = found.at("force", criterion="least energy")
     with_load, without = (np.diag(loaded(joints, force, each).stiffness(drive.stiffness)) for each in (load, NONE))
-    state = "pushed with the forces by least energy"
+    state = "stack forces, least energy"
     np.testing.assert_allclose(found.at("stiffness", state=state), with_load, rtol=1e-9)
     assert np.max(np.abs(with_load / without - 1)) > 1e-6

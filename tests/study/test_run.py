@@ -155,7 +155,7 @@ def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_thos
     first, said = parts_of(load_study(study()), tmp_path, 64), []
     run_parts(first, Here())
     other = parts_of(load_study(study(edit=("sd = 0.05", "sd = 0.04"))), tmp_path, 64)
-    with pytest.raises(BadInput, match=r"300 of 300 designs are open.*5 parts there belong to other inputs"):
+    with pytest.raises(BadInput, match=r"no designs are finished\. Run.*5 parts there belong to other inputs"):
         collect(other, tmp_path / "t.parquet")
     here = Here()
     run_parts(other, here, say=said.append)
@@ -223,7 +223,7 @@ def test_commands_run_count_and_collect(flexfem, study):
     code, _, err = flexfem("study", "status", ".")
     assert code == 2 and "no study has run in this folder" in err and err.count("\n") == 1
     code, _, err = flexfem("study", "collect", path)
-    assert code == 2 and "300 of 300 designs are open" in err and err.count("\n") == 1
+    assert code == 2 and "no designs are finished. Run `flexfem study run`" in err and err.count("\n") == 1
     for arguments, said in ((["run", "--shard", "3/2"], "--shard 3/2"), (["collect", "--to", "t.xlsx"], "ends in")):
         code, out, err = flexfem("study", arguments[0], path, *arguments[1:])
         assert (code, out, err.count("\n")) == (2, "", 1) and said in err and not Path("reports").exists()
@@ -237,9 +237,13 @@ def test_commands_run_count_and_collect(flexfem, study):
     code, out, _ = flexfem("study", "run", path, "--workers", 1, "--json")
     facts = json.loads(out)
     assert (facts["open"], facts["done"], facts["next"]) == (0, 300, f"flexfem study plot {path}")
-    for folder in ("reports/necks", "reports/necks/parts/.."):  # instead of the file
+    for folder in ("reports/necks", "reports/necks/parts/..", "reports/necks/parts"):  # instead of the file
         code, out, _ = flexfem("study", "status", folder, "--json")
         assert (code, json.loads(out)["done"]) == (0, 300)
+    code, out, _ = flexfem("study", "run", "reports/necks", "--json")
+    assert (code, json.loads(out)["next"].rsplit(" ", 1)[0]) == (0, "flexfem study plot") and not Path("necks").exists()
+    code, out, _ = flexfem("study", "collect", "reports/necks", "--to", "same.csv", "--json")
+    assert json.loads(out) == {"written": ["same.csv"], "designs": 300, "open": 0}
     Path("reports/other").mkdir()
     Path("reports/other/study.json").write_text(Path("reports/necks/study.json").read_text())
     code, out, err = flexfem("study", "status", "reports/other")
@@ -257,10 +261,10 @@ def test_commands_run_count_and_collect(flexfem, study):
 
 def test_a_partial_table_lacks_the_open_designs_only(study, tmp_path):
     parts = parts_of(load_study(study()), tmp_path, 64)
-    with pytest.raises(BadInput, match="expected some to be done"):
+    with pytest.raises(BadInput, match="no designs are finished"):
         collect(parts, tmp_path / "t.parquet", partial=True)
     run_parts(parts, Here(), shard=slice(1, None, 2))
-    with pytest.raises(BadInput, match="172 of 300 designs are open"):
+    with pytest.raises(BadInput, match="172 of 300 designs are unfinished"):
         collect(parts, tmp_path / "t.parquet")
     made = collect(parts, tmp_path / "t.parquet", partial=True)
     assert (made.designs, made.open) == (128, 172)

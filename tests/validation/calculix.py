@@ -34,7 +34,7 @@ import numpy as np
 
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
-from flexfem.fem.export import write_deck
+from flexfem.fem.export import write_mesh
 from flexfem.fem.mesh import StageMesh
 
 from .problem import MissingSolverError
@@ -65,7 +65,7 @@ def solve(
     environment = os.environ | {"OMP_NUM_THREADS": threads, "CCX_NPROC_EQUATION_SOLVER": threads}
     with tempfile.TemporaryDirectory() as name:
         deck = Path(name, "stage.inp")
-        write_deck(mesh, plate._replace(thickness=b), deck)
+        write_mesh(mesh, plate._replace(thickness=b), deck)
         if uncoupled:
             deck.write_text(with_uncoupled_material(deck.read_text(), plate))
         subprocess.run([program, "-i", "stage"], cwd=name, env=environment, capture_output=True, timeout=TIME_LIMIT)
