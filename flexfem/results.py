@@ -646,8 +646,8 @@ def _records_table(title: str, records: Sequence[Any], plain: bool) -> TextTable
     return TextTable(head, rows, sum(isinstance(part, int | str) for part in records[0][:2]), title)
 
 
-def _text(value: Any, unit: str = "") -> str:
-    """Return a value as text."""
+def _text(value: Any, unit: str = "", digits: int = 8) -> str:
+    """Return a value as text; the numbers of a list have six digits at most."""
     if hasattr(value, "_asdict"):
         return _text(value._asdict())
     if isinstance(value, dict):
@@ -659,10 +659,10 @@ def _text(value: Any, unit: str = "") -> str:
         return "; ".join(texts)
     if isinstance(value, list | tuple):
         between = "; " if value and isinstance(value[0], list | tuple) else ", "
-        return f"{between.join(map(_text, value))} {unit}".rstrip()
+        return f"{between.join(_text(each, digits=6) for each in value)} {unit}".rstrip()
     if isinstance(value, bool):
         return "yes" if value else "no"
-    return f"{round(value, 12) + 0.0:.6g} {unit}".rstrip() if isinstance(value, float) else str(value)
+    return f"{round(value, 12) + 0.0:.{digits}g} {unit}".rstrip() if isinstance(value, float) else str(value)
 
 
 def thousands(count: int) -> str:
