@@ -468,6 +468,7 @@ class Result:
         value, band = float(self.values[quantity.name][at]), float(self.band(quantity.name)[at])
         if abs(value) <= ROUND_OFF * self.sizes(quantity.name)[at]:
             value, band = 0.0, np.nan
+        band = band if band > ROUND_OFF * self.sizes(quantity.name)[at] else np.nan
         unit = quantity.unit_at(at)
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")

@@ -24,6 +24,7 @@ from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.profiles import Leaf
 from flexfem.questions import setup
+from flexfem.questions import warnings as warning
 from flexfem.questions.bands import (
     SAFETY,
     SolidLevels,
@@ -334,7 +335,8 @@ def stiffness(
     reference = list(found.values())[-1].values
     if mesh is not None and "force" in reference:
         fields = fields_under(mechanism, mesh, reference["force"])
-    return answer(MechanismStiffness, mechanism, found, mesh, fields=fields)
+    warnings = over_yield(mechanism, found, "hinge_stress", "this load") if "force" in reference else []
+    return answer(MechanismStiffness, mechanism, found, mesh, fields=fields, warnings=warnings)
 
 
 def fields_under(mechanism: Mechanism, mesh: setup.Mesh, force: Array) -> setup.MeshFields:
@@ -608,16 +610,17 @@ def drive(
     found, fields = of_models(mechanism, mesh, models, values, progress), None
     if mesh is not None and not mesh.layers:
         fields = setup.MeshFields(meshed(mechanism, mesh.resolution), made)
-    labels, warnings = {"other": [actuator.name for actuator in actuators]}, over_yield(mechanism, found)
+    labels, warnings = (
+        {"other": [actuator.name for actuator in actuators]},
+        over_yield(mechanism, found, "stress", "full stroke"),
+    )
     return answer(MechanismDrive, mechanism, found, mesh, None, labels, warnings=warnings, fields=fields)
 
 
-def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer]) -> list[str]:
-    """Warn of a highest stress above the yield strength."""
-    limit = mechanism.material.yield_strength
-    highest = max(float(np.max(model.values["stress"])) for model in found.values())
-    text = f"at full stroke the highest hinge stress is {highest:.4g} MPa, beyond the yield strength of {limit:.4g} MPa"
-    return [text] if highest > limit else []
+def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str) -> list[str]:
+    """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the load."""
+    highest = max(float(np.max(model.values[stress])) for model in found.values() if stress in model.values)
+    return warning.of_yield(highest, mechanism.material.yield_strength, where)
 
 
 class MechanismReach(Result):

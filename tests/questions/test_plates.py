@@ -81,6 +81,9 @@ def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
     bending = 3 * 72e3 * 0.4 / 40**2  # E t 6 / 2 / L^2: stress at the root per displacement
     assert found.at("yield_range", direction="x")[0] == pytest.approx(500 / bending, rel=0.01)
     assert not {"amplification", "held_low", "free_low"} & found.values.keys()
+    for x, expected in ((0.9 * 500 / bending, 0), (1.1 * 500 / bending, 1)):  # mm, others held
+        loaded = flexfem.stiffness(Mechanism.model_validate(content), displacement=(x, 0, 0), models="analytic")
+        assert sum("beyond the yield strength" in text for text in loaded.warnings) == expected
     lever = flexfem.summary(flexfem.load("geometry/lever-amplifier.toml"), models="analytic")
     amplification, inside = lever.at("amplification", direction="y")[0], lever.input_stiffness[0]
     assert amplification == pytest.approx(5, rel=0.03)
