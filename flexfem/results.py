@@ -195,7 +195,7 @@ class Result:
     figure: ClassVar[str] = ""  # module and function under flexfem.plot that draw it
     drawn_from_fields: ClassVar[bool] = False  # whether the figure needs `fields`
     reading: ClassVar[tuple[str, ...]] = ()  # sentences below every table
-    decisive: ClassVar[str] = ""  # key of the file that the main result depends on: its warning is printed first
+    main_key: ClassVar[str] = ""  # key of the file that the main result depends on: its warning is printed first
     quantities: ClassVar[dict[str, Quantity]] = {}
     kinds: ClassVar[dict[str, type[Result]]] = {}
 

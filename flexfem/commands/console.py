@@ -84,8 +84,8 @@ def _print(found: Any) -> None:
     terminal = sys.stdout is not None and sys.stdout.isatty()  # in a file each sentence is a line
     width = None if terminal else shutil.get_terminal_size((WIDTH, 24)).columns
     out = Console(soft_wrap=not terminal, highlight=False, markup=False, color_system=None, width=width)
-    warnings, decisive = getattr(found, "warnings", []), getattr(found, "decisive", "")
-    for text in (first := [text for text in warnings if decisive and text.startswith(decisive)]):
+    warnings, key = getattr(found, "warnings", []), getattr(found, "main_key", "")
+    for text in (first := [text for text in warnings if key and text.startswith(key)]):
         out.print(f"warning: {text}")
     if hasattr(found, "tables"):
         if answer := getattr(found, "answer", str)():

@@ -49,7 +49,7 @@ class Drift(Result):
     """Displacement and stress of a stage per change of temperature."""
 
     title = "change of temperature"
-    decisive = plates_loaded.FRAME
+    main_key = plates_loaded.FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
     figure = "fields.drift_figure"

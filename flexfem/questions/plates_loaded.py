@@ -198,7 +198,7 @@ class MechanismDrift(Result):
     """Displacement and stress of a mechanism per change of temperature."""
 
     title = "change of temperature"
-    decisive = FRAME
+    main_key = FRAME
     main = ("pose", {"case": "uniform"})
     labels: ClassVar = {"case": CASES}
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
