@@ -71,7 +71,7 @@ def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
 def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     """Warn of a highest neck stress above the yield strength, MPa; `where` names the load or command."""
     text = (
-        f"{where}: the highest neck stress is {stress:.5g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
+        f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
         f"{STRESS}; the elastic result is not valid there"
     )
     return [text] if stress > yield_strength else []
