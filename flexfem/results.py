@@ -466,9 +466,10 @@ class Result:
 
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
         value, band = float(self.values[quantity.name][at]), float(self.band(quantity.name)[at])
-        if abs(value) <= ROUND_OFF * self.sizes(quantity.name)[at]:
+        round_off = ROUND_OFF * self.sizes(quantity.name)[at]
+        if abs(value) <= round_off:
             value, band = 0.0, np.nan
-        band = band if band > ROUND_OFF * self.sizes(quantity.name)[at] else np.nan
+        band = band if band > round_off else np.nan
         unit = quantity.unit_at(at)
         if quantity.prefixed:
             unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")

@@ -31,7 +31,6 @@ def usable(folder: Path | None) -> Path | None:
 
 WIDTH, GAP = 80, 2  # characters of a line in a file, and between two columns
 NARROWEST, LONGEST = 8, 30  # characters of a heading, and of the name of a row, in tables that are too wide
-SPACE = "\N{NO-BREAK SPACE}"
 
 OUTPUT = typer.Option("--output", "-o", callback=usable, help="Folder for the written files.")
 OutputFolder = Annotated[Path | None, OUTPUT]
@@ -113,6 +112,8 @@ def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None
     """Print tables without rules, each below its caption; those wider than `width` in parts with the same rows."""
     from rich.table import Table
 
+    from flexfem.results import SPACE
+
     for content in tables:
         columns = [list(column) for column in zip(content.head, *content.rows, strict=True)]
         if sum(map(_width, columns)) - GAP > width:
@@ -131,7 +132,7 @@ def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None
             out.print(f"{content.caption}:")
         for part in parts:
             table = Table(
-                *(column[0] for column in part), box=None, padding=(0, 2, 0, 0), show_header=any(content.head)
+                *(column[0] for column in part), box=None, padding=(0, GAP, 0, 0), show_header=any(content.head)
             )
             for row in zip(*(column[1:] for column in part), strict=True):
                 table.add_row(*row)

@@ -251,9 +251,11 @@ def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
         found = [joint.profile.compliance(*material, added[..., h]) for h, joint in enumerate(made.joints)]
         return np.stack([np.diagonal(each, axis1=-2, axis2=-1) for each in found], axis=-2)
 
+    unchanged = freedoms(np.zeros(len(neck)))
+
     def diagonals(added: Array) -> Array:
         """Return stiffness diagonals (draws, 3) with hinges that are thicker by (draws, hinges)."""
-        change = np.sqrt(freedoms(added) / freedoms(np.zeros(len(neck))))
+        change = np.sqrt(freedoms(added) / unchanged)
         changed = change[..., :, None] * parts.hinges * change[..., None, :]
         return np.diagonal(_stiffness(made, parts._replace(hinges=changed)), axis1=1, axis2=2)
 

@@ -610,10 +610,8 @@ def drive(
     found, fields = of_models(mechanism, mesh, models, values, progress), None
     if mesh is not None and not mesh.layers:
         fields = setup.MeshFields(meshed(mechanism, mesh.resolution), made)
-    labels, warnings = (
-        {"other": [actuator.name for actuator in actuators]},
-        over_yield(mechanism, found, "stress", "full stroke"),
-    )
+    labels = {"other": [actuator.name for actuator in actuators]}
+    warnings = over_yield(mechanism, found, "stress", "full stroke")
     return answer(MechanismDrive, mechanism, found, mesh, None, labels, warnings=warnings, fields=fields)
 
 
