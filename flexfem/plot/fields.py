@@ -192,13 +192,15 @@ def drift_figure(found: Drift) -> Figure:
         "at rest. Heavy lines: clamped edges, which move with the frame."
     ]
     figure, axes = panels((12.0, 5.0), f"{about.name}: displacement and stress by heating", lines, 1, 3, about)
-    everywhere = np.concatenate([each.nodes + exaggeration(each) * each.displacement for each in fields.values()])
+    factors = {name: exaggeration(each) for name, each in fields.items()}
+    moved = [each.nodes + factors[name] * each.displacement for name, each in fields.items()]
+    everywhere = np.concatenate(moved)
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
         plot_drift(ax, found, name)
         fit(ax, everywhere, 0.03)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
         title, per, _ = WARM[name]
-        titled(ax, letter, f"{title}, displacements × {significant(exaggeration(fields[name]), 1)}")
+        titled(ax, letter, f"{title}, displacements × {significant(factors[name], 1)}")
         numbers = f"platform: {_pose(pose, about.lever)}\nnecks: up to {significant(float(np.max(stress)), 3)} {STRESS}"
         label = f"von Mises stress ({STRESS} per {per})\n\n{numbers}"
         draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
@@ -221,8 +223,9 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     if case not in warm.cases:
         raise BadInput(f"case {case!r}, expected one of: {', '.join(warm.cases)}")
     fields = warm.cases[case]
-    ax = plot_displacement(ax, fields)
-    moved = fields.nodes + exaggeration(fields) * fields.displacement
+    factor = exaggeration(fields)
+    ax = plot_displacement(ax, fields, factor=factor)
+    moved = fields.nodes + factor * fields.displacement
     draw_boundary(ax, moved, warm.ground, INK, 3.0, zorder=4)
     x, y = WARM[case][2]
     if x or y:
