@@ -20,10 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # the text of these imports also locates names at run time
-    from flexfem.baselines import baseline as baseline
-    from flexfem.baselines import regression as regression
     from flexfem.cad import export as export
-    from flexfem.design.run import run_design as run_design
     from flexfem.mechanism.materials import Material as Material
     from flexfem.mechanism.mechanism import Mechanism as Mechanism
     from flexfem.mechanism.stage import Stage as Stage
@@ -51,12 +48,11 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.questions.stiffness import summary as summary
     from flexfem.refused import BadInput as BadInput
     from flexfem.refused import ComputationFailed as ComputationFailed
-    from flexfem.schemas import schema as schema
-    from flexfem.studies import collect_study as collect_study
-    from flexfem.studies import run_study as run_study
-    from flexfem.workshop import new_stage as new_stage
 
 if TYPE_CHECKING:  # names that scripts may use, too; documented in their modules
+    from flexfem.baselines import baseline as baseline
+    from flexfem.baselines import regression as regression
+    from flexfem.design.run import run_design as run_design
     from flexfem.hinges.formulas import formulas as formulas
     from flexfem.hinges.formulas import register_formula as register_formula
     from flexfem.hinges.strength import Basquin as Basquin
@@ -78,12 +74,17 @@ if TYPE_CHECKING:  # names that scripts may use, too; documented in their module
     from flexfem.questions.check import thickness_review as thickness_review
     from flexfem.questions.errors import Verification as Verification
     from flexfem.questions.modes import dynamic_model as dynamic_model
+    from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
+    from flexfem.studies import collect_study as collect_study
+    from flexfem.studies import run_study as run_study
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_status as study_status
     from flexfem.workshop import hinge_formulas as hinge_formulas
     from flexfem.workshop import mesh as mesh
+    from flexfem.workshop import new_stage as new_stage
     from flexfem.workshop import view as view
+
 
 __version__ = "0.1.0"
 
