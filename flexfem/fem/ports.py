@@ -20,7 +20,7 @@ from flexfem.fem.modes import Modes, modes, vibrating_structure
 from flexfem.fem.response import free_displacement, refined_solution, resultants_of
 from flexfem.fem.structure import NONE, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space
-from flexfem.mechanism.layout import Layout, Patch
+from flexfem.mechanism.layout import Joint, Layout, Patch
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
@@ -200,9 +200,13 @@ class PlateResponse:
     @cached_property
     def _at_hinges(self) -> tuple[Array, Index]:
         """Stresses (c, p, d, d), MPa, at the nodes of the triangles of all hinges, and the first node of each hinge."""
-        whole, first = self.model.structure, len(self.model.layout.bodies)
-        hinges = range(first, first + len(self.model.layout.joints))
-        nodes = [np.unique(whole.mesh.triangles[whole.mesh.bodies == hinge]) for hinge in hinges]
+        whole, layout = self.model.structure, self.model.layout
+        regions = (
+            whole.mesh.triangles[whole.mesh.bodies == part + len(layout.bodies)] for part in range(len(layout.joints))
+        )
+        nodes = [np.unique(region) for region in regions]
+        pairs = zip(nodes, layout.joints, strict=True)
+        nodes = [at[~_at_fixed_end(layout, joint, whole.mesh.nodes[at])] for at, joint in pairs]
         depth = 1 if whole.layers is None else len(whole.layers.heights)
         used, at = np.unique(np.concatenate([NONE, *nodes]), return_inverse=True)
         stress = nodal_stress(whole.mesh, whole.plate, self.elastic, used, whole.layers)
@@ -211,11 +215,22 @@ class PlateResponse:
         return stress.reshape(len(stress), -1, *stress.shape[-2:]), starts
 
 
+def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool_]:
+    """Return which nodes (n, 2) of a hinge are near a fixed body, higher than a quarter of the way from neck to end.
+
+    A fixed body is rigid. The stress at the corners of such an end is therefore singular, in heat most of all.
+    """
+    x = ((nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)).real
+    high = joint.profile.height(x) > 0.75 * joint.profile.neck + 0.25 * joint.profile.end_height
+    fixed = [layout.bodies[body].fixed for body in joint.bodies]
+    return np.asarray(high & np.where(x < 0, *fixed))
+
+
 def hinge_stress(response: PlateResponse, loads: Array) -> Array:
     """Highest von Mises stress (..., h), MPa, at every hinge under loads (..., c), multiples of the cases.
 
-    It is the highest at the nodes of the triangles of the hinge. At a sharp root, without a fillet, the stress is
-    singular: it grows without limit as the mesh is refined.
+    It is the highest at the nodes of the triangles of the hinge, without those of `_at_fixed_end`. At a sharp root,
+    without a fillet, the stress is singular: it grows without limit as the mesh is refined.
     """
     if not response.model.layout.joints:
         return np.zeros((*np.shape(loads)[:-1], 0))

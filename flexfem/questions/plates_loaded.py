@@ -227,22 +227,25 @@ def drift(
         warnings.append(FRAME_ASSUMED)
 
     lever = mechanism.layout.lever
-    sizes = max(plate, ground) * np.outer([1.0, lever, lever], [lever, lever, 1.0])[:, None]  # of free expansion
+    strains = max(plate, ground) * np.array([1.0, lever, lever])[:, None]  # free expansion by case
 
-    def cleared(pose: Array) -> Array:
-        """Return poses (cases, points, 3) without round-off."""
-        return np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose)
+    def cleared(motions: Array, stress: Array) -> dict[str, Array]:
+        """Return poses (cases, points, 3) and stresses (cases, hinges) without round-off."""
+        pose, sizes = motions[:points].T.reshape(3, -1, 3), strains[:, None] * [lever, lever, 1.0]
+        strained = mechanism.material.youngs_modulus * strains
+        return {
+            "pose": np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose),
+            "stress": np.where(stress < ROUND_OFF * strained, 0.0, stress),
+        }
 
     def by_network(elastic: bool) -> dict[str, Array]:
         parts = joined_parts(mechanism, elastic)
         motions, wrenches = network.warmed(mechanism.layout, plate, ground, parts.bodies, hinges=parts.hinges)
-        stress = stress_by(mechanism, np.moveaxis(wrenches, -1, 0))
-        return {"pose": cleared(motions[:points].T.reshape(3, -1, 3)), "stress": stress}
+        return cleared(motions, stress_by(mechanism, np.moveaxis(wrenches, -1, 0)))
 
     def of_size(resolution: int, layers: int) -> dict[str, Array]:
         response = fem.warmed(factorised(mechanism, resolution, layers), plate, ground)
-        pose = cleared(response.motions[:points].T.reshape(3, -1, 3))
-        return {"pose": pose, "stress": fem.hinge_stress(response, np.eye(3))}
+        return cleared(response.motions, fem.hinge_stress(response, np.eye(3)))
 
     found = by_models(mesh, models, by_network, of_size, progress)
     return answer(MechanismDrift, mechanism, found, mesh, warnings=warnings)
