@@ -242,7 +242,7 @@ def rows(kind: str, given: argparse.Namespace) -> Iterator[tuple[str, float, flo
     parts = parts_of(mechanism)
     for name, elastic in (("flexfem analytic", False), ("flexfem elastic bodies", True)):
         more = (parts.bodies, False, parts.hinges) if elastic else ()
-        frequency = analytic.modes(mechanism.layout, *more).frequencies[0]
+        frequency = analytic.modes(mechanism.layout, *more)[0]
         yield name, *of_ports(network(mechanism, elastic)), frequency / (2 * math.pi)
     for name, layers in (("flexfem plane stress", 0), (f"flexfem {given.layers} layers", given.layers)):
         size = (given.resolution, 0) if not layers else (4, layers)

@@ -149,7 +149,7 @@ def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
         response = network(mechanism, label == "elastic bodies")
         weight, _ = plates.weighed(layout, pull, parts.bodies, hinges=parts.hinges)
         warm, _ = plates.warmed(layout, *heat, parts.bodies, hinges=parts.hinges)
-        lowest = plates.modes(layout, parts.bodies, hinges=parts.hinges).frequencies[:1]
+        lowest = plates.modes(layout, parts.bodies, hinges=parts.hinges)[:1]
     else:
         model, response = model_of(mechanism, RESOLUTION), elements(mechanism, RESOLUTION)
         weight, warm = ports.weight_of(model, pull).motions, ports.warmed(model, *heat).motions

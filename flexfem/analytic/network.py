@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from flexfem.arrays import AnyArray, Array, inverse
 
 GROUND = -1
+STILL = 1e-13  # relative to the largest compliance of a mode; smaller ones are round-off
 SINGULAR = 1e-14  # relative to the largest eigenvalue of a joint's scaled compliance; smaller ones are no freedoms
 
 
@@ -207,7 +208,8 @@ def solve(
     opened, F = _opened(mechanism, Q), _column(F)
     B, D = _path_openings(opened, graph), _column(Q).swapaxes(-1, -2) @ _column(opened)
     if internal is not None:
-        B, D = B + _path_openings(internal.openings, graph), D + internal.motions
+        by_Q = _column(Q).swapaxes(-1, -2) @ _column(internal.openings)
+        B, D = B + _path_openings(internal.openings, graph), D + internal.motions + by_Q + by_Q.swapaxes(-1, -2)
     t = B
     if openings is not None:
         t, D = B + _path_openings(openings, graph), D + _column(Q).swapaxes(-1, -2) @ _column(openings)
@@ -221,6 +223,30 @@ def solve(
         w = np.where(is_ideal, by_loads @ F + by_openings @ t, w)
     motions = np.swapaxes(F, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
     return MotionUnderLoads(V[..., :3, :], _by_joint(_by_path(w, graph), graph) + Q, motions)
+
+
+class Dynamics(NamedTuple):
+    """Dynamics of n motions of a network, of designs (...).
+
+    compliance, mass : (..., n, n), of the motions: mm, rad, N, tonne.
+    rank : of the compliance, the mobility; its other eigenvalues are round-off.
+    """
+
+    compliance: Array
+    mass: Array
+    rank: int
+
+    @property
+    def frequencies(self) -> Array:
+        """Natural frequencies (..., n), rad/s, ascending; inf for freedoms that the joints do not have, nan for a
+        design without a solution."""
+        L = np.linalg.cholesky(self.mass)
+        A = np.swapaxes(L, -1, -2) @ self.compliance @ L
+        is_singular = ~np.all(np.isfinite(A), axis=(-2, -1), keepdims=True)
+        values = np.linalg.eigvalsh(np.where(is_singular, 0.0, (A + np.swapaxes(A, -1, -2)) / 2))[..., ::-1]
+        is_rigid = (np.arange(values.shape[-1]) >= self.rank) | (values <= STILL * values[..., :1])
+        frequencies = np.where(is_rigid, np.inf, 1 / np.sqrt(np.where(is_rigid, 1.0, values)))
+        return np.where(is_singular[..., 0], np.nan, frequencies)
 
 
 def with_springs(motions: Array, rates: Array) -> Array:

@@ -22,6 +22,7 @@ import numpy as np
 from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import bar_density, body_compliance
 from flexfem.analytic.model import JOINTS, LINK_BODIES, AnalyticResult, at_necks, network_of
+from flexfem.analytic.network import Dynamics
 from flexfem.analytic.paper import Freedoms, mobility
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
@@ -113,7 +114,7 @@ def link_parts(stage: Stage, stacks: tuple[Stack, ...]) -> LinkParts:
             for j, push in pushes:
                 Q[:, :, j] += distal_share(push, link, at)[:, None] * push.wrench
             CQ = compliance @ Q
-            openings[3 * chain - 3] += chain_rotation(chain - 1) @ np.sum(CQ, axis=0)  # in the chain's first joint
+            openings[3 * chain - 1] += chain_rotation(chain - 1) @ np.sum(CQ, axis=0)  # in the joint at the platform
             motions += np.tensordot(Q, CQ, axes=([0, 1], [0, 1]))
     return LinkParts(body_compliance(stage), openings, motions)
 
@@ -157,33 +158,10 @@ def distal_share(push: Push, link: int, at: Array) -> Array:
     return np.full(len(at), float(push.body > link))
 
 
-class Dynamics(NamedTuple):
-    """Dynamics of n designs, or of one without an axis; bodies: platform, then link 1 and link 2 of every chain.
-
-    compliance, mass : (..., 21, 21), of the bodies' twists x, y, theta at the platform centre: mm, rad, N, tonne.
-    rank : rank of the compliance, the mobility; its other eigenvalues are round-off.
-    """
-
-    compliance: Array
-    mass: Array
-    rank: int
-
-    @property
-    def frequencies(self) -> Array:
-        """Natural frequencies (..., 21), rad/s, ascending; inf for freedoms that the hinges do not have, nan for a
-        design without a solution."""
-        L = np.linalg.cholesky(self.mass)
-        A = np.swapaxes(L, -1, -2) @ self.compliance @ L
-        is_singular = ~np.all(np.isfinite(A), axis=(-2, -1), keepdims=True)
-        values = np.linalg.eigvalsh(np.where(is_singular, 0.0, (A + np.swapaxes(A, -1, -2)) / 2))[..., ::-1]
-        is_rigid = (np.arange(FREEDOMS) >= self.rank) | (values <= 0)
-        frequencies = np.where(is_rigid, np.inf, 1 / np.sqrt(np.where(is_rigid, 1.0, values)))
-        return np.where(is_singular[..., 0], np.nan, frequencies)
-
-
 def dynamics(stage: Stage, model: AnalyticResult, payload: drawn.Payload, stacks: tuple[Stack, ...] = ()) -> Dynamics:
-    """Return the dynamics of one stage by an analytic model. The openings of `stacks` are appended to the compliance,
-    for `network.with_springs`."""
+    """Return the dynamics of one stage by an analytic model, of the twists of platform, then link 1 and link 2 of every
+    chain, at the platform centre. The openings of `stacks` are appended to the compliance, for `network.with_springs`.
+    """
     driven_stage = driven_model(stage, model, (*body_loads(stage if model.links else None), *stacks))
     return Dynamics(driven_stage.compliance, _mass_of(stage, payload), FREEDOMS if model.links else model.mobility)
 
@@ -204,7 +182,7 @@ def mass_matrix(bodies: Array, hub: Array, areal_density: Array, payload: drawn.
 
     Parameters
     ----------
-    bodies : (..., 3 chains, 4 bodies, 4) of `body_moments`.   hub : (..., 4).   areal_density : (...), tonne/mm^2.
+    bodies : (..., 3 chains, 4 bodies, 3) of `body_moments`.   hub : (..., 3).   areal_density : (...), tonne/mm^2.
     """
     platform = drawn.inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal_density) + payload.matrix
     links = drawn.inertia_of(bodies, np.asarray(areal_density)[..., None, None])

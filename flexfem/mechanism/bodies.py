@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
 from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import Face, Pose, Segment, area_moments, offset, polyline, reverse, shortest_path
@@ -224,26 +224,27 @@ class Payload(NamedTuple):
 
 
 @once
-def body_moments(stage: StageContent) -> Array:
-    """Area moments (3 chains, 4 bodies, 4), mm^2 to mm^4, of pad, links and platform sector, frame of the stage."""
+def body_moments(stage: StageContent) -> AnyArray:
+    """Area moments (3 chains, 4 bodies, 3), complex, of pad, links and platform sector, frame of the stage."""
     sectors = [draw_sector(stage, chain).values() for chain in CHAINS]
-    moments = np.array([[area_moments(face.loop) for face in sector] for sector in sectors])
-    moments[..., 1:3] = turned(moments[..., 1:3], CHAIN_TURN * np.arange(3.0)[:, None])
+    moments = np.array([[area_moments(face.loop)[:3] for face in sector] for sector in sectors])
+    moments[..., 1] *= np.exp(1j * CHAIN_TURN * np.arange(3.0))[:, None]
     return moments
 
 
 def hub_moments(stage: StageContent) -> Array:
-    """Area moments (4,), mm^2 to mm^4, of the hub."""
+    """Area moments (3,), mm^2 to mm^4, of the hub."""
     r = stage.platform.hub_radius
-    return np.array([math.pi * r**2, 0.0, 0.0, math.pi * r**4 / 2])
+    return np.array([math.pi * r**2, 0.0, math.pi * r**4 / 2])
 
 
-def inertia_of(moments: Array, areal: Array | float) -> Array:
+def inertia_of(moments: AnyArray, areal: Array | float) -> Array:
     """Mass matrix (..., 3, 3), tonne to tonne mm^2, of rigid bodies for a motion x, y, theta of the origin.
 
-    moments : (..., 4), of areas, mm^2 to mm^4.   areal : (...), mass per area, tonne/mm^2.
+    moments : (..., 3), area integrals of 1, z and |z|^2, mm^2 to mm^4.   areal : (...), mass per area, tonne/mm^2.
     """
-    mass, x, y, second = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
+    values = np.moveaxis(moments * np.asarray(areal)[..., None], -1, 0)
+    (mass, x, second), y = values.real, values[1].imag
     zero = np.zeros_like(mass)
     rows = [[mass, zero, -y], [zero, mass, x], [-y, x, second]]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise, product
 from typing import NamedTuple
 
@@ -206,19 +206,25 @@ def area(loop: Sequence[Segment]) -> float:
     return (polygon + sum(radius**2 * (turn - math.sin(turn)) for radius, turn in arcs)) / 2
 
 
-def area_moments(loop: Sequence[Segment]) -> Array:
-    """Area, first moments in x and y, polar second moment about the origin (4,), mm^2 to mm^4, of a closed loop.
+def area_moments(loop: Iterable[Segment]) -> AnyArray:
+    """Area integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z, mm^2 to mm^5, complex, of a closed counter-clockwise loop.
 
-    By the divergence theorem, with `z = x + i y` and `w = x dy - y dx`, the area integrals of 1, z and |z|^2 equal the
-    integrals of `w / 2`, `z w / 3` and `|z|^2 w / 4` along the counter-clockwise loop.
+    By the divergence theorem, with `z = x + i y` and `w = x dy - y dx`, they equal the integrals along the loop times
+    `w` over 2, 3, 4, 4 and 5.
     """
     share, weights = (GAUSS[0] + 1) / 2, GAUSS[1] / 2
-    total = np.zeros(4)
-    for segment in loop:
-        z = segment.at(share)
-        w = weights * segment.length * (np.conj(z) * segment.tangent(share)).imag
-        total += [w.sum() / 2, (z.real * w).sum() / 3, (z.imag * w).sum() / 3, (np.abs(z) ** 2 * w).sum() / 4]
-    return total
+    parts = [
+        (z := segment.at(share), weights * segment.length * (np.conj(z) * segment.tangent(share)).imag)
+        for segment in loop
+    ]
+    z, w = (np.concatenate(values) for values in zip(*parts, strict=True))
+    return integrals(z, w / np.array([2, 3, 4, 4, 5])[:, None])
+
+
+def integrals(z: AnyArray, weights: Array) -> AnyArray:
+    """Integrals (5,) of 1, z, |z|^2, z^2 and |z|^2 z from points (n,), complex, and weights (5, n) or (n,)."""
+    square = np.abs(z) ** 2
+    return np.asarray(np.sum(np.stack([np.ones_like(z), z, square, z**2, square * z]) * weights, axis=1))
 
 
 def polygon_points(loop: Sequence[Segment], step: float = np.pi / 64) -> AnyArray:

@@ -88,7 +88,7 @@ def modes(
 
     def by_network(elastic: bool) -> dict[str, Array]:
         parts = joined_parts(mechanism, elastic)
-        found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges).frequencies[:count]
+        found = network.modes(mechanism.layout, parts.bodies, engaged, parts.hinges)[:count]
         return {"frequency": np.pad(found, (0, count - len(found)), constant_values=np.nan)}
 
     def of_size(resolution: int, layers: int) -> dict[str, Array]:

@@ -9,6 +9,7 @@ import pytest
 from flexfem.analytic.model import JOINTS, network_of
 from flexfem.analytic.network import (
     GROUND,
+    InternalMotions,
     Network,
     joint_compliance,
     solve,
@@ -86,6 +87,16 @@ def test_paths_give_what_all_equations_give(of, coupled):
     np.testing.assert_allclose(found.wrenches, w, rtol=1e-7, atol=1e-7 * np.abs(w).max())
     work = np.einsum("bak,bal->kl", loads, U)
     np.testing.assert_allclose(found.motions, work, rtol=1e-8, atol=1e-10 * np.abs(work).max())
+
+
+def test_internal_motions_move_a_body_on_a_path_as_a_kept_one():
+    """A third body that hangs on the first makes it a kept one, and carries nothing."""
+    rng, joints = np.random.default_rng(15), ((GROUND, 0), (0, 1))
+    C, loads, D = compliances(rng, 3), rng.normal(size=(3, 3, 2)), rng.normal(size=(2, 2))
+    loads[2], openings = 0.0, np.concatenate([rng.normal(0.0, 1e-3, (2, 3, 2)), np.zeros((1, 3, 2))])
+    on_path = solve(Network(2, 1, joints, C[:2]), loads[:2], internal=InternalMotions(openings[:2], D))
+    kept = solve(Network(3, 1, (*joints, (0, 2)), C), loads, internal=InternalMotions(openings, D))
+    np.testing.assert_allclose(on_path.motions, kept.motions, rtol=1e-8)
 
 
 def test_springs_along_lines_between_bodies_add_to_the_stiffness_of_all_bodies():

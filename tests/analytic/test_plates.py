@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from flexfem.analytic.finite import displaced
+from flexfem.analytic.network import with_springs
 from flexfem.analytic.plates import body_moments, modes, respond, warmed, weighed
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Patch, PayloadMass
 from flexfem.mechanism.outlines import polyline
@@ -50,28 +51,25 @@ def test_cantilever():
     N, V, M = found.wrenches[0] @ R  # by the local forces and the moment at the end
     assert np.array([N, V]) == pytest.approx(np.eye(3)[:2], abs=1e-12)
     root, end = M + SPAN / 2 * V, M - SPAN / 2 * V
-    assert (*root, *end) == pytest.approx((0, SPAN, 1, 0, 0, 1), abs=1e-12)
+    assert (*root, *end) == pytest.approx((0, SPAN, 1, 0, 0, 1), abs=1e-10)
 
 
 def test_parallelogram_and_its_frequency():
     """24 E I / L^3 and shear; with a payload and a drive from ground to stage, `omega^2 = K / m`."""
     K = 2 / (SPAN**3 / (12 * EI) + SHEAR)
     found = np.linalg.inv(respond(parallelogram()).compliance)
-    assert found[0, 0] == pytest.approx(K, rel=1e-12)
-    assert found[1, 1] == pytest.approx(2 * EA / SPAN, rel=1e-12)
-    assert found[2, 2] == pytest.approx(2 * (EA / SPAN * 20**2 + EI / SPAN), rel=1e-12)
+    assert found[0, 0] == pytest.approx(K, rel=1e-11)
+    assert found[1, 1] == pytest.approx(2 * EA / SPAN, rel=1e-11)
+    assert found[2, 2] == pytest.approx(2 * (EA / SPAN * 20**2 + EI / SPAN), rel=1e-11)
     drive = LinearActuator("drive", (Patch(0, -20 + 20j), Patch(1, 5 + 20j)), 1 + 0j, 3.0, 0.02, 0.06, 4e-6)
     driven = parallelogram(actuators=(drive,), payloads=(PayloadMass(Patch(1, 10 + 46j), 5e-5, 0.0),))
     mass = RHO * B * (50 * 12 + 2 * SPAN * T / 2) + 5e-5 + 2e-6
     C, at_rest = respond(driven).compliance, modes(driven)
-    slow = (at_rest.frequencies[0], modes(driven, engaged=True).frequencies[0])
+    slow = (at_rest[0], modes(driven, engaged=True)[0])
     assert C[3, :3] == pytest.approx(C[0, :3], rel=1e-12)
     assert slow == pytest.approx((np.sqrt(K / mass), np.sqrt((K + 3) / mass)), rel=1e-3)  # it turns a little
-    assert abs(at_rest.shapes[0, 0, 0]) == pytest.approx(1 / np.sqrt(mass), rel=2e-3)
-    assert len(at_rest.frequencies) == 3
-    engaged = respond(driven).engaged([3], np.array([3.0]))
-    assert engaged.compliance[0, 0] == pytest.approx(1 / (K + 3), rel=1e-9)
-    assert engaged.wrenches[:, 1, 0] == pytest.approx([-K / (K + 3) / 2] * 2, rel=1e-9)
+    assert len(at_rest) == 3
+    assert with_springs(C, np.array([3.0]))[0, 0] == pytest.approx(1 / (K + 3), rel=1e-9)
     weight = weighed(driven, [(9810.0, 0.0)])[0][:, 0]
     assert weight[0] == pytest.approx(9810 * mass / K, rel=1e-9)
     above = RHO * B * (50 * 12 * 26 + 2 * SPAN * T / 2 * 10) + 5e-5 * 26  # the output
@@ -85,7 +83,7 @@ def test_cross_spring_pivot():
     hinges = [Joint(name, (0, 1), (a - 0.5) * SPAN * d, np.angle(d), LEAF, T)
               for name, d in (("1", np.exp(1j)), ("2", np.exp(1.9j)))]  # fmt: skip
     found = np.linalg.inv(respond(layout(bodies, hinges, (("output", Patch(1, 0j)),))).compliance)
-    assert found[2, 2] == pytest.approx(2 * EI / SPAN * (1 + 12 * (0.5 - a) ** 2 / (1 + Phi)), rel=1e-12)
+    assert found[2, 2] == pytest.approx(2 * EI / SPAN * (1 + 12 * (0.5 - a) ** 2 / (1 + Phi)), rel=1e-11)
     assert found[2, 2] == pytest.approx(8 * (1 - 3 * a + 3 * a * a) * EI / SPAN, rel=1e-3)
 
 
@@ -107,10 +105,11 @@ def test_lever_and_its_finite_motion():
     C, F, step = linear.compliance, np.array([[2.0, 5.0, 40.0, 60.0]]), 1e-3 * np.eye(4)
     assert np.abs(C - C.T).max() < 1e-9 * np.abs(C).max()
     assert C[1, 3] / C[3, 3] == pytest.approx(4.5, rel=0.03)
-    for engaged, of in ((False, linear), (True, linear.engaged([3], np.array([1e4])))):
-        small = displaced(lever(), 1e-7 * F, engaged)
-        assert small.motions[0] == pytest.approx(1e-7 * of.compliance @ F[0], rel=1e-3)
-        assert small.wrenches[0] == pytest.approx(1e-7 * of.wrenches @ F[0], rel=1e-3, abs=1e-10)
+    for rate in (0.0, 1e4):
+        left = F[0] - [0, 0, 0, rate * (C[3] @ F[0]) / (1 + rate * C[3, 3])]  # less the force of the actuator
+        small = displaced(lever(), 1e-7 * F, engaged=rate > 0)
+        assert small.motions[0] == pytest.approx(1e-7 * C @ left, rel=1e-3)
+        assert small.wrenches[0] == pytest.approx(1e-7 * linear.wrenches @ left, rel=1e-3, abs=1e-10)
     tangent = displaced(lever(), F, True).compliance[0]
     ahead, back = (displaced(lever(), np.concatenate([F, F + sign * step]), True).motions[1:] for sign in (1, -1))
     assert (ahead - back) / 2e-3 == pytest.approx(tangent, rel=1e-5, abs=1e-7 * np.abs(tangent).max())

@@ -20,7 +20,7 @@ def test_moments_of_a_half_disc_aside():
     loop = [Segment(at + r, quarter, at), Segment(quarter, at - r, at), *polyline(at - r, at + r)]
     A, centroid = math.pi * r**2 / 2, at + 1j * 4 * r / (3 * math.pi)
     polar = math.pi * r**4 / 4 - A * (4 * r / (3 * math.pi)) ** 2 + A * abs(centroid) ** 2
-    np.testing.assert_allclose(area_moments(loop), [A, A * centroid.real, A * centroid.imag, polar], rtol=1e-13)
+    np.testing.assert_allclose(area_moments(loop)[:3], [A, A * centroid, polar], rtol=1e-13)
 
 
 def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
@@ -33,7 +33,7 @@ def test_bodies_have_the_area_and_polar_moment_of_their_polygons():
             cross = x * np.roll(y, -1) - np.roll(x, -1) * y
             xx, yy = np.roll(x, -1), np.roll(y, -1)
             polar = np.sum(cross * (x**2 + x * xx + xx**2 + y**2 + y * yy + yy**2)) / 12
-            assert found[3] == pytest.approx(polar, rel=1e-6)
+            assert found[2].real == pytest.approx(polar, rel=1e-6)
 
 
 def test_the_whole_stage_has_the_mass_of_its_drawn_area_hub_included():
