@@ -174,5 +174,5 @@ def test_cyclic_plate_has_a_cyclic_mesh(turns, hole):
     C = plate_response(of, mesh_layout(of, 2)).compliance
     size = np.sqrt(np.diag(C))
     coupling = np.abs(C / np.outer(size, size) - np.eye(3)).max()
-    assert 1e-9 < coupling < 1e-4 if hole else coupling < 1e-12
-    assert C[0, 0] == pytest.approx(C[1, 1], rel=1e-3 if hole else 1e-12)
+    assert 1e-9 < coupling < 1e-4 if hole else coupling < 1e-11  # round-off is 1e-12
+    assert C[0, 0] == pytest.approx(C[1, 1], rel=1e-3 if hole else 1e-11)
