@@ -472,7 +472,8 @@ class Result:
         band = band if band > round_off else np.nan
         unit = quantity.unit_at(at)
         if quantity.prefixed:
-            unit = unit_for("theta" if "rad" in unit.name else "x", abs(value)) if value else Unit(unit.factor, "")
+            size = max(abs(value), float(np.nan_to_num(band)))  # of a number within its band, that of the band
+            unit = unit_for("theta" if "rad" in unit.name else "x", size) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
         text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))

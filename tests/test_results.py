@@ -62,6 +62,14 @@ def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Tri
     ]
 
 
+def test_a_number_within_its_band_has_the_prefix_of_the_band(found: Trial) -> None:
+    """40 pm in a band of 55 nm was printed as `0 ± 55000 pm`."""
+    pose, bands = np.array(POSE), np.array(BANDS["pose"])
+    pose[0, 1, 0], bands[0, 1, 0] = 4e-8, 5.5e-5
+    near_zero = Trial(found.about, {**found.values, "pose": pose}, {"pose": bands})
+    assert near_zero.tables()[1].rows[1][2] == "0 ± 55 nm"
+
+
 def test_a_document_has_declared_units_and_reads_back(found: Trial, tmp_path: Path) -> None:
     path = found.write(tmp_path / "trial.json")
     data = json.loads(path.read_text())
