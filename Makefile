@@ -88,8 +88,8 @@ regression: $(SETUP) ## compare the computed numbers with the accepted ones in t
 baselines: $(SETUP) ## accept the present numbers, with make baselines REASON="why"
 	@$(FLEXFEM) baseline $(ACCEPTED) --baselines tests/baselines --reason "$(REASON)"
 
-chart: $(SETUP) ## compute the hinge chart again by finite elements
-	@$(BIN)/python -m flexfem.fem.chart
+chart: $(SETUP) ## compute the hinge charts again by finite elements
+	@$(BIN)/python benchmarks/hinge_charts.py
 
 bench: $(TEST_SETUP) ## run the benchmarks, which measure ratios within one run
 	@for script in benchmarks/*.py; do $(BIN)/python $$script || exit 1; done

@@ -27,6 +27,7 @@ from flexfem.commands import cli
 from flexfem.mechanism.stage import Stage
 
 ROOT = Path(__file__).parent.parent
+sys.path.append(str(ROOT / "benchmarks"))  # tests use some of these programs
 gc.set_threshold(50_000)  # by default all that libraries loaded is looked through again and again: a tenth of the time
 settings.register_profile("flexfem", deadline=None, derandomize=True)  # the same examples on every machine
 settings.load_profile("flexfem")

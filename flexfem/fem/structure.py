@@ -8,10 +8,9 @@ mid-plane, w is free, and the pose of the hub is Z, a, b with its rotations a an
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,7 +29,6 @@ from flexfem.fem.elements import (
     assembled,
     integration,
     mirrored,
-    segment_functions,
     sheet,
     stress_tensor,
 )
@@ -42,11 +40,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput, ComputationFailed
 
 MOST_UNKNOWNS = 600_000  # in one factorisation in three dimensions: about 6 GB
-EDGE_POINTS = 3  # Gauss points on a curved edge
 NONE = np.empty(0, dtype=np.int64)
-
-Traction: TypeAlias = Callable[[Array, Array], Array]
-"""Function from points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
 
 
 def plate_of(stage: Stage) -> Plate:
@@ -243,23 +237,6 @@ def structure(
     inner[mesh.edges["ground"].ravel() if held is None else held] = inner[hub] = inner[last] = False
     degree = degree or (QUADRATURE if layers is None else SOLID_QUADRATURE)
     return Structure(mesh, plate, layers, degree, np.concatenate([np.flatnonzero(inner), last]), hub)
-
-
-def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
-    """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3): `f_i = b int N_i t ds`."""
-    t = mesh.triangles
-    sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
-    order = np.argsort(sides[:, 2], kind="stable")
-    edges = sides[order[np.searchsorted(sides[order, 2], edges[:, 2])]]  # oriented with the triangle on the left
-    s, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
-    N, slope = (part[[0, 2, 1]] for part in segment_functions(s))
-    at = mesh.nodes[edges]
-    points, tangents = np.einsum("kid,iq->kqd", at, N), np.einsum("kid,iq->kqd", at, slope)
-    length = np.hypot(tangents[..., 0], tangents[..., 1])
-    normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1) / length[..., None]
-    force = np.zeros_like(mesh.nodes)
-    np.add.at(force, edges, np.einsum("kqd,kq,iq->kid", traction(points, normals), plate.thickness * length * w, N))
-    return force
 
 
 class Mass(NamedTuple):

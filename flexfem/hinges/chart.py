@@ -4,7 +4,7 @@ The beam integrals are dimensionless functions of tau = t/R: rotation theta/M ti
 dy/F_y (the bending part of the shear compliance) times E b, over x = R sin(theta) in -R..R, where the depth is
 h(x) = t + 2 R - 2 sqrt(R^2 - x^2).
 
-`python -m flexfem.fem.chart` makes the files in `flexfem/data`, which state their versions, meshes and uncertainties.
+`benchmarks/hinge_charts.py` makes the files in `flexfem/data`, which state their versions, meshes and uncertainties.
 `hinge_chart.json` and `hinge_chart_high.json` hold plane-stress compliances on grids of t/R and H/h (H is the height of
 the blocks beside the notch, h = 2R + t that of the notch) for H/h from 1 to 3 and from 3 to 60. Divided by the beam
 integrals they are smooth in sqrt(t/R) and log(H/h). For large H/h the blocks act as half-planes: rotation tends to a
@@ -205,8 +205,8 @@ def thickness_factors(
     nan where t/R, b/t or nu is not on the chart.
 
     Shear has the position of rotation between plane stress and plane strain. Its plane-strain limit follows from its
-    plane-stress value `S0 + 4.8 nu R/H` (`flexfem/fem/chart.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place of E
-    and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
+    plane-stress value `S0 + 4.8 nu R/H` (`benchmarks/hinge_charts.py`) with `E/(1 - nu^2)` and `nu/(1 - nu)` in place
+    of E and nu: `(1 - nu^2) S0 + 4.8 nu (1 + nu) R/H`.
     """
     R, t, b, nu = (np.asarray(value, dtype=float) for value in (radius, neck, thickness, poissons_ratio))
     tau = t / R

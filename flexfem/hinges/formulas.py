@@ -71,8 +71,8 @@ class Formula:
         -----
         dy/F_y = int x^2/(E I) dx + kappa int dx/(G A), and int dx/(G A) = 2 (1 + nu) int dx/(E A). With a chart,
         Poisson's ratio affects shear alone, and exactly as in a beam of the height of the blocks:
-        `flexfem/fem/chart.py`. Outside `in_range` a chart gives nan and another formula its value, on which the caller
-        warns.
+        `benchmarks/hinge_charts.py`. Outside `in_range` a chart gives nan and another formula its value, on which the
+        caller warns.
         """
         R, t, b, E, nu = (np.asarray(v, dtype=float) for v in (radius, neck, thickness, youngs_modulus, poissons_ratio))
         tau = t / R

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hinge_charts import RATIOS, SingleHinge, sample
 
 from flexfem.analytic.model import analyse
-from flexfem.fem.chart import RATIOS, SingleHinge, sample
 from flexfem.hinges.chart import beam_integrals, hinge_chart
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.mechanism.stage import load_stage

@@ -6,17 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from hinge_charts import SingleHinge, hinge_mesh
 
 from flexfem.analytic.model import at_necks
-from flexfem.fem.chart import SingleHinge, hinge_mesh
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import nodes_on
-from flexfem.fem.structure import edge_force
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Frames
 from flexfem.mechanism.profiles import Concentration, concentration
 
-from ..validation.fields import Support, nearest_node, solve
+from ..validation.fields import Support, edge_force, nearest_node, solve
 
 NEUBER = 0.005  # of a notch of circular arcs between blocks, which is no hyperbola; seen: 0.24 % in tension at 0.3
 

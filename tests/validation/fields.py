@@ -8,17 +8,21 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Plate, integration, stress_tensor
+from flexfem.fem.elements import Plate, integration, segment_functions, stress_tensor
 from flexfem.fem.mesh import StageMesh, curved, ordered
 from flexfem.fem.mesher import Cone, Job, run_mesher
-from flexfem.fem.structure import NONE, Traction, structure
+from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.outlines import Face
 
 DEGREE = 8  # polynomial degree of the quadrature of loads and errors: far above that of the solution
+EDGE_POINTS = 3  # Gauss points on a curved edge
 TIME_LIMIT = 60.0  # s, for gmsh
 
 Function: TypeAlias = Callable[[Array], Array]
 """Points (..., 2), mm, to vectors (..., 2) or tensors (..., 2, 2)."""
+
+Traction: TypeAlias = Callable[[Array, Array], Array]
+"""Function from points (..., 2), mm, and outward unit normals (..., 2) to tractions (..., 2), MPa."""
 
 
 class Support(NamedTuple):
@@ -84,6 +88,23 @@ def uniform(*traction: float) -> Traction:
 def pressure(value: float) -> Traction:
     """A uniform traction along the outward normal, MPa."""
     return lambda _, normals: value * normals
+
+
+def edge_force(mesh: StageMesh, plate: Plate, edges: Index, traction: Traction) -> Array:
+    """Nodal forces (n, 2), N, of a traction on curved quadratic boundary edges (k, 3): `f_i = b int N_i t ds`."""
+    t = mesh.triangles
+    sides = np.concatenate([t[:, [0, 1, 3]], t[:, [1, 2, 4]], t[:, [2, 0, 5]]])
+    order = np.argsort(sides[:, 2], kind="stable")
+    edges = sides[order[np.searchsorted(sides[order, 2], edges[:, 2])]]  # oriented with the triangle on the left
+    s, w = np.polynomial.legendre.leggauss(EDGE_POINTS)
+    N, slope = (part[[0, 2, 1]] for part in segment_functions(s))
+    at = mesh.nodes[edges]
+    points, tangents = np.einsum("kid,iq->kqd", at, N), np.einsum("kid,iq->kqd", at, slope)
+    length = np.hypot(tangents[..., 0], tangents[..., 1])
+    normals = np.stack([tangents[..., 1], -tangents[..., 0]], axis=-1) / length[..., None]
+    force = np.zeros_like(mesh.nodes)
+    np.add.at(force, edges, np.einsum("kqd,kq,iq->kid", traction(points, normals), plate.thickness * length * w, N))
+    return force
 
 
 def body_force(mesh: StageMesh, plate: Plate, density: Function, degree: int = DEGREE) -> Array:

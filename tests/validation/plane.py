@@ -10,10 +10,9 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
 from flexfem.fem.mesher import Cone
-from flexfem.fem.structure import edge_force
 from flexfem.mechanism.outlines import Face, Segment
 
-from .fields import clamp, meshed, nearest_node, on_chords, pressure, solve, uniform
+from .fields import clamp, edge_force, meshed, nearest_node, on_chords, pressure, solve, uniform
 from .problem import Exact, Finding, extrapolated, on_axes, orders, polar, problem, quarter_ring, rectangle, symmetric
 
 PLATE = Plate(youngs_modulus=68.3e3, poissons_ratio=0.29, thickness=9.7)

@@ -12,9 +12,19 @@ from numpy.typing import ArrayLike
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
-from flexfem.fem.structure import edge_force
 
-from .fields import FieldErrors, Function, Solution, Support, body_force, errors, size_of, solve, traction_of
+from .fields import (
+    FieldErrors,
+    Function,
+    Solution,
+    Support,
+    body_force,
+    edge_force,
+    errors,
+    size_of,
+    solve,
+    traction_of,
+)
 
 ROUND_OFF = 5e-12  # relative; the worst of some thousand sums of terms that cancel
 ORDER_ALLOWED = 0.1

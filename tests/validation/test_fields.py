@@ -10,10 +10,9 @@ import pytest
 from flexfem.arrays import Array
 from flexfem.fem.elements import integration
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
-from flexfem.fem.structure import edge_force
 
 from . import consistency, plane
-from .fields import body_force, clamp, errors, on_chords, pressure, solve, uniform
+from .fields import body_force, clamp, edge_force, errors, on_chords, pressure, solve, uniform
 from .problem import Exact, hooke
 
 PLATE = consistency.PLATE

@@ -1,6 +1,8 @@
 """The hinge chart and the thickness chart: one circular hinge between elastic blocks, at grids of Chebyshev points.
 
-`python -m flexfem.fem.chart [FOLDER]` writes the files that `hinges.chart` reads, by default into the package.
+    python benchmarks/hinge_charts.py [FOLDER]
+
+writes the files that `flexfem.hinges.chart` reads, by default into the package.
 
 By symmetry one quarter, x, y > 0, is meshed: tension is even about both axes, bending is odd about y = 0, and shear is
 odd about both. The mesh is a mapped grid, whose columns run from the neck along the arc, up the wall of the slot (where
@@ -26,7 +28,6 @@ below 1, as the hinge may contract as a whole. With e_zz linear over the section
 from __future__ import annotations
 
 import datetime
-import importlib.metadata
 import json
 import multiprocessing
 import sys
@@ -42,13 +43,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
-from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, von_mises, widening
+from flexfem.fem.elements import (
+    SOLID_QUADRATURE,
+    Layers,
+    Plate,
+    mirrored,
+    nodal_stress,
+    segment_functions,
+    von_mises,
+    widening,
+)
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
-from flexfem.fem.structure import NONE, Structure, edge_force, structure
-from flexfem.files.writing import write_atomically
+from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.hinges.chart import FREEDOMS, SHEAR_CORRECTION
+from flexfem.results import versions
 
-PROGRAMS = ("flexfem", "scikit-fem", "numpy", "scipy")
 RATIOS = (0.02, 1.2)  # t/R, of all charts
 STRESSES = ("bending", "tension")
 LEVELS = (4, 6, 8)  # refinements, coarse to fine
@@ -90,11 +99,10 @@ class SingleHinge(NamedTuple):
 
 
 class Extrapolation(NamedTuple):
-    """Values (k,) at vanishing element size, half-widths of their uncertainty, and unknowns of the finest mesh."""
+    """Values (k,) at vanishing element size, and half-widths of their uncertainty."""
 
     values: Array
     bands: Array
-    unknowns: int
 
 
 def _mesh(hinge: SingleHinge, columns: tuple[int, int, int], rows: int, along: Callable[[Array], Array]) -> StageMesh:
@@ -160,17 +168,20 @@ def layers(hinge: SingleHinge, refinement: int) -> Layers:
 
 def _loads(mesh: StageMesh, block: tuple[float, float]) -> Array:
     """Return nodal forces (3, n, 2) on the end of the block for a unit moment, axial and shear force at the neck."""
-    height, length = block
-
-    def bending(points: Array) -> Array:
-        return 12 * points[..., 1] / height**3
-
-    stresses = (
-        lambda p, _: np.stack([bending(p), 0 * p[..., 0]], axis=-1),
-        lambda p, _: np.broadcast_to([1 / height, 0.0], p.shape),
-        lambda p, _: np.stack([(1 + length) * bending(p), 1.5 / height * (1 - (2 * p[..., 1] / height) ** 2)], axis=-1),
+    (height, length), edges, forces = block, mesh.edges["right"], np.zeros((3, *mesh.nodes.shape))
+    s, w = np.polynomial.legendre.leggauss(3)
+    N = segment_functions(s)[0][[0, 2, 1]]  # ends, then middle
+    y = mesh.nodes[edges, 1] @ N
+    bending, even, parabola = (
+        12 * y / height**3,
+        np.full_like(y, 1 / height),
+        1.5 / height * (1 - (2 * y / height) ** 2),
     )
-    return np.array([edge_force(mesh, Plate(1.0, 0.0, 1.0), mesh.edges["right"], stress) for stress in stresses])
+    stresses = np.array([[bending, 0 * y], [even, 0 * y], [(1 + length) * bending, parabola]])
+    lengths = np.abs(np.diff(mesh.nodes[edges[:, :2], 1])) / 2
+    for force, nodal in zip(forces, np.einsum("cdkq,kq,iq->ckid", stresses, lengths * w, N), strict=True):
+        np.add.at(force, edges, nodal)
+    return forces
 
 
 def _held_freedoms(mesh: StageMesh) -> NDArray[np.bool_]:
@@ -212,8 +223,7 @@ def block_compliance(hinge: SingleHinge) -> Array:
 def sample(hinge: SingleHinge, levels: Sequence[int] = LEVELS) -> Extrapolation:
     """Extrapolate `compliance` from three or more refinements, coarse to fine; the bands are relative."""
     limits = richardson(levels, np.array([compliance(hinge, refinement) for refinement in levels]))
-    unknowns = 2 * len(hinge_mesh(hinge, levels[-1]).nodes)
-    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1], unknowns)
+    return Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]) / limits[-1])
 
 
 def richardson(levels: Sequence[int], values: Array) -> Array:
@@ -223,8 +233,8 @@ def richardson(levels: Sequence[int], values: Array) -> Array:
     return np.asarray(values[1:] + (values[1:] - values[:-1]) / (growth - 1))
 
 
-def thick_response(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, Array, int]:
-    """Plane-stress compliances (2,) without blocks, their change in 3-D (2,), stress factors (2,), number of unknowns.
+def thick_response(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, Array]:
+    """Plane-stress compliances (2,) without blocks, their change in three dimensions (2,), stress factors (2,).
 
     The loads are a moment and an axial force. A stress factor is the highest von Mises stress over that in plane
     stress; in a wide neck the highest stress lies about t from the free faces.
@@ -241,7 +251,7 @@ def thick_response(hinge: SingleHinge, refinement: int) -> tuple[Array, Array, A
     flat_stress = von_mises(nodal_stress(mesh, plate, plane, near)).max(axis=1)
     stress = von_mises(nodal_stress(mesh, plate, solid, near, line)).max(axis=(1, 2))
     excess = thick / line.weights.sum() - thin
-    return thin - block_compliance(hinge)[:2], excess, stress / flat_stress, solid[0].size
+    return thin - block_compliance(hinge)[:2], excess, stress / flat_stress
 
 
 def thick_sample(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS) -> tuple[Extrapolation, Extrapolation]:
@@ -250,10 +260,10 @@ def thick_sample(hinge: SingleHinge, levels: Sequence[int] = THICK_LEVELS) -> tu
     The bands are the changes of the values with the finest of the three or more meshes; for a position, which is
     extrapolated, the change far exceeds the remaining error.
     """
-    plane, excess, stress, unknowns = zip(*(thick_response(hinge, refinement) for refinement in levels), strict=True)
+    plane, excess, stress = zip(*(thick_response(hinge, refinement) for refinement in levels), strict=True)
     limits = richardson(levels, -np.array(excess) / np.array(plane) / hinge.poissons_ratio**2)
-    position = Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]), unknowns[-1])
-    return position, Extrapolation(stress[-1], np.abs(stress[-1] - stress[-2]), unknowns[-1])
+    position = Extrapolation(limits[-1], np.abs(limits[-1] - limits[-2]))
+    return position, Extrapolation(stress[-1], np.abs(stress[-1] - stress[-2]))
 
 
 class Chart(NamedTuple):
@@ -264,7 +274,6 @@ class Chart(NamedTuple):
     """
 
     name: str
-    meshes: str
     ends: dict[str, tuple[float, float]]
     scales: tuple[tuple[np.ufunc, np.ufunc], ...]
     shape: tuple[int, ...]
@@ -298,17 +307,15 @@ def _thick(point: tuple[float, ...], levels: tuple[int, ...]) -> tuple[Extrapola
 
 ROOT = (np.sqrt, np.square)
 LOW = Chart(
-    "hinge_chart", f"mapped grids of curved quadratic triangles (no gmsh){{}}; blocks {LENGTH:g} H long",
-    {"t/R": RATIOS, "H/h": (1.0, 3.0)}, (ROOT, (np.log, np.exp)), (10, 8), (8, 8), LEVELS, _plane,
+    "hinge_chart", {"t/R": RATIOS, "H/h": (1.0, 3.0)}, (ROOT, (np.log, np.exp)), (10, 8), (8, 8), LEVELS, _plane,
 )  # fmt: skip
 HIGH = LOW._replace(
     name="hinge_chart_high", ends={"t/R": RATIOS, "H/h": (3.0, 60.0)}, scales=(ROOT, (np.reciprocal, np.reciprocal)),
     shape=(10, 5),
 )  # fmt: skip
 THICK = Chart(
-    "thickness_chart", "curved quadratic triangles times quadratic segments (no gmsh){}",
-    {"t/R": RATIOS, "b/t": (0.5, 50.0), "nu": (0.1, 0.45)}, (ROOT, (np.log, np.exp), (np.positive, np.positive)),
-    (7, 11, 3), (10, 5), THICK_LEVELS, _thick,
+    "thickness_chart", {"t/R": RATIOS, "b/t": (0.5, 50.0), "nu": (0.1, 0.45)},
+    (ROOT, (np.log, np.exp), (np.positive, np.positive)), (7, 11, 3), (10, 5), THICK_LEVELS, _thick,
 )  # fmt: skip
 
 
@@ -319,36 +326,25 @@ def rounded(values: Any, digits: int) -> Any:
     return float(f"{values:.{digits - 1}e}")
 
 
-def make(chart: Chart, path: Path, workers: int = 2, date: str | None = None) -> None:
-    """Compute a chart and write it as JSON, one line per key and per row of a table.
-
-    date : ISO date to state, today's when None. Raises BadInput when the file cannot be written.
-    """
+def make(chart: Chart, path: Path, workers: int = 2) -> None:
+    """Compute a chart and write it as JSON, one line per key and per row of a table."""
     points = [tuple(map(float, point)) for point in product(*chart.points())]
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        samples = list(pool.map(partial(chart.compute, levels=chart.levels), points))
-    document = _document(chart, samples, date or datetime.date.today().isoformat())
+        document = _document(chart, list(pool.map(partial(chart.compute, levels=chart.levels), points)))
     entries = (f" {json.dumps(key)}: {json.dumps(value)}".replace("], [", "],\n  [") for key, value in document.items())
-    text = "{\n" + ",\n".join(entries) + "\n}\n"
-    write_atomically(path, lambda file: file.write(text.encode()))
+    path.write_text("{\n" + ",\n".join(entries) + "\n}\n")
 
 
-def _document(chart: Chart, samples: list[tuple[Extrapolation, ...]], date: str) -> dict[str, Any]:
+def _document(chart: Chart, samples: list[tuple[Extrapolation, ...]]) -> dict[str, Any]:
     """Return the packaged document with its computed entries replaced; its explanations stay."""
     points, (coordinate_digits, digits), extrapolations = chart.points(), chart.digits, [first for first, *_ in samples]
     values, bands = (np.array([e[k] for e in extrapolations]).reshape(*chart.shape, -1) for k in range(2))
-    names = FREEDOMS[: values.shape[-1]]
-    solved = (
-        f", refinements {list(chart.levels)}, at most {max(e.unknowns for e in extrapolations)} unknowns, Richardson "
-        "extrapolation with order 4"
-    )
-    compliance_bands = bands * points[2][:, None] ** 2 if "nu" in chart.ends else bands
+    names, of_compliance = FREEDOMS[: values.shape[-1]], points[2][:, None] ** 2 if "nu" in chart.ends else 1.0
     computed: dict[str, Any] = {
-        "regenerate": "python -m flexfem.fem.chart",
-        "date": date,
-        "versions": {program: importlib.metadata.version(program) for program in PROGRAMS},
-        "meshes": chart.meshes.format(solved),
-        "largest_band": {name: rounded(np.max(compliance_bands[..., k]), 2) for k, name in enumerate(names)},
+        "regenerate": "python benchmarks/hinge_charts.py",
+        "date": datetime.date.today().isoformat(),
+        "versions": versions(),
+        "largest_band": {name: rounded(np.max((bands * of_compliance)[..., k]), 2) for k, name in enumerate(names)},
         "range": {axis: list(ends) for axis, ends in chart.ends.items()},
         **{axis: rounded(at, coordinate_digits) for axis, at in zip(chart.ends, points, strict=True)},
         **{name: rounded(values[..., k], digits) for k, name in enumerate(names)},
