@@ -36,6 +36,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes, largest stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
 MOST_DIGITS = 7  # significant digits of a printed number
+SMALLEST_PERCENTAGE = 1e-3  # of those without a band; smaller ones are shown as 0
 MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
@@ -475,6 +476,8 @@ class Result:
             size = max(abs(value), float(np.nan_to_num(band)))  # of a number within its band, that of the band
             unit = unit_for("theta" if "rad" in unit.name else "x", size) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
+        if unit.name == "%" and np.isnan(band) and abs(value) < SMALLEST_PERCENTAGE:
+            text = "0"
         text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))
         where = [self.axes[axis][places[axis]] for axis in reversed(quantity.largest)]
@@ -502,8 +505,7 @@ class Result:
         if name not in self.values:
             return ""
         one = self.quantities[name]
-        if "model" in one.over:
-            labels = {"model": self.axes["model"][-1], **labels}
+        labels = {axis: self.axes[axis][-1] for axis in ("model", "theory") if axis in one.over} | dict(labels)
         rest = [axis for axis in one.over if axis not in labels and axis != "commanded"]
         listed = "direction" if "direction" in rest else rest[-1] if rest else ""
         texts: dict[str, list[str]] = {}
@@ -681,6 +683,8 @@ def number(value: float, band: float = np.nan) -> str:
         return f"{float(f'{value:.5g}'):.0f}" if 1e5 <= abs(value) < 1e7 else f"{value:.5g}" if value else "0"
     places = int(min(1 - np.floor(np.log10(band)), 12)) if np.isfinite(band) else 0
     digits = places + int(np.floor(np.log10(abs(value)))) + 1 if value else 0
+    if digits > MOST_DIGITS + 2:  # the band is less than half of the last printed digit
+        return f"{value:.{MOST_DIGITS}g}"
     if abs(value) >= 1e7 or places > 9 or digits > MOST_DIGITS:
         return f"{value:.{min(max(digits, 1), MOST_DIGITS)}g} ± {band:.2g}"
     if places < 0:

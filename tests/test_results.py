@@ -111,7 +111,7 @@ def test_markdown_and_the_frame_have_the_same_numbers(found: Trial) -> None:
 NUMBERS = [
     (12.50638, 0.0092, "12.5064 ± 0.0092"), (-1e-12, 0.1, "0.00 ± 0.10"), (3.14159265, np.nan, "3.1416"),
     (7181.54, 3.9, "7181.5 ± 3.9"), (2107906.0, 1437.0, "2107900 ± 1400"), (2107906.0, np.nan, "2107900"),
-    (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"),
+    (np.nan, 1.0, ""), (np.inf, np.nan, "unlimited"), (2.0, np.inf, "2 ± inf"), (291.674613, 5.8e-7, "291.6746"),
 ]  # fmt: skip
 
 

@@ -132,7 +132,11 @@ def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None
             out.print(f"{content.caption}:")
         for part in parts:
             table = Table(
-                *(column[0] for column in part), box=None, padding=(0, GAP, 0, 0), show_header=any(content.head)
+                *(column[0] for column in part),
+                box=None,
+                padding=(0, GAP, 0, 0),
+                pad_edge=False,
+                show_header=any(content.head),
             )
             for row in zip(*(column[1:] for column in part), strict=True):
                 table.add_row(*row)
