@@ -30,7 +30,7 @@ from flexfem.fem.structure import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands
-from flexfem.questions.batch import Clock, elements, solved_design
+from flexfem.questions.batch import elements, solved_design
 from flexfem.questions.drive import element_ranges
 from flexfem.questions.heat import expansion_of
 from flexfem.questions.life import cyclic_motion
@@ -144,8 +144,8 @@ def _dimensions(rng: np.random.Generator, number: int) -> dict[str, Any]:
 
 def _answered(stage: Stage, resolution: int) -> tuple[Array, Array]:
     """Columns (k,) and poses (3, 3) of one mesh."""
-    clock = Clock(Limit(600.0), False)
-    found, mesh = solved_design(stage, resolution, clock, repeated=REPEATED), elements(stage, resolution, clock).mesh
+    limit = Limit(600.0)
+    found, mesh = solved_design(stage, resolution, limit, repeated=REPEATED), elements(stage, resolution, limit).mesh
     alpha = expansion_of(stage)
     poses = heat_response(mesh, plate_of(stage), alpha.stage, alpha.frame).pose
     found = found._replace(drives=element_ranges(stage, mesh), drift=rates_of(poses[None]))

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array, Index, brief
-from flexfem.fem.mesher import Cone, Job, Limit, NamedArrays, mesh_faces, run_jobs
+from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import draw_sector, necks
 from flexfem.mechanism.designs import CHAIN_TURN, turned
@@ -32,9 +32,7 @@ RESOLUTION = 8  # triangles across every neck
 SOLID_RESOLUTION, LAYERS = 6, 3  # the same in three dimensions, and layers in half the thickness: within 0.1 %
 TIME_LIMIT = 60.0  # s, for meshing one sector
 MOST_TRIANGLES = 1_000_000
-SLOPE = 1.4  # growth with the distance from the neck of the local thickness that sets the triangle size
 COARSEST = 2.0  # local thickness that sets the triangle size far from the necks, per link width
-TRIANGLE = np.sqrt(3) / 4  # area of the equilateral triangle of side one
 LEAST_JACOBIAN = 0.1  # smallest Jacobian determinant of a triangle over its mean
 AREA_ERROR = 1e-3  # parabolas for arcs cause up to 1.4e-4, in sectors with two triangles across a neck
 PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), where a notch bends
@@ -115,32 +113,6 @@ def nodes_on(mesh: StageMesh, label: str) -> Index:
     return np.unique(mesh.edges[label])
 
 
-def estimate_triangles(stage: Stage, drawn: float, resolution: float) -> float:
-    """Estimate within a factor of two the number of triangles of the whole stage; `drawn` is its area, mm^2.
-
-    Their size follows a thickness that is hyperbolic in the distance from the centre of a neck: `t + d^2 / R` near it.
-    """
-    coarse = COARSEST * stage.chain.link_width
-    rim, radius = rim_of(stage)
-    count = 2 * np.pi * radius * rim / min(coarse, COARSEST * rim) ** 2 + drawn / coarse**2
-    for chain in (1, 2, 3):
-        for name in HINGE_NAMES:
-            hinge = stage.hinge(chain, name)
-            x = np.geomspace(1e-3 * hinge.neck, coarse, 400)
-            arc = np.sqrt(np.clip(hinge.radius**2 - x**2, 0.0, None))
-            height = np.where(x < hinge.radius, hinge.neck + 2 * hinge.radius - 2 * arc, stage.chain.link_width)
-            bend = SLOPE * hinge.radius / 2
-            size = np.minimum(hinge.neck + SLOPE * (np.sqrt(x**2 + bend**2) - bend), coarse)
-            count += 2.0 * float(np.trapezoid(height / size**2, x))
-    return float(count * resolution**2 / TRIANGLE)
-
-
-def rim_of(stage: Stage) -> tuple[float, float]:
-    """Width of the platform rim around the hub, and its mean radius, mm."""
-    disc, hub = stage.platform.radius, stage.platform.hub_radius
-    return disc - hub, (disc + hub) / 2
-
-
 def ordered(mesh: StageMesh) -> tuple[StageMesh, Index]:
     """Return the mesh with nodes in scikit-fem order, corners, then middles by facet, and the new node indices."""
     from skfem import MeshTri1
@@ -171,6 +143,11 @@ def drawn_area(stage: Stage) -> float:
 def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
     """Raise ComputationFailed unless the mesh has the drawn area, mm^2, the expected pieces, and good triangles."""
     n = len(mesh.nodes)
+    if len(mesh.triangles) > MOST_TRIANGLES:
+        raise ComputationFailed(
+            f"mesh of {len(mesh.triangles)} triangles, expected at most {MOST_TRIANGLES:.2g}: "
+            "a coarser resolution or thicker necks are needed"
+        )
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
     corners = mesh.triangles[:, [0, 1, 2, 0]]
@@ -235,36 +212,26 @@ class Sector(NamedTuple):
 
 
 def mesh_sectors(
-    stage: Stage, resolution: int | tuple[int, int, int], time_limit: float | Limit = TIME_LIMIT, inside: bool = False
+    stage: Stage, resolution: int | tuple[int, int, int], time_limit: float | Limit = TIME_LIMIT
 ) -> tuple[Sector, ...]:
     """Mesh a feasible stage: three sectors, or one that represents three identical chains.
 
     Parameters
     ----------
     resolution : least number of triangles across every neck, or one per chain; the finest applies to the cuts.
-    time_limit : s, for gmsh on all sectors; not enforced when `inside`.
-    inside : run gmsh in the main thread of this process, which must be one that may be killed.
+    time_limit : s, for gmsh on all sectors.
 
-    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh would be too large or fails its
-    checks, MeshTimeout when it takes too long.
+    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh fails its checks, MeshTimeout when
+    it takes too long.
     """
     check_feasible(stage)
     across = (resolution,) * 3 if isinstance(resolution, int) else resolution
     chains = (1,) if stage.chains_alike and len(set(across)) == 1 else (1, 2, 3)
-    jobs = [sector_drawing(stage, chain, across[chain - 1], max(across)) for chain in chains]
-    areas = [sum(area(face.loop) for face in job.faces) for job in jobs]
-    estimate = estimate_triangles(stage, sum(areas) * 3 / len(chains), max(across))
-    if estimate > MOST_TRIANGLES:
-        raise ComputationFailed(
-            f"mesh of about {estimate:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
-            "a coarser resolution or thicker necks are needed"
-        )
     keys = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
     distinct = [keys.index(key) for key in dict.fromkeys(keys)]
-    needed = [jobs[k] for k in distinct]
-    meshed = [_mesh_in_process(job) for job in needed] if inside else run_jobs(needed, time_limit)
-    by_key = {keys[k]: _sector(arrays, areas[k]) for k, arrays in zip(distinct, meshed, strict=True)}
-    sectors = tuple(by_key[key] for key in keys)
+    jobs = [sector_drawing(stage, chains[k], across[chains[k] - 1], max(across)) for k in distinct]
+    meshed = list(map(_sector, jobs, run_jobs(jobs, time_limit)))
+    sectors = tuple(meshed[distinct.index(keys.index(key))] for key in keys)
     for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
         ahead, behind = sector.mesh.nodes[sector.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
         if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
@@ -299,28 +266,28 @@ def joined(sectors: tuple[Sector, ...]) -> tuple[StageMesh, list[Index]]:
     edges: dict[str, list[Index]] = {}
     for chain, (part, numbers) in enumerate(zip(parts, sector_nodes, strict=True)):
         for label, edge in part.edges.items():
-            if not label.startswith(("cut", "free")):
+            if not label.startswith("cut"):
                 edges.setdefault(label.replace("neck", f"neck {chain + 1}"), []).append(numbers[edge])
     triangles = np.concatenate([numbers[part.triangles] for part, numbers in zip(parts, sector_nodes, strict=True)])
     bodies = np.concatenate([4 * chain + part.bodies for chain, part in enumerate(parts)])
     return StageMesh(nodes, triangles, bodies, {name: np.concatenate(e) for name, e in edges.items()}), sector_nodes
 
 
-def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> Job:
+def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> FaceMesh:
     """Return drawing and sizes of the sector of a chain; `finest`, the highest resolution of all, sets the cuts."""
     fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
     points = _refinement_points(stage, chain, faces, fine)
-    cones = tuple(cone(*point, coarse, fine) for point in points if point[-1] < coarse)
-    cuts = max(2, math.ceil(rim_of(stage)[0] / (COARSEST * stage.chain.link_width / max(finest, 2))))
+    rim = stage.platform.radius - stage.platform.hub_radius
+    cuts = max(2, math.ceil(rim / (COARSEST * stage.chain.link_width / max(finest, 2))))
     divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
     divisions |= {"cut behind": cuts, "cut ahead": cuts}
-    return Job(faces, divisions, cones)
+    return FaceMesh(faces, divisions, [grading(*point, coarse, fine) for point in points if point[-1] < coarse])
 
 
-def cone(centre: complex, radius: float, least: float, coarse: float, across: float) -> Cone:
-    """Return sizes, mm, that grow from `least` outside a radius at the rate of a neck with `across` triangles."""
-    return Cone(centre, radius, least, coarse, (coarse - least) * across / GROWTH)
+def grading(centre: complex, radius: float, size: float, coarse: float, across: float) -> Grading:
+    """Return sizes, mm, that grow outside a radius at the rate of a neck with `across` triangles."""
+    return Grading((centre,), radius, size, coarse, (coarse - size) * across / GROWTH)
 
 
 def notch_sizes(neck: float, radius: float, across: float, resolution: float) -> Iterator[tuple[float, float]]:
@@ -348,7 +315,8 @@ def _refinement_points(
         yield from ((neck.point, *size) for size in sizes)
         across = (hinge.neck / 2 + hinge.radius) * 1j * cmath.exp(1j * neck.heading)
         notches += [neck.point + across, neck.point - across]
-    yield 0j, stage.platform.radius, COARSEST * rim_of(stage)[0] / resolution
+    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    yield 0j, disc, COARSEST * (disc - hub) / resolution
     for arc in dict.fromkeys(segment for face in faces for segment in face.loop):
         if arc.centre in (None, 0j) or any(abs(arc.centre - notch) < SAME_PLACE for notch in notches):
             continue  # hub, rim and notches have cones of their own
@@ -356,34 +324,15 @@ def _refinement_points(
         yield arc.centre, radius, radius * 2 * math.pi / PER_TURN
 
 
-def _mesh_in_process(job: Job) -> NamedArrays:
-    try:
-        return mesh_faces(job)
-    except (SystemExit, Exception) as error:  # gmsh raises bare Exception
-        text = " ".join(str(error).split())
-        raise ComputationFailed(text if isinstance(error, SystemExit) else f"gmsh: {text}") from None
+def mesh_of(arrays: NamedArrays) -> StageMesh:
+    """Return the mesh in arrays of the mesher."""
+    labels = arrays["edge_labels"]
+    edges = {str(label): arrays["edges"][labels == label] for label in np.unique(labels)}
+    return StageMesh(arrays["nodes"], arrays["triangles"], arrays["regions"], edges)
 
 
-def curved(linear: NamedArrays) -> StageMesh:
-    """Add the middle nodes to a mesh of linear triangles and edges, on the arc where an edge belongs to one."""
-    nodes, corners, edges, centres = linear["nodes"], linear["triangles"], linear["edges"], linear["edge_centres"]
-    ends = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]], edges])
-    keys, side = np.unique(ends.min(axis=1) * len(nodes) + ends.max(axis=1), return_inverse=True)
-    middles = np.mean(nodes[np.stack(np.divmod(keys, len(nodes)))], axis=0)
-    on_arc = ~np.isnan(centres)
-    bent, centre = side[3 * len(corners) :][on_arc], np.stack([centres.real, centres.imag], axis=-1)[on_arc]
-    outward, radius = middles[bent] - centre, np.linalg.norm(nodes[edges[on_arc, 0]] - centre, axis=1)
-    middles[bent] = centre + outward * (radius / np.linalg.norm(outward, axis=1))[:, None]
-    side += len(nodes)
-    triangles = np.column_stack([corners, side[: 3 * len(corners)].reshape(3, -1).T])
-    quadratic = np.column_stack([edges, side[3 * len(corners) :]])
-    groups = {str(label): quadratic[linear["edge_labels"] == label] for label in np.unique(linear["edge_labels"])}
-    return StageMesh(np.concatenate([nodes, middles]), triangles, linear["faces"], groups)
-
-
-def _sector(linear: NamedArrays, drawn: float) -> Sector:
-    mesh = curved(linear)
-    check_triangles(mesh, drawn)
+def _sector(job: FaceMesh, arrays: NamedArrays) -> Sector:
+    check_triangles(mesh := mesh_of(arrays), sum(area(face.loop) for face in job.faces))
     hub = nodes_on(mesh, "hub")
     behind, ahead = (by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead"))
     return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])

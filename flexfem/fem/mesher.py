@@ -1,7 +1,7 @@
 """gmsh in separate processes, which can hang or crash without affecting flexfem; the only module that imports it.
 
-A process serves one list of requests, such as `Job`, after the other, since starting it takes longer than most meshes:
-`main` reads pickled requests from standard input and writes pickled results to standard output.
+A process serves one list of requests, such as `Sectors`, after the other, since starting it takes longer than most
+meshes: `main` reads pickled requests from standard input and writes pickled results to standard output.
 """
 
 from __future__ import annotations
@@ -28,8 +28,7 @@ from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
 
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
-TRIANGLE, EDGE = 2, 1  # gmsh element types, linear
-QUADRATIC_TRIANGLE, QUADRATIC_EDGE = 9, 8
+TRIANGLE, EDGE = (9, 6), (8, 3)  # gmsh types of quadratic elements and their nodes
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 RAY = "ray"  # label of lines between equal sectors of a body
@@ -59,33 +58,26 @@ LIBRARIES = {
 }
 
 
-class DrawnCurve(NamedTuple):
-    """Label of a drawn curve, and the centre of an arc."""
+class Grading(NamedTuple):
+    """Triangle size, mm: `size` within `radius` of points, linear up to `largest` at `radius` + `reach`."""
 
-    label: str
-    centre: complex | None
-
-
-class Cone(NamedTuple):
-    """Triangle size, mm: `least` within `radius` of a point, linear up to `most` at `radius` + `reach`."""
-
-    centre: complex
+    points: Sequence[complex]
     radius: float
-    least: float
-    most: float
+    size: float
+    largest: float
     reach: float
 
 
-class Job(NamedTuple):
+class FaceMesh(NamedTuple):
     """Faces that share curves, and the triangle sizes of their mesh.
 
     divisions : number of equal edges along each segment with a label.
-    cones : the triangle size is the minimum over the cones.
+    gradings : the triangle size is the minimum over them.
     """
 
     faces: list[Face]
     divisions: dict[str, int]
-    cones: tuple[Cone, ...]
+    gradings: list[Grading]
 
 
 class Region(NamedTuple):
@@ -109,20 +101,10 @@ class Line(NamedTuple):
     region: int
 
 
-class Grading(NamedTuple):
-    """Triangle size, mm, within `radius` of points; outside it grows with the distance."""
-
-    points: list[complex]
-    size: float
-    radius: float
-
-
 class PlateMesh(NamedTuple):
-    """Regions, the lines that separate them, and the triangle sizes of their mesh.
+    """Regions, the lines that separate them, and the triangle sizes of their mesh, as in `FaceMesh`.
 
-    divisions : number of equal edges along the line with a label.
-    largest : triangle size, mm, in each region, far from the points of `gradings`.   growth : of the triangle size with
-        the distance from these points.
+    largest : triangle size, mm, in each region, far from the points of `gradings`.
     about, turns : centre and number of the rotations that take the faces into each other, and the lines `RAY`; the mesh
         of one is turned to the others.
     """
@@ -132,7 +114,6 @@ class PlateMesh(NamedTuple):
     divisions: dict[str, int]
     gradings: list[Grading]
     largest: list[float]
-    growth: float
     about: complex = 0j
     turns: int = 1
 
@@ -151,7 +132,7 @@ class PlateSolid(NamedTuple):
     thickness: float
 
 
-Request: TypeAlias = Job | PlateMesh | PlateContours | PlateSolid
+Request: TypeAlias = FaceMesh | PlateMesh | PlateContours | PlateSolid
 NamedArrays: TypeAlias = dict[str, AnyArray]
 
 
@@ -188,102 +169,95 @@ def gmsh_session() -> Iterator[Any]:
         gmsh.finalize()
 
 
-def _draw_loops(kernel: Any, faces: list[Face]) -> tuple[dict[int, DrawnCurve], list[int]]:
-    """Draw every point and curve once; return the curves by tag and the closed loop of each face.
+def _draw_faces(kernel: Any, faces: list[Face]) -> tuple[list[tuple[str, int]], list[list[int]]]:
+    """Draw every point and curve once; return the curves with labels other than `free` and the faces.
 
     A segment with coincident ends is omitted; a curve that a face traverses backwards has a negative tag in its loop.
     """
     ends = np.array([(segment.start, segment.end) for face in faces for segment in face.loop])
     first = np.argmax(np.abs(ends.ravel()[:, None] - ends.ravel()) < SAME_POINT, axis=1)  # first end at the same point
-    points, drawn, curves = dict[int, int](), dict[tuple[int, int], int](), dict[int, DrawnCurve]()
-    indices, loops = iter(first.reshape(ends.shape).tolist()), []
-
-    def point(index: int) -> int:
-        if index not in points:
-            points[index] = kernel.addPoint(ends.flat[index].real, ends.flat[index].imag, 0.0)
-        return points[index]
-
+    points, drawn, labelled = dict[int, int](), dict[tuple[int, int], int](), list[tuple[str, int]]()
+    indices, loops = iter(first.reshape(ends.shape).tolist()), list[int]()
     for face in faces:
         tags = []
         for segment, label in zip(face.loop, face.labels, strict=True):
-            start, end = map(point, next(indices))
+            start, end = next(indices)
             if (end, start) in drawn:
                 tags.append(-drawn[end, start])
             elif start != end:
-                if segment.centre is None:
-                    tag = int(kernel.addLine(start, end))
-                else:
-                    centre = kernel.addPoint(segment.centre.real, segment.centre.imag, 0.0)
-                    tag = int(kernel.addCircleArc(start, centre, end))
-                drawn[start, end], curves[tag] = tag, DrawnCurve(label, segment.centre)
-                tags.append(tag)
-        loops.append(int(kernel.addCurveLoop(tags)))
-    return curves, loops
+                for index in (start, end):
+                    if index not in points:
+                        points[index] = _point(kernel, ends.flat[index])
+                tags.append(_draw_curve(kernel, segment, points[start], points[end]))
+                drawn[start, end] = tags[-1]
+                labelled += [(label, tags[-1])] * (label != "free")
+        loops.append(kernel.addCurveLoop(tags))
+    return labelled, [[int(kernel.addPlaneSurface([loop]))] for loop in loops]
 
 
-def _set_sizes(field: Any, cones: tuple[Cone, ...]) -> None:
-    """Set the triangle size to the minimum over the cones."""
-    tags = []
-    for cone in cones:
-        tags.append(field.add("Ball"))
-        values = (cone.centre.real, cone.centre.imag, *cone[1:])
-        for name, value in zip(("XCenter", "YCenter", "Radius", "VIn", "VOut", "Thickness"), values, strict=True):
-            field.setNumber(tags[-1], name, value)
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", tags)
-    field.setAsBackgroundMesh(smallest)
-
-
-def mesh_faces(job: Job) -> NamedArrays:
-    """Mesh faces with triangles, conforming along the curves they share.
-
-    Returns
-    -------
-    nodes (n, 2) in mm; triangles (m, 3), faces (m,) index of each triangle's face; edges (k, 2) of the curves that are
-    labelled or bent, edge_labels (k,) text, edge_centres (k,) complex, nan unless on an arc. `mesh.curved` adds the
-    middle nodes faster than gmsh.
-    """
+def mesh_faces(job: FaceMesh) -> NamedArrays:
+    """Mesh faces with quadratic triangles, conforming along the curves they share; return arrays as `_meshed`."""
     with gmsh_session() as gmsh:
-        kernel, mesh = gmsh.model.geo, gmsh.model.mesh
-        curves, loops = _draw_loops(kernel, job.faces)
-        surfaces = [kernel.addPlaneSurface([loop]) for loop in loops]
-        kernel.synchronize()
-        for tag, curve in curves.items():
-            if curve.label in job.divisions:
-                mesh.setTransfiniteCurve(tag, job.divisions[curve.label] + 1)
-        _set_sizes(mesh.field, job.cones)
-        mesh.generate(2)
-        labelled = {tag: curve for tag, curve in curves.items() if curve != DrawnCurve("free", None)}
-        nodes, triangles, edges = _meshed(mesh, [[face] for face in surfaces], [*labelled], (TRIANGLE, 3), (EDGE, 2))
-    per_curve = [len(e) for e in edges]
-    return {
-        "nodes": nodes,
-        "triangles": np.concatenate(triangles),
-        "faces": np.repeat(np.arange(len(surfaces)), [len(t) for t in triangles]),
-        "edges": np.concatenate(edges),
-        "edge_labels": np.repeat([curve.label for curve in labelled.values()], per_curve),
-        "edge_centres": np.repeat([STRAIGHT if c.centre is None else c.centre for c in labelled.values()], per_curve),
-    }
+        curves, faces = _draw_faces(gmsh.model.geo, job.faces)
+        gmsh.model.geo.synchronize()
+        field = gmsh.model.mesh.field
+        balls = [
+            _field(field, "Ball", XCenter=z.real, YCenter=z.imag, Radius=r, VIn=size, VOut=largest, Thickness=reach)
+            for points, r, size, largest, reach in job.gradings
+            for z in points
+        ]
+        return _meshed(gmsh.model.mesh, job.divisions, balls, curves, faces)
+
+
+def _field(field: Any, kind: str, **values: float) -> int:
+    tag = field.add(kind)
+    for name, value in values.items():
+        field.setNumber(tag, name, value)
+    return int(tag)
 
 
 def _meshed(
-    mesh: Any, faces: list[list[int]], curves: list[int], triangle: tuple[int, int], edge: tuple[int, int]
-) -> tuple[AnyArray, list[AnyArray], list[AnyArray]]:
-    """Return the nodes (n, 2) of triangles, the triangles of each list of faces, and the edges of each curve.
+    mesh: Any, divisions: dict[str, int], sizes: list[int], curves: list[tuple[str, int]], faces: list[list[int]]
+) -> NamedArrays:
+    """Mesh what is drawn, with the minimum over the fields of `sizes` as triangle size.
 
-    triangle, edge : gmsh element type, and number of its nodes.
+    curves : with their labels.   faces : of each region.
+
+    Returns
+    -------
+    nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each triangle's region; edges
+    (k, 3) of the curves, edge_labels (k,) text.
     """
+    for label, tag in curves:
+        if label in divisions:
+            mesh.setTransfiniteCurve(tag, divisions[label] + 1)
+    smallest = mesh.field.add("Min")
+    mesh.field.setNumbers(smallest, "FieldsList", sizes)
+    mesh.field.setAsBackgroundMesh(smallest)
+    mesh.generate(2)
+    mesh.setOrder(2)
     tags, xyz, _ = mesh.getNodes()
 
     def elements(kind: tuple[int, int], tag: int) -> AnyArray:
         return np.reshape(mesh.getElementsByType(kind[0], tag)[1], (-1, kind[1])).astype(np.int64)
 
-    triangles = [np.concatenate([elements(triangle, tag) for tag in part]) for part in faces]
-    used = np.isin(tags, np.concatenate(triangles))  # without centres of arcs and points that set sizes
+    of_regions = [np.concatenate([elements(TRIANGLE, tag) for tag in part]) for part in faces]
+    of_curves = [elements(EDGE, tag) for _, tag in curves]
+    triangles = np.concatenate(of_regions)
+    used = np.isin(tags, triangles)  # without centres of arcs and points that set sizes
     index = np.full(int(tags.max()) + 1, -1)
     index[tags[used]] = np.arange(np.count_nonzero(used))
-    nodes = xyz.reshape(-1, 3)[used, :2]
-    return nodes, [index[each] for each in triangles], [index[elements(edge, tag)] for tag in curves]
+    nodes, triangles = xyz.reshape(-1, 3)[used, :2], index[triangles]
+    first, second, third = (nodes[triangles[:, :3]] @ [1, 1j]).T
+    clockwise = ((second - first).conj() * (third - first)).imag < 0  # in copied meshes
+    triangles[clockwise] = triangles[clockwise][:, [0, 2, 1, 5, 4, 3]]
+    return {
+        "nodes": nodes,
+        "triangles": triangles,
+        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in of_regions]),
+        "edges": index[np.concatenate([np.empty((0, 3), dtype=np.int64), *of_curves])],
+        "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in of_curves]),
+    }
 
 
 def write_plate(solid: PlateSolid) -> NamedArrays:
@@ -355,39 +329,26 @@ def _union(kernel: Any, regions: list[Region]) -> list[tuple[int, int]]:
 def mesh_plate(job: PlateMesh) -> NamedArrays:
     """Mesh regions with quadratic triangles, conforming along the curves they share.
 
-    Returns
-    -------
-    nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each triangle's region; areas
-    (regions,), mm^2, exact; edges (k, 3) of the labelled lines, edge_labels (k,) text.
+    Returns arrays as `_meshed`, and areas (regions,), mm^2, exact.
     """
     with gmsh_session() as gmsh:
-        kernel, mesh = gmsh.model.occ, gmsh.model.mesh
+        kernel, field = gmsh.model.occ, gmsh.model.mesh.field
         curves, faces = _divide(gmsh.model, job)
         points = [[_point(kernel, z) for z in grading.points] for grading in job.gradings]
         kernel.synchronize()
-        for label, tag in curves:
-            if label in job.divisions:
-                mesh.setTransfiniteCurve(tag, job.divisions[label] + 1)
-        _set_gradings(mesh.field, job, points, faces)
+        sizes = list[int]()
+        for grading, near in zip(job.gradings, points, strict=True):
+            field.setNumbers(distance := field.add("Distance"), "PointsList", near)
+            limits = {"SizeMin": grading.size, "SizeMax": grading.largest}
+            limits |= {"DistMin": grading.radius, "DistMax": grading.radius + grading.reach}
+            sizes.append(_field(field, "Threshold", InField=distance, **limits))
+        for size, part in zip(job.largest, faces, strict=True):
+            sizes.append(_field(field, "Constant", VIn=size, VOut=max(job.largest)))
+            field.setNumbers(sizes[-1], "SurfacesList", part)
         if job.turns > 1:
             _repeat(gmsh.model, job, [tag for label, tag in curves if label == RAY])
-        mesh.generate(2)
-        mesh.setOrder(2)
-        tags = [tag for _, tag in curves]
-        nodes, triangles, edges = _meshed(mesh, faces, tags, (QUADRATIC_TRIANGLE, 6), (QUADRATIC_EDGE, 3))
         areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
-    found = np.concatenate(triangles)
-    first, second, third = (nodes[found[:, :3]] @ [1, 1j]).T
-    clockwise = ((second - first).conj() * (third - first)).imag < 0  # in copied meshes
-    found[clockwise] = found[clockwise][:, [0, 2, 1, 5, 4, 3]]
-    return {
-        "nodes": nodes,
-        "triangles": found,
-        "regions": np.repeat(np.arange(len(faces)), [len(part) for part in triangles]),
-        "areas": areas,
-        "edges": np.concatenate(edges) if edges else np.empty((0, 3), dtype=np.int64),
-        "edge_labels": np.repeat([label for label, _ in curves], [len(each) for each in edges]),
-    }
+        return {**_meshed(gmsh.model.mesh, job.divisions, sizes, curves, faces), "areas": areas}
 
 
 def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[list[int]]]:
@@ -442,29 +403,6 @@ def _repeat(model: Any, job: PlateMesh, rays: list[int]) -> None:
                     model.mesh.setPeriodic(dim, [image], [first], affine)
                     done.add(image)
             left = {tag: at for tag, at in left.items() if tag not in done}
-
-
-def _set_gradings(field: Any, job: PlateMesh, points: list[list[int]], faces: list[list[int]]) -> None:
-    """Set the triangle size to the minimum over the gradings and the largest sizes of the regions."""
-    largest, tags = max(job.largest), []
-
-    def add(kind: str, **values: float) -> int:
-        tags.append(field.add(kind))
-        for name, value in values.items():
-            field.setNumber(tags[-1], name, value)
-        return int(tags[-1])
-
-    for grading, near in zip(job.gradings, points, strict=True):
-        if grading.size < largest:
-            field.setNumbers(add("Distance"), "PointsList", near)
-            reach = grading.radius + (largest - grading.size) / job.growth
-            sizes = {"SizeMin": grading.size, "SizeMax": largest, "DistMin": grading.radius, "DistMax": reach}
-            add("Threshold", InField=tags.pop(), **sizes)
-    for size, part in zip(job.largest, faces, strict=True):
-        field.setNumbers(add("Constant", VIn=size, VOut=largest), "SurfacesList", part)
-    smallest = field.add("Min")
-    field.setNumbers(smallest, "FieldsList", tags)
-    field.setAsBackgroundMesh(smallest)
 
 
 def contours_of(job: PlateContours) -> NamedArrays:
@@ -533,7 +471,7 @@ def _arcs(model: Any, tag: int) -> tuple[list[complex], list[complex]]:
 def main() -> None:
     """Serve lists of requests until standard input ends or a request fails."""
     serve: dict[type, Any] = {
-        Job: mesh_faces,
+        FaceMesh: mesh_faces,
         PlateMesh: mesh_plate,
         PlateContours: contours_of,
         PlateSolid: write_plate,

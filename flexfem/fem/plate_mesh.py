@@ -18,12 +18,12 @@ from flexfem.arrays import AnyArray
 from flexfem.fem.mesh import (
     COARSEST,
     GROWTH,
-    MOST_TRIANGLES,
     PER_TURN,
     TIME_LIMIT,
     StageMesh,
     check_triangles,
     jacobians,
+    mesh_of,
     ordered,
 )
 from flexfem.fem.mesher import RAY, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
@@ -106,8 +106,13 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
             places = [about + (patch.point - about) * np.exp(2j * np.pi * k / turns) for k in range(turns)]
             gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).extend(places)
     largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
-    cones = [Grading(points, *key) for key, points in gradings.items()]
-    job = PlateMesh(regions_of(layout), necks + lines, divisions, cones, largest, GROWTH / fine)
+    coarsest, growth = max(largest), GROWTH / fine
+    graded = [
+        Grading(points, radius, size, coarsest, (coarsest - size) / growth)
+        for (size, radius), points in gradings.items()
+        if size < coarsest
+    ]
+    job = PlateMesh(regions_of(layout), necks + lines, divisions, graded, largest)
     if turns > 1:
         cyclic = job._replace(lines=[*job.lines, *_rays(layout, about, turns)], about=about, turns=turns)
         with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh that is not cyclic, then
@@ -202,11 +207,7 @@ def _narrow_places(body: Body, width: float) -> Iterator[tuple[complex, float]]:
 
 def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:
     """Return the mesh. Raises ComputationFailed unless it is the drawn plate, with all hinges and clamped edges."""
-    labels = arrays["edge_labels"]
-    groups = {str(label): arrays["edges"][labels == label] for label in np.unique(labels)}
-    mesh = StageMesh(arrays["nodes"], arrays["triangles"], arrays["regions"], groups)
-    if len(mesh.triangles) > MOST_TRIANGLES:
-        raise ComputationFailed(f"mesh of {len(mesh.triangles)} triangles, expected at most {MOST_TRIANGLES:.2g}")
+    mesh = mesh_of(arrays)
     check_triangles(mesh, float(arrays["areas"].sum()), len([*components(layout)]))
     meshed = np.bincount(mesh.bodies, jacobians(mesh)[:, -1] / 2, minlength=len(arrays["areas"]))
     count, names = len(layout.bodies), [part[0] for part in (*layout.bodies, *layout.joints)]
@@ -215,15 +216,15 @@ def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> 
         raise ComputationFailed(
             f"mesh of {names[worst]} covers {meshed[worst]:.6g} mm^2, expected {arrays['areas'][worst]:.6g}"
         )
-    if any(body.clamped and not body.fixed for body in layout.bodies) and "clamped" not in groups:
+    if any(body.clamped and not body.fixed for body in layout.bodies) and "clamped" not in mesh.edges:
         raise ComputationFailed("mesh has no clamped edges")
     nodes_of = [np.unique(mesh.triangles[mesh.bodies == part]) for part in range(len(names))]
     for index, joint in enumerate(layout.joints):
-        across, expected = len(groups.get(f"neck {index}", ())), divisions.get(f"neck {index}", 1)
+        across, expected = len(mesh.edges.get(f"neck {index}", ())), divisions.get(f"neck {index}", 1)
         if across < expected:
             raise ComputationFailed(f"mesh has {across} triangles across {joint.name}, expected {expected}")
         for name, body in zip(("near", "far"), joint.bodies, strict=True):
-            end = groups.get(f"end {index} {name}")
+            end = mesh.edges.get(f"end {index} {name}")
             if end is None or not all(np.isin(end, nodes_of[part]).all() for part in (body, count + index)):
                 raise ComputationFailed(f"mesh does not connect {joint.name} to {layout.bodies[body].name}")
     return ordered(mesh)[0]

@@ -30,13 +30,6 @@ from flexfem.refused import ComputationFailed
 LOWEST = 3  # natural frequencies: the three modes of the rigid platform on its hinges
 
 
-class Clock(NamedTuple):
-    """Time limit of gmsh for a design, and whether gmsh runs in this process, where the caller enforces the limit."""
-
-    limit: Limit
-    inside: bool
-
-
 class ErrorPercentages(NamedTuple):
     """Error percentages of n designs for commands in x, y, theta, (n, 3) each.
 
@@ -108,7 +101,7 @@ def batch_at_rest(
 def solved_design(
     stage: Stage,
     resolution: int,
-    clock: Clock,
+    limit: Limit,
     predicted: Array | None = None,
     bands: bool = True,
     payload: Payload | None = None,
@@ -132,7 +125,7 @@ def solved_design(
     BadInput : the finite elements do not accept the design.
     ComputationFailed : mesh or solver failed; MeshTimeout after the time limit, in three dimensions that of gmsh.
     """
-    response = elements(stage, resolution, clock, layers)
+    response = elements(stage, resolution, limit, layers)
     K = np.linalg.inv(response.compliance)
     K = (K + K.T) / 2  # round-off
     turning = np.abs(K @ fields.base_rotations(stage, response)).max(axis=1)
@@ -151,17 +144,17 @@ def solved_design(
         found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).pose[None]))
     if predicted is None:
         return found
-    return found._replace(errors=_errors(stage, resolution, clock, predicted, response, bands))
+    return found._replace(errors=_errors(stage, resolution, limit, predicted, response, bands))
 
 
-def elements(stage: Stage, resolution: int, clock: Clock, layers: int = 0) -> Response:
+def elements(stage: Stage, resolution: int, limit: Limit, layers: int = 0) -> Response:
     """Mesh a stage and condense it sector by sector. Raises as `solved_design`."""
     plate, through = (sheet_of(stage), layers_of(stage, layers)) if layers else (plate_of(stage), None)
-    return unit_response(mesh_sectors(stage, resolution, *clock), plate, through)
+    return unit_response(mesh_sectors(stage, resolution, limit), plate, through)
 
 
 def _errors(
-    stage: Stage, resolution: int, clock: Clock, predicted: Array, response: Response, bands: bool
+    stage: Stage, resolution: int, limit: Limit, predicted: Array, response: Response, bands: bool
 ) -> ErrorPercentages:
     """Return the errors of a predicted stiffness, with bands from coarser meshes; one that fails is left out."""
     lever = stage.chain.link_lengths[2]
@@ -173,7 +166,7 @@ def _errors(
     on_meshes, failures = {resolution: along}, list[ComputationFailed]()
     for coarser in levels(resolution)[1::-1]:
         try:
-            C = elements(stage, coarser, clock).compliance
+            C = elements(stage, coarser, limit).compliance
             on_meshes = {coarser: np.diag(error_matrix(predicted, C, lever))} | on_meshes
         except MeshTimeout:
             raise

@@ -41,7 +41,7 @@ from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.batch import LOWEST, Clock, batch_at_rest, solved_design
+from flexfem.questions.batch import LOWEST, batch_at_rest, solved_design
 from flexfem.questions.driven import drive_ranges, driven
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
@@ -229,13 +229,13 @@ def _repeated(loaded: LoadedStudy) -> CyclicMotion | None:
 
 def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
     """Return the outputs (outputs,) of a feasible design by finite elements. Raises as `solved_design`, `analyse`."""
-    study, clock = loaded.study, Clock(Limit(loaded.study.time_limit), False)
+    study, limit = loaded.study, Limit(loaded.study.time_limit)
     predicted = analyse(stage, study.mobility, study.formula).stiffness if study.model == "verify" else None
     if study.model == "three_dimensional":
-        found = solved_design(stage, study.resolution, clock, layers=study.layers)
+        found = solved_design(stage, study.resolution, limit, layers=study.layers)
     else:
         requested = payload(loaded), _repeated(loaded), study.driven, study.drift is not None
-        found = solved_design(stage, study.resolution, clock, predicted, study.bands, *requested)
+        found = solved_design(stage, study.resolution, limit, predicted, study.bands, *requested)
         if found.drives is not None and np.isnan(found.drives.range).any():
             raise BadInput(UNMOVED)
     return np.array([*values_of(found, study.columns, study.rotation)[0], *extra_numbers(loaded, stage)[:, 0]])

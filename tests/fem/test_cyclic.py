@@ -35,7 +35,7 @@ class Both(NamedTuple):
 
 
 def in_both_ways(stage):
-    sectors = mesh_sectors(stage, COARSE, inside=True)
+    sectors = mesh_sectors(stage, COARSE)
     mesh, _ = welded(sectors)
     plate = plate_of(stage)
     return Both(stage, unit_response(sectors, plate), mesh, platform_response(mesh, plate))
@@ -123,9 +123,10 @@ def test_an_answer_that_does_not_balance_is_refused(pair, monkeypatch):
 
 
 def test_a_stage_that_is_not_held_is_refused(pair):
+    """Round-off decides whether the factorisation or the balance of forces shows it."""
     (sector,) = pair["alike"].response.sectors
     floating = sector._replace(mesh=sector.mesh._replace(edges={**sector.mesh.edges, "ground": np.empty((0, 3), int)}))
-    with pytest.raises(ComputationFailed, match="singular to working precision: a part is not supported"):
+    with pytest.raises(ComputationFailed, match="singular to working precision: a part is not supported|reactions and load"):
         unit_response((floating,), plate_of(pair["alike"].stage))
 
 
@@ -141,7 +142,7 @@ def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike):
     """The equations of nine thin necks lose eight digits; energy and work agree, because cuts stay shut."""
     thin = {name: getattr(alike.stage.hinges, name).model_copy(update={"neck": 0.02}) for name in HINGE_NAMES}
     stage = alike.stage.model_copy(update={"hinges": alike.stage.hinges.model_copy(update=thin), "override": ()})
-    response = unit_response(mesh_sectors(stage, COARSE, inside=True), plate_of(stage))
+    response = unit_response(mesh_sectors(stage, COARSE), plate_of(stage))
     (sector,), fields = response.sectors, chain_values(response.sector_fields)
     for chain in range(3):
         ahead, behind = fields[chain][:, sector.ahead], turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)

@@ -10,7 +10,7 @@ import pytest
 from hinge_charts import FREEDOMS, HIGH, LOW, SingleHinge, compliance, hinge_mesh, make, richardson
 from hinge_charts import sample as sample_anew
 
-from flexfem.fem.mesh import cone, jacobians, least_scaled_jacobian, notch_sizes
+from flexfem.fem.mesh import grading, jacobians, least_scaled_jacobian, notch_sizes
 from flexfem.mechanism.outlines import Face, Segment, area
 from flexfem.questions.bands import grid_convergence
 
@@ -101,7 +101,7 @@ def test_compliances_converge_with_order_four_to_a_limit_inside_the_band(hinge):
 def test_an_unstructured_mesh_of_gmsh_gives_the_same_compliances(hinge):
     high, across = hinge.block[0], 8  # of half a neck
     notch = notch_sizes(hinge.ratio, 1.0, 2 * across, 2 * across)
-    mesh = meshed(quarter(hinge), [cone(0j, *size, high / 16, 2 * across) for size in notch])
+    mesh = meshed(quarter(hinge), [grading(0j, *size, high / 16, 2 * across) for size in notch])
     UNSTRUCTURED = 2e-4  # not extrapolated
     hinge = hinge._replace(poissons_ratio=NU)
     np.testing.assert_allclose(compliance(hinge, 0, mesh), sample(hinge, COARSE).values, rtol=UNSTRUCTURED)

@@ -29,7 +29,7 @@ class Meshed(NamedTuple):
 
 
 def meshed(stage):
-    sectors = mesh_sectors(stage, 2, inside=True)
+    sectors = mesh_sectors(stage, 2)
     return Meshed(stage, sectors, joined(sectors)[0])
 
 
@@ -72,7 +72,7 @@ def test_between_two_held_faces_it_is_plane_strain(generic_mesh):
 def test_a_thin_sheet_is_plane_stress_but_for_the_mesh(generic_mesh):
     """What is left at 0.02 mm is that w is continuous from triangle to triangle while strains are not."""
     off, plate = [], Plate(E, NU, 0.02)
-    for sectors in (generic_mesh.sectors, mesh_sectors(generic_mesh.stage, 4, inside=True)):
+    for sectors in (generic_mesh.sectors, mesh_sectors(generic_mesh.stage, 4)):
         plane = platform_response(joined(sectors)[0], plate, FULL).compliance
         found = unit_response(sectors, plate, mirrored(0.02, 1, 0.47)).compliance
         off.append(np.max(np.abs(np.diag(found) / np.diag(plane) - 1)))

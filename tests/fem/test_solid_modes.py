@@ -82,7 +82,7 @@ HEAVY = Payload(0.5, 400.0, 300.0)  # 500 kg, 4e5 kg mm^2 and, tilting, 3e5
 @pytest.fixture(scope="module")
 def loaded(unlike):
     """A stage of three unlike chains, 9.7 mm thick, and its modes out of the plane with a payload on a coarse mesh."""
-    stage, sectors = unlike.stage, mesh_sectors(unlike.stage, 2, inside=True)
+    stage, sectors = unlike.stage, mesh_sectors(unlike.stage, 2)
     half, load = layers_of(stage, 1).antisymmetric, carried_out_of_plane(stage, HEAVY)
     return stage, stage_modes(sectors, sheet_of(stage), half, 2739e-12, load, 3)
 

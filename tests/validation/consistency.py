@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, Plate, layered, mirrored, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
-from flexfem.fem.mesher import Cone
+from flexfem.fem.mesher import Grading
 from flexfem.fem.structure import NONE, Structure, mass_of, structure
 from flexfem.mechanism.outlines import Face, Segment
 
@@ -94,7 +94,7 @@ def field_errors(mesh: StageMesh) -> FieldErrors:
 
 def plate_mesh(size: float) -> StageMesh:
     """Mesh `outline` anew with triangles of one size, mm."""
-    return meshed(outline(), [Cone(0j, 4.0, size, size, 1.0)])
+    return meshed(outline(), [Grading((0j,), 4.0, size, size, 1.0)])
 
 
 @problem(

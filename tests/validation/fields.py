@@ -9,8 +9,8 @@ import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, segment_functions, stress_tensor
-from flexfem.fem.mesh import StageMesh, curved, ordered
-from flexfem.fem.mesher import Cone, Job, run_mesher
+from flexfem.fem.mesh import StageMesh, mesh_of, ordered
+from flexfem.fem.mesher import FaceMesh, Grading, run_mesher
 from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.outlines import Face
 
@@ -51,9 +51,9 @@ def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Suppor
     return Solution(field, reactions, int(np.sum(~held)))
 
 
-def meshed(face: Face, cones: Sequence[Cone]) -> StageMesh:
+def meshed(face: Face, sizes: Sequence[Grading]) -> StageMesh:
     """Mesh one face of lines and arcs with gmsh in its own process. Raises ComputationFailed as `run_mesher` does."""
-    return ordered(curved(run_mesher(Job([face], {}, tuple(cones)), TIME_LIMIT)))[0]
+    return ordered(mesh_of(run_mesher(FaceMesh([face], {}, list(sizes)), TIME_LIMIT)))[0]
 
 
 def size_of(mesh: StageMesh) -> float:

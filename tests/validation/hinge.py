@@ -19,8 +19,8 @@ from scipy.linalg import eigh
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, mirrored
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import StageMesh, cone, notch_sizes
-from flexfem.fem.mesher import Cone
+from flexfem.fem.mesh import StageMesh, grading, notch_sizes
+from flexfem.fem.mesher import Grading
 from flexfem.fem.response import platform_response
 from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
@@ -50,10 +50,10 @@ def notch_mesh(neck: float, across: float = ACROSS) -> StageMesh:
     ]
     loop = upper + [Segment(-s.start, -s.end, None if s.centre is None else -s.centre) for s in upper]
     coarse, gap = 2 * RADIUS / across, float(RADIUS * (1 - np.sin(BLUNT)))
-    cones = [cone(0j, *size, coarse, across) for size in notch_sizes(neck, RADIUS, across, across)]
+    sizes = [grading(0j, *size, coarse, across) for size in notch_sizes(neck, RADIUS, across, across)]
     for at in (corner, -corner, corner.conjugate(), -corner.conjugate()):
-        cones.append(Cone(at, 0.0, gap, gap + 0.8 * RADIUS, 2 * RADIUS))
-    return meshed(Face(loop, ["hub", *["free"] * 4, "ground", *["free"] * 4]), cones)
+        sizes.append(Grading((at,), 0.0, gap, gap + 0.8 * RADIUS, 2 * RADIUS))
+    return meshed(Face(loop, ["hub", *["free"] * 4, "ground", *["free"] * 4]), sizes)
 
 
 def differences(ratio: float) -> tuple[Array, int]:

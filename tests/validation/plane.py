@@ -9,7 +9,7 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import StageMesh, mapped, nodes_on
-from flexfem.fem.mesher import Cone
+from flexfem.fem.mesher import Grading
 from flexfem.mechanism.outlines import Face, Segment
 
 from .fields import clamp, edge_force, meshed, nearest_node, on_chords, pressure, solve, uniform
@@ -91,7 +91,7 @@ def quarter_strip(ratio: float) -> StageMesh:
         Segment(1j * radius, complex(radius), 0j),
     ]
     finest = 2 * np.pi * radius / AROUND
-    size = Cone(0j, radius, finest, finest + 0.12 * STRIP_LENGTH, STRIP_LENGTH)
+    size = Grading((0j,), radius, finest, finest + 0.12 * STRIP_LENGTH, STRIP_LENGTH)
     return meshed(Face(loop, ["bottom", "end", "edge", "middle", "hole"]), [size])
 
 
