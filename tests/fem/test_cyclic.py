@@ -126,7 +126,7 @@ def test_a_stage_that_is_not_held_is_refused(pair):
     """Round-off decides whether the factorisation or the balance of forces shows it."""
     (sector,) = pair["alike"].response.sectors
     floating = sector._replace(mesh=sector.mesh._replace(edges={**sector.mesh.edges, "ground": np.empty((0, 3), int)}))
-    with pytest.raises(ComputationFailed, match="singular to working precision: a part is not supported|reactions and load"):
+    with pytest.raises(ComputationFailed, match=r"precision: a part is not supported|reactions and load"):
         unit_response((floating,), plate_of(pair["alike"].stage))
 
 
