@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from contextlib import suppress
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,28 +27,17 @@ from flexfem.hinges.strength import Basquin, BasquinFit, Wrench, equivalent
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
+from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.questions.setup import (
-    DEFAULT,
-    Analytic,
-    ModelAnswer,
-    Models,
-    answer,
-    for_mechanisms,
-    mesh_of,
-    on_meshes,
-    question,
-    solved,
-)
+from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms, question
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
-from flexfem.units import COMMANDS
+from flexfem.units import COMMANDS, Unit
 
 LARGEST_FACTOR = 1e9  # largest multiple of the amplitude in the search for a life
 LARGEST_POSE = 1e2  # mm, rad
@@ -209,6 +201,66 @@ class MechanismLife(Life):
     reading = ("the highest stress of a hinge in the mean pose counts as tension, which is conservative",)
 
 
+class Fatigue(NamedTuple):
+    """A checked question: motion of the platform, Basquin's law, notes on its source, and the material."""
+
+    motion: CyclicMotion
+    law: Basquin
+    notes: list[str]
+    material: Material
+
+    @property
+    def settings(self) -> dict[str, str]:
+        """Material and motion as settings of a result."""
+        poses = {"amplitude": self.motion.amplitude, "about": self.motion.mean}
+        texts = {name: ", ".join(map(_with_unit, pose, COMMANDS)) for name, pose in poses.items()}
+        return {"material": self.material.name, **texts, "wanted cycles": f"{self.motion.cycles:g}"}
+
+    def values(
+        self, stress: StressCycles, shape: tuple[int, ...], error: tuple[float, float] = (math.nan, math.nan)
+    ) -> dict[str, Any]:
+        """Return the values of one model; shape : of those of necks.   error : of the stress, relative, from and to."""
+        motion, law, equivalent = self.motion, self.law, stress.equivalent(self.law.walker)
+        necks = [np.flatnonzero(stress.neck == neck) for neck in range(int(stress.neck.max()) + 1)]
+        critical = np.array([points[int(np.argmax(equivalent[points]))] for points in necks])
+        by_neck = {
+            "amplitude": stress.amplitude[critical],
+            "mean": stress.mean[critical],
+            "peak": np.array([np.max(stress.peak[points]) for points in necks]),
+            "equivalent": equivalent[critical],
+            "cycles": law.cycles(equivalent[critical]),
+        }
+        factor = factor_at(stress, law, motion.cycles, motion.proportional)
+        limited, highest = np.isfinite(factor), np.max(equivalent)
+        most, fewest = (float(law.cycles(np.maximum(1 + share, 0.0) * highest)) for share in error)
+        return {name: values.reshape(shape) for name, values in by_neck.items()} | {
+            "life": float(law.cycles(highest)),
+            "fewest": fewest,
+            "most": most,
+            "safety": self.material.yield_strength / float(np.max(stress.peak)),
+            "factor": factor,
+            "peak_at_largest": np.max(stress.times(factor, motion.proportional).peak) if limited else math.nan,
+            "largest": factor * motion.amplitude if limited else np.full(3, math.inf),
+        }
+
+    def warnings(self, models: Mapping[str, ModelAnswer]) -> list[str]:
+        """Warn of lives outside the range of Basquin's law: above yield, or outside the fitted range of cycles."""
+        (low, high), limit, wanted, messages = self.law.range, self.material.yield_strength, self.motion.cycles, []
+        beyond = f"beyond the yield strength of {limit:.4g} MPa"
+        for model, (values, _) in models.items():
+            if values["safety"] < 1.0:
+                highest = f"{model}: the largest stress is {limit / values['safety']:.4g} MPa, {beyond}"
+                messages.append(f"{highest}: the life by elastic stress is not valid")
+            if values["peak_at_largest"] > limit:
+                where = f"{model}: at the amplitude for {wanted:g} cycles the largest stress is"
+                messages.append(f"{where} {values['peak_at_largest']:.4g} MPa, {beyond}: yield limits the amplitude")
+            for subject, cycles in ((f"{model}: the life", values["life"]), ("the wanted life", wanted)):
+                if np.isfinite(cycles) and not low <= cycles <= high:
+                    extrapolated = f"is extrapolated: the law covers {low:g} to {high:g}"
+                    messages.append(f"{subject} of {cycles:.3g} cycles {extrapolated}")
+        return messages
+
+
 def life_of_mechanism(
     mechanism: Mechanism,
     *,
@@ -223,31 +275,26 @@ def life_of_mechanism(
     progress: Progress | None = None,
 ) -> MechanismLife:
     """See `flexfem.life`."""
-    mesh, motion = mesh_of(models, resolution, None), _motion(amplitude, mean, ratio, cycles)
-    chosen, notes = _law(mechanism, fit, law)
-    material, poses = mechanism.material, np.array([motion.amplitude, motion.mean])
+    mesh = setup.mesh_of(models, resolution, None)
+    asked = Fatigue(_motion(amplitude, mean, ratio, cycles), *_law(mechanism, fit, law), mechanism.material)
+    poses = np.array([asked.motion.amplitude, asked.motion.mean])
 
     def values(response: plates.Responses) -> dict[str, Any]:
         loads = np.zeros((2, len(response.compliance)))
         loads[:, :3] = poses @ np.linalg.inv(response.compliance[:3, :3])
         varying, constant = response.stress(loads)
         stress = StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying)))
-        found = _values_of_model(material.yield_strength, stress, motion, chosen, necks_by=(-1,))
-        return {name: value for name, value in found.items() if name not in ("fewest", "most")}
+        return {name: value for name, value in asked.values(stress, (-1,)).items() if name not in ("fewest", "most")}
 
     def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.FewAndMany | None) -> dict[str, Any]:
         return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
 
     found = plates.of_models(mechanism, mesh, models, values, progress, bands)
-    warnings = [
-        text
-        for model, modelled in found.items()
-        for text in _warnings(material.yield_strength, motion, chosen, model, modelled.values)
-    ]
-    settings = {"material": material.name, **_said(motion)}
-    notes.append(LEFT_OUT)
-    result = plates.answer(MechanismLife, mechanism, found, mesh, settings=settings, warnings=warnings, notes=notes)
-    result.law, result.yield_strength = chosen, material.yield_strength
+    notes, warnings = [*asked.notes, LEFT_OUT], asked.warnings(found)
+    result = plates.answer(
+        MechanismLife, mechanism, found, mesh, settings=asked.settings, warnings=warnings, notes=notes
+    )
+    result.law, result.yield_strength = asked.law, asked.material.yield_strength
     return result
 
 
@@ -299,49 +346,34 @@ def life(
     '1.03e+10'
     """
     check_feasible(stage)
-    mesh = mesh_of(models, resolution, None)
+    mesh = setup.mesh_of(models, resolution, None)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
-    chosen_law, notes = _law(stage, fit, law)
-    motion = _motion(amplitude, mean, ratio, cycles, sensitivity)
+    asked = Fatigue(_motion(amplitude, mean, ratio, cycles, sensitivity), *_law(stage, fit, law), stage.material)
     assumed = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
-    results, analytic_name, limit = dict[str, ModelAnswer](), None, stage.material.yield_strength
-    chosen = analytic.chosen(stage, warnings, models)
+    found, name, chosen = dict[str, ModelAnswer](), None, analytic.chosen(stage, warnings, models)
     if models != "elements":
-        stress_error = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model)
-        error = math.nan, math.nan  # relative error of the stress, from and to
-        if stress_error is not None and chosen.formula == CALIBRATED:  # outside its chart no comparison was made
-            error = 1 / (1 + stress_error[1] / 100) - 1, 1 / (1 + stress_error[0] / 100) - 1
-        stress, analytic_name = by_model(chosen.stage, analyse(*chosen), motion), chosen.name
-        results[ANALYTIC] = ModelAnswer(_values_of_model(limit, stress, motion, chosen_law, error))
+        excess, error = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model), (math.nan, math.nan)
+        if excess is not None and chosen.formula == CALIBRATED:  # outside its chart no comparison was made
+            error = 1 / (1 + excess[1] / 100) - 1, 1 / (1 + excess[0] / 100) - 1
+        stress, name = by_model(chosen.stage, analyse(*chosen), asked.motion), chosen.name
+        found[ANALYTIC] = ModelAnswer(asked.values(stress, (3, 3), error))
     if mesh is not None:
         meshes = levels(mesh.resolution)
-        stresses = on_meshes(meshes, lambda level: by_elements(stage, solved(stage, level), motion), progress)
-        highest = np.array([float(np.max(stress.equivalent(chosen_law.walker))) for stress in stresses])
+        stresses = setup.on_meshes(
+            meshes, lambda level: by_elements(stage, setup.solved(stage, level), asked.motion), progress
+        )
+        highest = np.array([float(np.max(stress.equivalent(asked.law.walker))) for stress in stresses])
         band = float(stress_bands(np.array(meshes, dtype=float), highest))
         share = band / highest[-1] if highest[-1] > 0 else 0.0
-        values = _values_of_model(limit, stresses[-1], motion, chosen_law, (-share, share))
-        bands = np.where(is_largest(values["equivalent"]), band, np.nan)
-        results[ELEMENTS] = ModelAnswer(values, {"equivalent": bands})
-    for model, modelled in results.items():
-        warnings += _warnings(limit, motion, chosen_law, model, modelled.values)
-    farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
-    warnings += [*warning.of_motion(stage, farthest, "farthest pose"), *preload_warnings(stage)]
-    settings = {
-        "material": stage.material.name,
-        **_said(motion),
-        "notch sensitivity": sensitivity,
-        "analytic model": analytic_name,
-    }
-    result = answer(Life, stage, results, mesh, settings, warnings=warnings, notes=[*notes, LEFT_OUT])
-    result.law, result.yield_strength = chosen_law, stage.material.yield_strength
+        values = asked.values(stresses[-1], (3, 3), (-share, share))
+        found[ELEMENTS] = ModelAnswer(values, {"equivalent": np.where(is_largest(values["equivalent"]), band, np.nan)})
+    farthest = np.abs(asked.motion.mean) + np.abs(asked.motion.amplitude)
+    warnings += [*asked.warnings(found), *warning.of_motion(stage, farthest, "farthest pose"), *preload_warnings(stage)]
+    settings = {**asked.settings, "notch sensitivity": sensitivity, "analytic model": name}
+    result = setup.answer(Life, stage, found, mesh, settings, warnings=warnings, notes=[*asked.notes, LEFT_OUT])
+    result.law, result.yield_strength = asked.law, asked.material.yield_strength
     return result
-
-
-def _said(motion: CyclicMotion) -> dict[str, str]:
-    """Return a cyclic motion as settings."""
-    about = {"amplitude": _with_units(motion.amplitude), "about": _with_units(motion.mean)}
-    return about | {"wanted cycles": f"{motion.cycles:g}"}
 
 
 def _motion(
@@ -387,63 +419,16 @@ def _law(stage: Stage | Mechanism, fit: Path | None, law: Basquin | BasquinFit |
     if unlikely(chosen.coefficient, stage.material.yield_strength):
         expected = UNLIKELY.format(*STRENGTHS, f"the yield strength of {stage.material.yield_strength:g} MPa")
         raise BadInput(f"law: coefficient {chosen.coefficient:.4g} MPa, expected {expected}")
-    (low, high), assumed = chosen.range, "" if chosen.range_stated else ", assumed"
     rule = "Smith, Watson and Topper" if chosen.walker == 0.5 else f"Walker, {chosen.walker:g}"
     description = (
-        f"Basquin's law, {chosen.coefficient:g} MPa, exponent {chosen.exponent:g}, for {low:.4g} to {high:.4g} cycles"
-        f"{assumed}; mean stress by {rule}; {source}"
+        f"Basquin's law, {chosen.coefficient:g} MPa, exponent {chosen.exponent:g}, for {chosen.range[0]:.4g} to "
+        f"{chosen.range[1]:.4g} cycles{'' if chosen.range_stated else ', assumed'}; mean stress by {rule}; {source}"
     )
     return chosen, [description, *notes]
 
 
-def _values_of_model(
-    yield_strength: float,
-    cycles: StressCycles,
-    motion: CyclicMotion,
-    law: Basquin,
-    error: tuple[float, float] = (math.nan, math.nan),
-    necks_by: tuple[int, ...] = (3, 3),
-) -> dict[str, Any]:
-    """Return the values of one model; error: relative error of the stress, from and to; necks_by: their shape."""
-    equivalent, peaks = cycles.equivalent(law.walker), cycles.peak
-    necks = [np.flatnonzero(cycles.neck == neck) for neck in range(int(cycles.neck.max()) + 1)]
-    critical = np.array([points[int(np.argmax(equivalent[points]))] for points in necks])
-    at_necks, peak = equivalent[critical], np.array([np.max(peaks[points]) for points in necks])
-    highest, proportional = float(np.max(at_necks)), motion.proportional
-    factor = factor_at(cycles, law, motion.cycles, proportional)
-    unlimited = not np.isfinite(factor)
-    by_neck = {"amplitude": cycles.amplitude[critical], "mean": cycles.mean[critical], "peak": peak}
-    by_neck |= {"equivalent": at_necks, "cycles": law.cycles(at_necks)}
-    most, fewest = (float(law.cycles(np.maximum(1 + share, 0.0) * highest)) for share in error)
-    return {name: values.reshape(necks_by) for name, values in by_neck.items()} | {
-        "life": float(law.cycles(highest)),
-        "fewest": fewest,
-        "most": most,
-        "safety": yield_strength / float(np.max(peak)),
-        "factor": factor,
-        "peak_at_largest": math.nan if unlimited else float(np.max(cycles.times(factor, proportional).peak)),
-        "largest": np.full(3, math.inf) if unlimited else factor * motion.amplitude,
-    }
-
-
-def _warnings(limit: float, motion: CyclicMotion, law: Basquin, model: str, values: dict[str, Any]) -> list[str]:
-    """Warn of lives outside the range of Basquin's law: above yield, or outside the fitted range of cycles."""
-    (low, high), messages = law.range, list[str]()
-    beyond = f"beyond the yield strength of {limit:.4g} MPa"
-    if values["safety"] < 1.0:
-        highest = f"{model}: the largest stress is {limit / values['safety']:.4g} MPa, {beyond}"
-        messages.append(f"{highest}: the life by elastic stress is not valid")
-    if values["peak_at_largest"] > limit:
-        where = f"{model}: at the amplitude for {motion.cycles:g} cycles the largest stress is"
-        messages.append(f"{where} {values['peak_at_largest']:.4g} MPa, {beyond}: yield limits the amplitude")
-    for subject, cycles in ((f"{model}: the life", values["life"]), ("the wanted life", motion.cycles)):
-        if np.isfinite(cycles) and not low <= cycles <= high:
-            messages.append(f"{subject} of {cycles:.3g} cycles is extrapolated: the law covers {low:g} to {high:g}")
-    return messages
-
-
-def _with_units(values: Array) -> str:
-    return ", ".join(f"{value * unit.factor:z.5g} {unit.plain}" for value, unit in zip(values, COMMANDS, strict=True))
+def _with_unit(value: float, unit: Unit) -> str:
+    return f"{value * unit.factor:z.5g} {unit.plain}"
 
 
 def _described_fit(law: BasquinFit) -> str:
@@ -461,16 +446,12 @@ def _described_fit(law: BasquinFit) -> str:
     )
 
 
-def _read_points(path: Path) -> tuple[list[float], list[float]]:
-    """Read stresses, MPa, and cycles from a CSV file of S-N points. Raises BadInput, naming file and line."""
+def _read_points(path: Path) -> Array:
+    """Return stresses, MPa, and cycles (2, n) of a CSV file of S-N points. Raises BadInput, naming file and line."""
     rows = read_csv(path, COLUMNS)
-    for line, row in rows.items():
-        for key, cell in row.items():
-            try:
-                possible = 0 < float(cell) < math.inf
-            except ValueError:
-                possible = False
-            if not possible:
-                raise BadInput(f"{place_of(path, line)}: {key} = {one_line(cell, 60)}, expected a number above 0")
-    stress, cycles = ([float(row[key]) for row in rows.values()] for key in COLUMNS)
-    return stress, cycles
+    for (line, row), key in product(rows.items(), COLUMNS):
+        with suppress(ValueError):
+            if 0 < float(row[key]) < math.inf:
+                continue
+        raise BadInput(f"{place_of(path, line)}: {key} = {one_line(row[key], 60)}, expected a number above 0")
+    return np.array([[float(row[key]) for row in rows.values()] for key in COLUMNS])
