@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
@@ -12,7 +13,7 @@ import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
 from flexfem.analytic.elastic_bodies import body_compliance
-from flexfem.analytic.model import AnalyticResult, analyse, stiffness_with_necks
+from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, inverse
 from flexfem.fem.plate_mesh import mesh_layout
@@ -43,7 +44,7 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.plates import ELASTIC, ELASTIC_READ, PART_RESOLUTION, ElasticParts, parts_in, parts_of
 from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, question
 from flexfem.refused import BadInput
-from flexfem.results import EXACT, SOLVED, About, Quantity, Result
+from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
 
 DRAWS, LEAST_DRAWS, SEED = 4000, 400, 2003
@@ -52,9 +53,9 @@ QUANTILES = (0.025, 0.975)
 OF_LIMITS = 2.67  # standard error of these quantiles times the root of the draws: sqrt(p (1 - p)) / normal density
 PLAUSIBLE = (0.5, 2.0)  # measured neck / drawn neck; outside this range the unit or the hinge is probably wrong
 LARGEST_DEVIATION = 0.2  # standard deviation / neck
-HINGES = tuple(product(CHAINS, HINGE_NAMES))
 IN_MEMORY = 2**21  # numbers of the matrices of networks that are solved together
 Kind = TypeVar("Kind", bound="AsBuilt")
+Refusal: TypeAlias = Callable[[tuple[str | int, ...], str], BadInput]  # of the keys of a value, with a text
 HingePlace: TypeAlias = tuple[int | None, str]  # chain, none in a mechanism, and name of the hinge
 
 Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *in_unit("um")]
@@ -100,9 +101,9 @@ class Necks(Sourced):
 
     def over(self, drawn: Mapping[HingePlace, float]) -> tuple[Array, Array]:
         """Return necks and standard deviations (hinges,), mm; an unlisted hinge has the drawn neck, and deviation 0."""
-        listed = {entry.place: entry for entry in self.neck}
-        neck = [listed[place].neck if place in listed else value for place, value in drawn.items()]
-        return np.array(neck), np.array([listed[place].sd if place in listed else 0.0 for place in drawn])
+        listed = {entry.place: (entry.neck, entry.sd) for entry in self.neck}
+        neck, sd = np.transpose([listed.get(place, (value, 0.0)) for place, value in drawn.items()])
+        return neck, sd
 
 
 class AsBuilt(Result):
@@ -137,64 +138,56 @@ def read_necks(path: str | os.PathLike[str], drawn: Mapping[HingePlace, float]) 
 
     Raises BadInput with file and line, also for a neck that is not between half and twice the drawn one.
     """
-    path, lines, chained = checked_path(path), list[int](), any(chain is not None for chain, _ in drawn)
-    if path.suffix.lower() == ".toml":
-        necks = validate(Necks, path)
-    else:
-        necks, lines = _read_csv(path, chained)
-
-    def refused(problem: str, *at: str | int) -> BadInput:
-        index = next((part for part in at if isinstance(part, int)), None)
-        text = f"{key_path(at, necks)}{problem}"
-        return (
-            BadInput(f"{place_of(path, None if index is None else lines[index])}: {text}")
-            if lines
-            else bad_key(path, at[:2], text)
-        )
-
+    path, chained = checked_path(path), any(chain is not None for chain, _ in drawn)
+    necks, refused = _read_toml(path) if path.suffix.lower() == ".toml" else _read_csv(path, chained)
     for k, entry in enumerate(necks.neck):
-        if chained != (entry.chain is not None):
-            found = "" if entry.chain is None else f" = {entry.chain}"
-            raise refused(
-                f"{found}, expected 1, 2 or 3 for a hinge of a stage, none for one of a mechanism", "neck", k, "chain"
-            )
-        if entry.place not in drawn:
-            names = dict.fromkeys(name for _, name in drawn)
-            close = suggestion(entry.hinge, names) or f", one of {one_line(', '.join(names), SHOWN)}"
-            raise refused(f" = {shown(entry.hinge)}, expected the name of a hinge{close}", "neck", k, "hinge")
-        low, high = (MICROMETRE.factor * ratio * drawn[entry.place] for ratio in PLAUSIBLE)
-        neck, sd = MICROMETRE.factor * entry.neck, MICROMETRE.factor * entry.sd
-        if not low <= neck <= high:
-            expected = f"{low:g} to {high:g}, half to twice the drawn neck: is the unit right?"
-            raise refused(f" = {neck:g}, expected {expected}", "neck", k, "neck_um")
-        if sd > LARGEST_DEVIATION * neck:
-            raise refused(f" = {sd:g}, expected at most {LARGEST_DEVIATION:g} of the neck", "neck", k, "sd_um")
+        for key, problem in _problems(entry, drawn, chained):
+            raise refused(("neck", k), f"{key_path(('neck', k, key), necks)}{problem}")
     places = {entry.place for entry in necks.neck}
-    missing = [f"{name} of chain {chain}" for chain, name in drawn if chained and (chain, name) not in places]
-    if missing:
-        raise refused(
-            f": expected nine hinges: {', '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing", "neck"
-        )
+    if chained and (missing := [f"{name} of chain {chain}" for chain, name in drawn if (chain, name) not in places]):
+        verb = "is" if len(missing) == 1 else "are"
+        raise refused(("neck",), f"neck: expected nine hinges: {', '.join(missing)} {verb} missing")
     return necks
 
 
-def _read_csv(path: Path, chained: bool) -> tuple[Necks, list[int]]:
-    """Return the necks of a CSV file and the line numbers of its rows; `chained`: with the column of the chain."""
+def _problems(entry: MeasuredNeck, drawn: Mapping[HingePlace, float], chained: bool) -> Iterator[tuple[str, str]]:
+    """Yield the keys of a measured neck that do not suit the drawn hinges, and what is expected."""
+    if chained != (entry.chain is not None):
+        found = "" if entry.chain is None else f" = {entry.chain}"
+        yield "chain", f"{found}, expected 1, 2 or 3 for a hinge of a stage, none for one of a mechanism"
+    if entry.place not in drawn:
+        names = dict.fromkeys(name for _, name in drawn)
+        close = suggestion(entry.hinge, names) or f", one of {one_line(', '.join(names), SHOWN)}"
+        yield "hinge", f" = {shown(entry.hinge)}, expected the name of a hinge{close}"
+    low, high = (MICROMETRE.factor * ratio * drawn[entry.place] for ratio in PLAUSIBLE)
+    neck, sd = MICROMETRE.factor * entry.neck, MICROMETRE.factor * entry.sd
+    if not low <= neck <= high:
+        yield "neck_um", f" = {neck:g}, expected {low:g} to {high:g}, half to twice the drawn neck: is the unit right?"
+    if sd > LARGEST_DEVIATION * neck:
+        yield "sd_um", f" = {sd:g}, expected at most {LARGEST_DEVIATION:g} of the neck"
+
+
+def _read_toml(path: Path) -> tuple[Necks, Refusal]:
+    return validate(Necks, path), partial(bad_key, path)
+
+
+def _read_csv(path: Path, chained: bool) -> tuple[Necks, Refusal]:
+    """Return the necks of a CSV file, with the column of the chain if `chained`, and a function that refuses a row."""
     chain, hinge, neck, sd = (field.alias or name for name, field in MeasuredNeck.model_fields.items())
     rows = read_csv(path, (chain, hinge, neck)[not chained :], (sd,))
-    data = {
-        "neck": [
-            {key: cell if key == hinge else _number(cell) for key, cell in row.items() if cell} for row in rows.values()
-        ]
-    }
-    lines = list(rows)
+    cells = [{key: cell for key, cell in row.items() if cell} for row in rows.values()]
+    data = {"neck": [{key: cell if key == hinge else _number(cell) for key, cell in row.items()} for row in cells]}
+
+    def refused(at: tuple[str | int, ...], text: str) -> BadInput:
+        line = next((list(rows)[part] for part in at if isinstance(part, int)), None)
+        return BadInput(one_line(f"{place_of(path, line)}: {text}"))
+
     try:
-        return Necks.model_validate(data), lines
+        return Necks.model_validate(data), refused
     except ValidationError as error:
         first = problem_of(error.errors(include_url=False)[0], data)
-        index = next((part for part in first.path if isinstance(part, int)), None)
-        text = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
-        raise BadInput(one_line(f"{place_of(path, None if index is None else lines[index])}: {text}")) from None
+    text = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
+    raise refused(first.path, text)
 
 
 def _number(cell: str) -> int | float | str:
@@ -206,22 +199,33 @@ def _number(cell: str) -> int | float | str:
 
 
 def _answer(
-    kind: type[Kind], subject: About, drawn: Array, made: Array, draws: Array, necks: tuple[Array, Array], **texts: Any
+    kind: type[Kind],
+    plate: Stage | Mechanism,
+    measured: Necks,
+    necks: tuple[Array, Array],
+    stiffness: tuple[Array, Array],
+    diagonals: Callable[[Array], Array],
+    notes: Sequence[str] = (),
+    **texts: Any,
 ) -> Kind:
-    """Return the result from stiffness (3, 3) as drawn and as made, and diagonals (draws, 3) with scattered necks."""
-    (neck, sd), solved = necks, draws[np.all(np.isfinite(draws), axis=1)]
+    """Return the result from necks and deviations (hinges,), and from the stiffness (3, 3) as drawn and as made.
+
+    diagonals : stiffness diagonals (draws, 3) with necks thicker by (draws, hinges), mm.
+    """
+    (neck, sd), (drawn, made) = necks, stiffness
+    count = int(np.clip(WORK / len(neck) ** 3, LEAST_DRAWS, DRAWS)) if np.any(sd) else 2
+    scatter = sd * np.random.default_rng(SEED).normal(size=(count, len(neck)))
+    blocks = np.array_split(scatter, -(-9 * scatter.size * len(neck) // IN_MEMORY))
+    draws = np.concatenate([diagonals(block) for block in blocks])
+    solved = draws[np.all(np.isfinite(draws), axis=1)]
     low, high = np.quantile(solved, QUANTILES, axis=0)
-    left_out, count = len(draws) - len(solved), len(solved)
+    left_out = count - len(solved)
     accuracy = (
-        f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; {len(draws)} draws: the "
-        f"standard error of the standard deviation is {100 / np.sqrt(2 * count):.2g} % of it, that of each limit "
-        f"{100 * OF_LIMITS / np.sqrt(count):.2g} % of it"
+        f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; {count} draws: the "
+        f"standard error of the standard deviation is {100 / np.sqrt(2 * len(solved)):.2g} % of it, that of each limit "
+        f"{100 * OF_LIMITS / np.sqrt(len(solved)):.2g} % of it"
     )
-    texts["notes"] = [
-        *texts.get("notes", ()),
-        accuracy if np.any(sd) else "no standard deviation is given: the scatter is not known",
-    ]
-    texts["notes"] += [f"{left_out} draws have no solution and are excluded"] * (left_out > 0)
+    by_hinge = [len(texts["axes"]["hinge"])] if "axes" in texts else [3, 3]
     values = {
         "stiffness": made,
         "drawn": drawn,
@@ -229,11 +233,16 @@ def _answer(
         "spread": np.std(solved, axis=0, ddof=1),
         "low": low,
         "high": high,
-        "necks": neck,
-        "sd": sd,
+        "necks": neck.reshape(by_hinge),
+        "sd": sd.reshape(by_hinge),
         "unanswered": left_out,
     }
-    return kind(subject, values, **texts)
+    texts["notes"] = [
+        *notes,
+        accuracy if np.any(sd) else "no standard deviation is given: the scatter is not known",
+        *[f"{left_out} draws have no solution and are excluded"] * (left_out > 0),
+    ]
+    return kind(about(plate, files={"necks": measured}), values, **texts)
 
 
 def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
@@ -254,14 +263,10 @@ def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
     unchanged = freedoms(np.zeros(len(neck)))
 
     def diagonals(added: Array) -> Array:
-        """Return stiffness diagonals (draws, 3) with hinges that are thicker by (draws, hinges)."""
         change = np.sqrt(freedoms(added) / unchanged)
         changed = change[..., :, None] * parts.hinges * change[..., None, :]
         return np.diagonal(_stiffness(made, parts._replace(hinges=changed)), axis1=1, axis2=2)
 
-    count = int(np.clip(WORK / len(neck) ** 3, LEAST_DRAWS, DRAWS)) if np.any(sd) else 2
-    scatter = sd * np.random.default_rng(SEED).normal(size=(count, len(neck)))
-    blocks = np.array_split(scatter, -(-9 * scatter.size * len(neck) // IN_MEMORY))
     unlisted = len(drawn) - len(measured.neck)
     notes = [
         ELASTIC_READ,
@@ -270,16 +275,10 @@ def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
         *[f"{unlisted} of {len(drawn)} hinges are not listed: they have the drawn neck, without deviation"]
         * (unlisted > 0),
     ]
+    stiffness = _stiffness(layout, parts_of(mechanism)), _stiffness(made, parts)
+    axes, settings = {"hinge": [joint.name for joint in layout.joints]}, {"analytic model": ELASTIC}
     return _answer(
-        MechanismAsBuilt,
-        about(mechanism, files={"necks": measured}),
-        _stiffness(layout, parts_of(mechanism)),
-        _stiffness(made, parts),
-        np.concatenate([diagonals(block) for block in blocks]),
-        (neck, sd),
-        axes={"hinge": [joint.name for joint in layout.joints]},
-        settings={"analytic model": ELASTIC},
-        notes=notes,
+        MechanismAsBuilt, mechanism, measured, (neck, sd), stiffness, diagonals, notes, axes=axes, settings=settings
     )
 
 
@@ -313,29 +312,21 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
     {shared}
     """
     check_feasible(stage)
-    warnings = list[str]()
-    places: dict[HingePlace, float] = {(chain, name): stage.hinge(chain, name).neck for chain, name in HINGES}
-    measured = read_necks(necks, places)
+    warnings, hinges = list[str](), list(product(CHAINS, HINGE_NAMES))
+    drawn: dict[HingePlace, float] = {hinge: stage.hinge(*hinge).neck for hinge in hinges}
+    measured = read_necks(necks, drawn)
     chosen = analytic.chosen(stage, warnings)
-    neck, sd = (each.reshape(3, 3) for each in measured.over(places))
-    changes = {hinge: {"neck": value} for hinge, value in zip(HINGES, neck.ravel().tolist(), strict=True)}
+    neck, sd = measured.over(drawn)
+    changes = {hinge: {"neck": value} for hinge, value in zip(hinges, neck.tolist(), strict=True)}
     made = chosen.stage.replace(override=changes)
-    drawn, as_made = (analyse(*chosen._replace(stage=variant)) for variant in (chosen.stage, made))
-    return _answer(
-        AsBuilt,
-        about(stage, files={"necks": measured}),
-        drawn.stiffness,
-        as_made.stiffness,
-        _stiffness_of_draws(made, as_made, sd),
-        (neck, sd),
-        settings={"analytic model": as_made.name},
-        warnings=[*warnings, *warning.of_result(made, as_made)],
-    )
-
-
-def _stiffness_of_draws(made: Stage, model: AnalyticResult, sd: Array) -> Array:
-    """Return the stiffness diagonals (draws, 3) of stages with normally distributed necks; sd (3, 3), mm."""
-    necks = lower(made).neck + sd * np.random.default_rng(SEED).normal(size=(DRAWS, 3, 3))
+    as_drawn, model = (analyse(*chosen._replace(stage=variant)) for variant in (chosen.stage, made))
     links = body_compliance(made)[None] if model.links else None
-    K = stiffness_with_necks(made, necks, model.formula, model.freedoms, links)
-    return np.asarray(np.diagonal(K, axis1=1, axis2=2))
+
+    def diagonals(added: Array) -> Array:
+        necks = lower(made).neck + added.reshape(-1, 3, 3)
+        K = stiffness_with_necks(made, necks, model.formula, model.freedoms, links)
+        return np.diagonal(K, axis1=1, axis2=2)
+
+    warnings += warning.of_result(made, model)
+    settings, stiffness = {"analytic model": model.name}, (as_drawn.stiffness, model.stiffness)
+    return _answer(AsBuilt, stage, measured, (neck, sd), stiffness, diagonals, settings=settings, warnings=warnings)
