@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, best_model
@@ -13,7 +14,7 @@ from flexfem.arrays import Array, inverse
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.fixture import Fixture, ForceSensor, Lvdt, Pushes, fixture_of, measured_of, pushes_of
+from flexfem.questions.fixture import Fixture, ForceSensor, Lvdt, Pushes, Run, fixture_of, measured_of, pushes_of
 from flexfem.questions.setup import Analytic, Models, about, mesh_of, meshed, question, solved
 from flexfem.refused import ComputationFailed
 from flexfem.results import COARSER, SOLVED, Progress, Quantity, Result
@@ -78,15 +79,12 @@ def slope_of(command: Array, force: Array, displacement: Array, confidence: floa
     where S are sums of squares and products of the residuals of both regressions. It is exact for normal errors of
     unknown variances that are independent between commands. E. C. Fieller, J. Roy. Statist. Soc. B 16, 175-185 (1954).
     """
-    s = command - np.mean(command)
-    readings = np.stack([force, displacement])
+    s, readings, dof = command - np.mean(command), np.stack([force, displacement]), len(command) - 2
     b = readings @ s / (s @ s)
     residuals = readings - np.mean(readings, axis=1, keepdims=True) - np.outer(b, s)
-    S, dof = residuals @ residuals.T, len(command) - 2
-    g = stats.t.ppf((1 + confidence) / 2, dof) ** 2 / (dof * (s @ s))
-    a, half, c = b[1] ** 2 - g * S[1, 1], b[0] * b[1] - g * S[0, 1], b[0] ** 2 - g * S[0, 0]
-    slope = float(b[0] / b[1]) if b[1] else float("nan")
-    root = np.sqrt(max(half**2 - a * c, 0.0))
+    S = stats.t.ppf((1 + confidence) / 2, dof) ** 2 / (dof * (s @ s)) * residuals @ residuals.T
+    a, half, c = b[1] ** 2 - S[1, 1], b[0] * b[1] - S[0, 1], b[0] ** 2 - S[0, 0]
+    slope, root = float(b[0] / b[1]) if b[1] else np.nan, np.sqrt(max(half**2 - a * c, 0.0))
     low, high = ((half - root) / a, (half + root) / a) if a > 0 else (np.nan, np.nan)
     return Slope(slope, float(low), float(high), float(np.mean(force) - slope * np.mean(displacement)))
 
@@ -138,45 +136,44 @@ def experiment(
         name, C = f"finite elements, {PLANES[stage.model]}", solved(stage, mesh.resolution).compliance
         if progress is not None:
             progress("the stage is solved")
-    pushes = pushes_of(set_up)
+    pushes, run = pushes_of(set_up), set_up.run
     load, displacement = simulated(pushes, C, set_up)
-    lines = [_fitted_slope(set_up, load[k], displacement[k], axis) for k, axis in enumerate(DIRECTIONS)]
+    lines = [_fitted_slope(run, *readings) for readings in zip(load, displacement, DIRECTIONS, strict=True)]
+    fitted, low, high, intercept = np.transpose(lines)
     measurement = others.get("measured", set_up).measured
     slopes, measured_sd = np.full((2, 3), np.nan) if measurement is None else measurement.slopes
-    modelled, actual, fitted = 1 / np.diag(paper.compliance), 1 / np.diag(C), np.array([line.slope for line in lines])
-    shares = np.array(pushes.shares(C))
+    modelled, actual, shares = 1 / np.diag(paper.compliance), 1 / np.diag(C), np.array(pushes.shares(C))
     total = np.sum(shares, axis=0)
     reference, apparent = (1 / shares[0], slopes) if measurement else (modelled, modelled * (1 - SOFTER / 100))
-    springs = np.array([spring_in_series(stiff, soft) for stiff, soft in zip(reference, apparent, strict=True)])
+    spring = spring_in_series(reference, apparent)
     deviations = [actual / modelled, fitted / modelled, slopes / modelled, slopes / actual]
-    warnings += _run_warnings(stage, set_up, pushes, C) + _coupling_warnings(pushes, C)
-    confidence = f"{set_up.run.confidence_percent:g} %"
+    confidence = f"{run.confidence_percent:g} %"
     return Experiment(
         about(stage, files={"fixture": set_up, **others}),
         {
             "slope": np.stack([modelled, actual, fitted, slopes], axis=1),
             "deviation": 100 * (np.stack(deviations, axis=1) - 1),
             "share": 100 * (shares / total).T,
-            "low": [line.low for line in lines],
-            "high": [line.high for line in lines],
+            "low": low,
+            "high": high,
             "softer": 100 * (1 - apparent / reference),
-            "spring": springs,
-            "ratio": springs / reference,
+            "spring": spring,
+            "ratio": spring / reference,
             "pole": 1 / np.where(shares[1] > 0, shares[1], np.nan),
             "noiseless": 1 / total,
-            "intercept": [line.intercept for line in lines],
+            "intercept": intercept,
             "explained": reference,
             "measured_sd": measured_sd,
-            "stroke": set_up.run.strokes,
+            "stroke": run.strokes,
             "load": load,
             "displacement": displacement,
         },
         axes={
-            "repeat": [str(k + 1) for k in range(set_up.run.repeats)],
-            "increment": [str(k) for k in range(set_up.run.increments + 1)],
+            "repeat": [str(k + 1) for k in range(run.repeats)],
+            "increment": [str(k) for k in range(run.increments + 1)],
         },
         settings={"fixture": set_up.name, "model": paper.name, "stage": name, "confidence": confidence} | meshed(mesh),
-        warnings=warnings,
+        warnings=warnings + _warnings(stage, set_up, pushes, C),
         notes=[
             f"loss of stiffness: from {'the text of the paper' if measurement is None else 'the measured slopes'}",
             f"intervals of {confidence} by Fieller's theorem",
@@ -185,9 +182,11 @@ def experiment(
     )
 
 
-def spring_in_series(stage: float, apparent: float) -> float:
+def spring_in_series(stage: ArrayLike, apparent: ArrayLike) -> Array:
     """Return K_f in `1/apparent = 1/stage + 1/K_f`, nan unless the apparent stiffness is below that of the stage."""
-    return apparent * stage / (stage - apparent) if apparent < stage else float("nan")
+    with np.errstate(divide="ignore"):
+        spring = 1 / (1 / np.asarray(apparent) - 1 / np.asarray(stage))
+    return np.where(np.less(apparent, stage), spring, np.nan)
 
 
 def simulated(pushes: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]:
@@ -206,9 +205,8 @@ def simulated(pushes: Pushes, C: Array, fixture: Fixture) -> tuple[Array, Array]
     return loads, np.moveaxis(pushes.read(np.moveaxis(displacements, 0, -1)), -1, 0)
 
 
-def _fitted_slope(fixture: Fixture, load: Array, displacement: Array, axis: str) -> Slope:
+def _fitted_slope(run: Run, load: Array, displacement: Array, axis: str) -> Slope:
     """Return the slope of the readings (repeats, n) in a direction. Raises ComputationFailed if it may be zero."""
-    run = fixture.run
     for quantity, values in (("load", load), ("displacement", displacement)):
         if np.ptp(values) == 0:  # all readings are below half a step of the sensor
             raise ComputationFailed(f"the {quantity} reading in {axis} does not change with the stroke")
@@ -224,36 +222,30 @@ def _fitted_slope(fixture: Fixture, load: Array, displacement: Array, axis: str)
     return found
 
 
-def _run_warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> list[str]:
-    """Warn of readings dominated by sensor steps, and of loads beyond the range or strength of the stage."""
-    messages, loads = [], pushes.load * pushes.force(C, fixture.run.strokes[-1:])
+def _warnings(stage: Stage, fixture: Fixture, pushes: Pushes, C: Array) -> list[str]:
+    """Warn of sensor steps, of loads beyond the range or strength of the stage, and of slopes that are not K_ii."""
     best = analyse(*(chosen := best_model(stage, [])))
-    for key, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n")):
-        if 0 < sensor.noise < sensor.resolution / 2 or (sensor.noise == 0 and sensor.resolution > 0):
-            messages.append(
-                f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: sensor steps dominate the errors, and "
-                "the intervals, which assume normal and independent errors, may be wrong"
-            )
-    for axis, pose in zip(DIRECTIONS, loads @ C.T, strict=True):
+    messages = [
+        f"{key}.noise_{unit} is below half of {key}.resolution_{unit}: sensor steps dominate the errors, and the "
+        "intervals, which assume normal and independent errors, may be wrong"
+        for key, sensor, unit in (("lvdt", fixture.lvdt, "um"), ("sensor", fixture.sensor, "n"))
+        if sensor.noise < sensor.resolution / 2
+    ]
+    largest = pushes.load * pushes.force(C, fixture.run.strokes[-1:])
+    for axis, pose in zip(DIRECTIONS, largest @ C.T, strict=True):
         where, highest = f"the largest force in {axis}", float(np.max(best.neck_stress(chosen.stage, pose)))
         messages += warning.of_motion(stage, pose, where)
         messages += warning.of_yield(highest, stage.material.yield_strength, where)
-    return messages
-
-
-def _coupling_warnings(pushes: Pushes, C: Array) -> list[str]:
-    """Warn of directions whose slope is not K_ii: other directions are free, or the load has other components."""
     K, free, on_rigid_fixture = np.diag(inverse(C)), 1 / np.diag(C), 1 / pushes.shares(C)[0]
-    free_messages, load_messages = list[str](), list[str]()
-    for k, axis in enumerate(DIRECTIONS):
-        if abs(K[k] / free[k] - 1) > COUPLED:
-            free_messages.append(
-                f"a force in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the "
-                f"diagonal term of the stiffness, {K[k]:.5g}"
-            )
-        if abs(on_rigid_fixture[k] / free[k] - 1) > COUPLED:
-            load_messages.append(
-                f"a force in {axis} also loads other directions, by its arm or the pole's offset: on a rigid "
-                f"fixture the slope is {on_rigid_fixture[k]:.5g}, and 1/C is {free[k]:.5g}"
-            )
-    return free_messages + load_messages
+    messages += [
+        f"a force in {axis} leaves the other directions free and measures 1/C = {free[k]:.5g}, not the diagonal term "
+        f"of the stiffness, {K[k]:.5g}"
+        for k, axis in enumerate(DIRECTIONS)
+        if abs(K[k] / free[k] - 1) > COUPLED
+    ]
+    return messages + [
+        f"a force in {axis} also loads other directions, by its arm or the pole's offset: on a rigid fixture the slope "
+        f"is {on_rigid_fixture[k]:.5g}, and 1/C is {free[k]:.5g}"
+        for k, axis in enumerate(DIRECTIONS)
+        if abs(on_rigid_fixture[k] / free[k] - 1) > COUPLED
+    ]

@@ -65,8 +65,7 @@ class MeasuredSlopes(Dimensioned):
             raise refusal(f"one or more of {', '.join(keys)}")
         for key, value, sd in zip(keys, *self.slopes, strict=True):
             if not (np.isnan(sd) or sd < value):
-                least = "with it" if np.isnan(value) else "larger than it"
-                raise refusal(f"{key} {least}", f"{key[:3]}_sd{key[3:]}")
+                raise refusal(f"{key} {'with' if np.isnan(value) else 'larger than'} it", f"{key[:3]}_sd{key[3:]}")
         return self
 
     @property
@@ -74,6 +73,15 @@ class MeasuredSlopes(Dimensioned):
         """Slopes in x, y, theta and their standard deviations (2, 3), nan where not given: N/mm, N mm/rad."""
         values = [[getattr(self, f"{name}{end}") for name in ("kxx", "kyy", "ktt")] for end in ("", "_sd")]
         return np.array(values, dtype=float)
+
+
+class PoleCompliance(NamedTuple):
+    """Compliance of a pole, mm/N: end under the push, end under a force there, pushed point; torsion, rad/(N mm)."""
+
+    read: float
+    end: float
+    pushed: float
+    torsion: float
 
 
 class Pole(Dimensioned):
@@ -101,6 +109,17 @@ class Pole(Dimensioned):
         """Height of the actuator force, mm."""
         return self.height if self.push_height is None else self.push_height
 
+    @property
+    def compliance(self) -> PoleCompliance:
+        """Compliance as a Timoshenko cantilever."""
+        E, G, d = self.youngs_modulus, self.youngs_modulus / (2 * (1 + self.poissons_ratio)), self.diameter
+        second, A, h, pushed = np.pi * d**4 / 64, np.pi * d**2 / 4, self.height, self.pushed_at
+
+        def bent(low: float, high: float) -> float:
+            return float(low**2 * (3 * high - low) / (6 * E * second) + SHEAR * low / (G * A))
+
+        return PoleCompliance(bent(pushed, h), bent(h, h), bent(pushed, pushed), float(h / (G * 2 * second)))
+
 
 class Bar(Dimensioned):
     """A horizontal bar on the pole's end, loaded at right angles at `arm`, mm, from the pole."""
@@ -114,6 +133,11 @@ class Bar(Dimensioned):
     thickness: Length = Field(alias="thickness_mm", description="Other side of the section", examples=[8.0])
     youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[206.0])
     """Young's modulus of the bar"""
+
+    @property
+    def compliance(self) -> float:
+        """Deflection relative to the pole at the force, mm/N; the opposite half stays straight."""
+        return 4 * self.arm**3 / (self.youngs_modulus * self.thickness * self.width**3)
 
 
 class Pusher(Dimensioned):
@@ -203,13 +227,12 @@ def fixture_of(source: Path | Fixture) -> Fixture:
 def measured_of(source: Path | Fixture | Measurement) -> Fixture | Measurement:
     """Return a source of measured slopes, or read a file of either kind. Raises BadInput, also if it has no slopes."""
     if isinstance(source, Fixture | Measurement):
-        measurement = source
+        measurement, place = source, source.name
     else:
         path = checked_path(source)
         described = set(read_toml(path).data) & set(KINDS["fixture file"])
-        measurement = validate(Fixture, path) if described else validate(Measurement, path)
+        measurement, place = validate(Fixture, path) if described else validate(Measurement, path), place_of(path)
     if measurement.measured is None:
-        place = measurement.name if measurement is source else place_of(path)
         raise BadInput("no [measured] slopes, expected kxx_n_per_mm, kyy_n_per_mm or ktt_n_mm_per_rad", place)
     return measurement
 
@@ -245,8 +268,7 @@ class Pushes(NamedTuple):
 
         Their sum is the reciprocal of the slope without noise; that of the stage holds for a rigid fixture.
         """
-        stage, pole, bar = (self.read(part) / self.arm for part in (self.stage(C), self.pole, self.bar))
-        return stage, pole, bar
+        return self.read(self.stage(C)) / self.arm, self.read(self.pole) / self.arm, self.read(self.bar) / self.arm
 
     def force(self, C: Array, stroke: Array) -> Array:
         """Actuator force (3, n) of each push, N, at strokes (n,), mm, on a stage of compliance C (3, 3)."""
@@ -264,8 +286,8 @@ def pushes_of(fixture: Fixture) -> Pushes:
     unit = np.array([[1.0, 0.0], [0.0, 1.0], *2 * [[-along[1], along[0]]]])
     at = p + np.array([[0.0], [0.0], [a], [-a]]) * along
     reading = np.column_stack([unit, at[:, 0] * unit[:, 1] - at[:, 1] * unit[:, 0]])
-    pole_read, pole_end, pole_pushed, twist = pole_compliance(fixture.pole)
-    bar_bending, on_pole = bar_compliance(fixture.bar), float(fixture.lvdt.at == "pole")
+    pole_read, pole_end, pole_pushed, twist = fixture.pole.compliance
+    bar_bending, on_pole = fixture.bar.compliance, float(fixture.lvdt.at == "pole")
     actuator = 1 / fixture.actuator.stiffness + 1 / (fixture.sensor.stiffness or np.inf)
     return Pushes(
         load=reading[:3],
@@ -277,29 +299,3 @@ def pushes_of(fixture: Fixture) -> Pushes:
         bar=on_pole * np.array([0.0, 0.0, bar_bending, 0.0]),
         weight=np.array([1.0, 1.0, 1 / (2 * a), -1 / (2 * a)]),
     )
-
-
-class PoleCompliance(NamedTuple):
-    """Compliance of a pole, mm/N: end under the push, end under a force there, pushed point; torsion, rad/(N mm)."""
-
-    read: float
-    end: float
-    pushed: float
-    torsion: float
-
-
-def pole_compliance(pole: Pole) -> PoleCompliance:
-    """Return the compliance of a pole as a Timoshenko cantilever."""
-    E, G = pole.youngs_modulus, pole.youngs_modulus / (2 * (1 + pole.poissons_ratio))
-    second, A = np.pi * pole.diameter**4 / 64, np.pi * pole.diameter**2 / 4
-
-    def bent(low: float, high: float) -> float:
-        return float(low**2 * (3 * high - low) / (6 * E * second) + SHEAR * low / (G * A))
-
-    h, pushed = pole.height, pole.pushed_at
-    return PoleCompliance(bent(pushed, h), bent(h, h), bent(pushed, pushed), float(h / (G * 2 * second)))
-
-
-def bar_compliance(bar: Bar) -> float:
-    """Deflection of a bar relative to the pole at the force, mm/N; the opposite half stays straight."""
-    return 4 * bar.arm**3 / (bar.youngs_modulus * bar.thickness * bar.width**3)

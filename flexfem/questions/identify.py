@@ -82,7 +82,7 @@ class SlopeProblem(NamedTuple):
     """Measured slopes (m,), standard deviations, and their model in an offset, mm, and p numbers >= 0 of the fixture.
 
     axes : (m,), directions.   log_compliance : spline over the offset, of the compliance (m,) on a rigid fixture.
-    added : (m, p), compliance that the fixture adds per unit of each number.   bounds : (1 + p, 2), of all unknowns.
+    added : (m, p), compliance that the fixture adds per unit of each number.   bounds : (1 + p, 2), of all unknowns x.
     """
 
     axes: AnyArray
@@ -100,75 +100,86 @@ class SlopeProblem(NamedTuple):
         """Return modelled less measured slopes over their standard deviations (..., m)."""
         return np.asarray((self.slopes(x) - self.slope) / self.sd)
 
+    def chi_square(self, x: Array) -> Array:
+        """Return the sum (...) of the squared residuals."""
+        return np.asarray(np.sum(self.residuals(x) ** 2, axis=-1))
+
     def gradient(self, x: Array) -> Array:
         """Return the derivatives (m, 1 + p) of `residuals` at unknowns x (1 + p,)."""
-        factor = -(self.slopes(x) ** 2) / self.sd
         offset = np.exp(self.log_compliance(x[0])) * self.log_compliance(x[0], 1)
-        return np.asarray(factor[:, None] * np.column_stack([offset, self.added]))
+        return np.asarray(-(self.slopes(x) ** 2 / self.sd)[:, None] * np.column_stack([offset, self.added]))
 
+    def fit(self, fixed: Mapping[int, float], near: Array | None = None) -> Array:
+        """Return the x of least chi square with some unknowns fixed, starting from `near` (1 + p,) if that is given."""
+        free = [k for k in range(len(self.bounds)) if k not in fixed]
+        constant = np.array([fixed.get(k, 0.0) for k in range(len(self.bounds))])
+        if not free:
+            return constant
+        scale = np.append(np.ptp(self.bounds[0]), self.bounds[1:, 1] / SOFTEST)[free]
+        low, high = self.bounds[free].T / scale
 
-class Fit(NamedTuple):
-    """Unknowns (1 + p,) and their chi square."""
+        def whole(scaled: Array) -> Array:
+            x = constant.copy()
+            x[free] = scaled * scale
+            return x
 
-    x: Array
-    chi_square: float
+        def residuals(scaled: Array) -> Array:
+            return self.residuals(whole(scaled))
 
+        def jacobian(scaled: Array) -> Array:
+            return np.asarray(self.gradient(whole(scaled))[:, free] * scale)
 
-def fit(problem: SlopeProblem, fixed: Mapping[int, float], near: Array | None = None) -> Fit:
-    """Minimize chi square with some unknowns fixed, starting from `near` (1 + p,) if that is given."""
-    free = np.setdiff1d(np.arange(len(problem.bounds)), list(fixed))
-    x = np.array([fixed.get(k, 0.0) for k in range(len(problem.bounds))])
-    if not len(free):
-        return Fit(x, float(np.sum(problem.residuals(x) ** 2)))
-    scale = np.where(free == 0, np.ptp(problem.bounds[0]), problem.bounds[free, 1] / SOFTEST)
-    low, high = problem.bounds[free].T / scale
+        starts = [np.where(free, share, 0.0) for share in (0.02, 0.4)] if near is None else [near[free] / scale]
+        exact: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
+        fits = [least_squares(residuals, np.clip(start, low, high), jacobian, (low, high), **exact) for start in starts]
+        return whole(min(fits, key=lambda result: float(result.cost)).x)
 
-    def unscaled(scaled: Array) -> Array:
-        x[free] = scaled * scale
-        return x
+    def interval(self, best: Array, k: int, level: float) -> list[float]:
+        """Return the profile-likelihood interval of unknown k; infinite where it or the offset reaches its bounds."""
+        limit, ends, size = self.chi_square(best) + chi2.ppf(level, 1), list[float](), np.ptp(self.bounds, axis=1)
 
-    def residuals(scaled: Array) -> Array:
-        return problem.residuals(unscaled(scaled))
+        def above(value: float) -> float:
+            return float(self.chi_square(self.fit({k: value}, best)) - limit)
 
-    def jacobian(scaled: Array) -> Array:
-        return np.asarray(problem.gradient(unscaled(scaled))[:, free] * scale)
+        for bound, end in zip(self.bounds[k], (-np.inf, np.inf), strict=True):
+            if k > 0 and bound == 0 and above(0.0) <= 0:
+                end = 0.0
+            elif abs(bound - best[k]) > AT_END * size[k] and above(bound) > 0:
+                value = float(brentq(above, best[k], bound, xtol=1e-8 * float(size[k])))
+                from_ends = np.abs(self.bounds[0] - self.fit({k: value}, best)[0])
+                end = value if np.min(from_ends) > AT_END * size[0] else end
+            ends.append(end)
+        return ends
 
-    starts = [np.where(free == 0, 0.0, share) for share in (0.02, 0.4)] if near is None else [near[free] / scale]
-    exact: dict[str, float] = dict.fromkeys(("xtol", "ftol", "gtol"), 1e-12)
-    fits = [least_squares(residuals, np.clip(start, low, high), jacobian, (low, high), **exact) for start in starts]
-    best = min(fits, key=lambda result: float(result.cost))
-    return Fit(unscaled(best.x), 2 * float(best.cost))
+    def sensitivity(self, x: Array) -> tuple[int, float, float]:
+        """Return rank and condition number of the sensitivities, and the correlation of x[0] and x[1]; or nan."""
+        J = self.gradient(x)
+        J = J / np.linalg.norm(J, axis=0)
+        rank = int(np.linalg.matrix_rank(J, tol=1 / DEPENDENT))
+        if rank < J.shape[1]:
+            return rank, np.nan, np.nan
+        covariance = np.linalg.inv(J.T @ J)
+        correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
+        return rank, float(np.linalg.cond(J)), float(correlation)
 
+    def chi_square_map(self, marks: Array) -> tuple[Array, Array, Array]:
+        """Return offsets (n,), the fixture's first number (n,), and chi square (n, n) minimized over the others.
 
-def interval(problem: SlopeProblem, best: Fit, k: int, level: float) -> list[float]:
-    """Return the profile-likelihood interval of unknown k; infinite where it or the offset reaches its bounds."""
-    limit, ends = best.chi_square + float(chi2.ppf(level, 1)), list[float]()
-
-    def above(value: float) -> float:
-        return fit(problem, {k: value}, best.x).chi_square - limit
-
-    for bound, unlimited in zip(problem.bounds[k], (-np.inf, np.inf), strict=True):
-        if k > 0 and bound == 0 and above(0.0) <= 0:
-            ends.append(0.0)
-        elif abs(bound - best.x[k]) <= AT_END * np.ptp(problem.bounds[k]) or above(bound) <= 0:
-            ends.append(unlimited)
-        else:
-            value = float(brentq(above, best.x[k], bound, xtol=1e-8 * float(np.ptp(problem.bounds[k]))))
-            from_ends = np.abs(problem.bounds[0] - fit(problem, {k: value}, best.x).x[0])
-            ends.append(value if np.min(from_ends) > AT_END * np.ptp(problem.bounds[0]) else unlimited)
-    return ends
-
-
-def sensitivity(problem: SlopeProblem, x: Array) -> tuple[int, float, float]:
-    """Return rank and condition number of the sensitivities, and the correlation of x[0] and x[1]; nan if singular."""
-    J = problem.gradient(x)
-    J = J / np.linalg.norm(J, axis=0)
-    rank = int(np.linalg.matrix_rank(J, tol=1 / DEPENDENT))
-    if rank < J.shape[1]:
-        return rank, np.nan, np.nan
-    covariance = np.linalg.inv(J.T @ J)
-    correlation = covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1])
-    return rank, float(np.linalg.cond(J)), float(correlation)
+        marks : (k, 2), points that the map must contain, nan for none; zero offset on a rigid fixture is always added.
+        """
+        shown, ends = np.vstack([marks, np.zeros(2)]), self.bounds[:2]
+        low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
+        margin = 0.3 * (high - low)
+        low, high = np.clip(low - margin, *ends.T), np.clip(high + margin, *ends.T)
+        high = np.where(high - low > AT_END * np.ptp(ends, axis=1), high, ends[:, 1])
+        offsets, numbers = np.linspace(low, high, MAP).T
+        x = np.zeros((MAP, MAP, len(self.bounds)))
+        x[..., 0], x[..., 1] = offsets[:, None], numbers
+        for column in range(2, len(self.bounds)):  # a spring of a single direction fits it exactly or vanishes
+            row = int(np.argmax(self.added[:, column - 1]))
+            missing = 1 / self.slope[row] - np.exp(self.log_compliance(offsets))[:, row]
+            x[..., column] = np.maximum(missing / self.added[row, column - 1], 0.0)[:, None]
+        return offsets, numbers, self.chi_square(x)
 
 
 @question
@@ -200,27 +211,27 @@ def identify(
     source, warnings = measured_of(measured), list(warning.of_stage(stage))
     place = source.name if isinstance(measured, Fixture | Measurement) else place_of(measured)
     problem, numbers, model = _problem(stage, source, place, unknown, warnings)
-    best, count = fit(problem, {}), len(problem.bounds)
-    low, high = np.transpose([interval(problem, best, k, level) for k in range(count)])
+    best, count = problem.fit({}), len(problem.bounds)
+    low, high = np.transpose([problem.interval(best, k, level) for k in range(count)])
     zeroed = (range(count), range(1, count), range(1))  # unknowns set to zero, for each of `CAUSES`
-    alone = [fit(problem, dict.fromkeys(zeros, 0.0)) for zeros in zeroed]
-    increases = [cause.chi_square - best.chi_square for cause in alone]
-    allowed = [bool(increase <= chi2.ppf(level, len(zeros))) for increase, zeros in zip(increases, zeroed, strict=True)]
-    rank, condition, correlation = sensitivity(problem, best.x)
+    alone = np.array([problem.fit(dict.fromkeys(zeros, 0.0)) for zeros in zeroed])
+    least, by_cause = float(problem.chi_square(best)), problem.chi_square(alone)
+    allowed = [bool(by <= least + chi2.ppf(level, len(zeros))) for by, zeros in zip(by_cause, zeroed, strict=True)]
+    rank, condition, correlation = problem.sensitivity(best)
     dof = len(problem.axes) - rank
-    distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(best.chi_square, dof)
-    marks = np.array([best.x[:2], *(cause.x[:2] for cause in alone), low[:2], high[:2]])
+    distinct = rank == count and not (allowed[1] and allowed[2]) and not unexplained(least, dof)
     if abs(correlation) > DEPENDENT_NUMBERS:
         warnings.append(
             f"the correlation of offset and fixture is {correlation:+.4f}: only small differences between the "
             "directions distinguish them, and errors of the model and unequal necks have the same effect"
         )
-    rigid = problem.slopes(np.zeros(count))  # on a rigid fixture
-    added = problem.added @ best.x[1:]
+    marks = np.array([best, *alone, low, high])[:, :2]
+    offsets, fixtures, chi_squares = problem.chi_square_map(np.where(np.isinf(marks), np.nan, marks))
+    rigid, added = problem.slopes(np.zeros(count)), problem.added @ best[1:]
     stiffness = np.where(added > RIGID / rigid, 1 / np.maximum(added, 1e-300), np.inf)
     by_direction = np.full((5, 3), np.nan)
-    by_direction[:, problem.axes] = problem.slope, rigid, problem.slopes(best.x), problem.sd, stiffness
-    sentence = conclusion(best, dof, alone[1].x[0], allowed, distinct)
+    by_direction[:, problem.axes] = problem.slope, rigid, problem.slopes(best), problem.sd, stiffness
+    sentence = conclusion(least, dof, alone[1, 0], allowed, distinct)
     if sentence.startswith("Both") and numbers[0] == "pole" and low[1] <= 1 <= high[1]:
         sentence += " The pole as described is within the fitted interval."
     return Identification(
@@ -229,18 +240,12 @@ def identify(
             "slope": by_direction[:3].T,
             "sd": by_direction[3],
             "stiffness": by_direction[4],
-            **{"offset": best.x[0], "offset_low": low[0], "offset_high": high[0]},
-            **{"fixture": best.x[1:], "fixture_low": low[1:], "fixture_high": high[1:]},
-            "chi_square": best.chi_square,
-            "dof": dof,
-            "condition": condition,
-            "correlation": correlation,
-            "distinct": distinct,
-            "allowed": allowed,
-            "cause_chi_square": [cause.chi_square for cause in alone],
-            "cause_offset": [cause.x[0] for cause in alone],
-            "cause_fixture": [cause.x[1:] for cause in alone],
-            **_chi_square_map(problem, np.where(np.isinf(marks), np.nan, marks), best.chi_square),
+            **{"offset": best[0], "offset_low": low[0], "offset_high": high[0]},
+            **{"fixture": best[1:], "fixture_low": low[1:], "fixture_high": high[1:]},
+            **{"chi_square": least, "dof": dof, "condition": condition, "correlation": correlation},
+            **{"distinct": distinct, "allowed": allowed, "cause_chi_square": by_cause},
+            **{"cause_offset": alone[:, 0], "cause_fixture": alone[:, 1:]},
+            **{"region_offset": offsets, "region_fixture": fixtures, "region_above": chi_squares - least},
             "region_limit": float(chi2.ppf(level, 2)),
         },
         axes={"number": numbers} | {axis: [str(k) for k in range(MAP)] for axis in ("map x", "map y")},
@@ -273,10 +278,10 @@ def _problem(
     springs: dict[str, AnyArray] = {"translation": axes < 2, "rotation": axes == 2}
     columns = {"pole": pole[axes]} if described and unknown != "springs" else springs
     columns = {name: column for name, column in columns.items() if np.any(column)}
-    fixture = np.column_stack(list(columns.values())).astype(float)
-    largest = SOFTEST / np.max(fixture / np.exp(spline(0.0))[:, None], axis=0)
+    added = np.column_stack(list(columns.values())).astype(float)
+    largest = SOFTEST / np.max(added / np.exp(spline(0.0))[:, None], axis=0)
     bounds = np.array([[offsets[0], offsets[-1]], *([0.0, end] for end in largest)])
-    return SlopeProblem(axes, value[axes], sd[axes], spline, fixture, bounds), list(columns), model
+    return SlopeProblem(axes, value[axes], sd[axes], spline, added, bounds), list(columns), model
 
 
 def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Array, str]:
@@ -289,35 +294,12 @@ def _stages_with_offsets(stage: Stage, warnings: list[str]) -> tuple[Array, Arra
     if formula == CALIBRATED:
         low, high = known(formula).valid
         ends = np.clip(ends, np.max(low * radius - neck), np.min(high * radius - neck))
-    offsets = np.linspace(ends[0], ends[1], GRID)
-    K = stiffness_with_necks(
-        stage, neck + offsets[:, None, None], formula, freedoms_of(21), body_compliance(stage)[None]
-    )
+    offsets, bodies = np.linspace(ends[0], ends[1], GRID), body_compliance(stage)[None]
+    K = stiffness_with_necks(stage, neck + offsets[:, None, None], formula, freedoms_of(21), bodies)
     kept = np.all(np.isfinite(K), axis=(1, 2))
     if np.count_nonzero(kept) < GRID // 4:
         raise ComputationFailed(f"stage {stage.name!r}: no model has a solution for other necks")
     return offsets[kept], inverse(K[kept]), chosen.name
-
-
-def _chi_square_map(problem: SlopeProblem, marks: Array, least: float) -> dict[str, Array]:
-    """Return chi square above its minimum over the offset and the fixture's first number, minimized over the others.
-
-    marks : (n, 2), points that the map must contain, nan for none; zero offset on a rigid fixture is always added.
-    """
-    shown = np.vstack([marks, np.zeros(2)])
-    low, high = np.nanmin(shown, axis=0), np.nanmax(shown, axis=0)
-    margin = 0.3 * (high - low)
-    low, high = np.clip(low - margin, *problem.bounds[:2].T), np.clip(high + margin, *problem.bounds[:2].T)
-    high = np.where(high - low > AT_END * np.ptp(problem.bounds[:2], axis=1), high, problem.bounds[:2, 1])
-    offsets, numbers = np.linspace(low, high, MAP).T
-    x = np.zeros((MAP, MAP, len(problem.bounds)))
-    x[..., 0], x[..., 1] = offsets[:, None], numbers
-    for column in range(2, len(problem.bounds)):  # a spring of a single direction fits it exactly or vanishes
-        row = int(np.argmax(problem.added[:, column - 1]))
-        missing = 1 / problem.slope[row] - np.exp(problem.log_compliance(offsets))[:, row]
-        x[..., column] = np.maximum(missing / problem.added[row, column - 1], 0.0)[:, None]
-    above = np.sum(problem.residuals(x) ** 2, axis=-1) - least
-    return {"region_offset": offsets, "region_fixture": numbers, "region_above": above}
 
 
 def unexplained(chi_square: float, dof: int) -> bool:
@@ -325,27 +307,28 @@ def unexplained(chi_square: float, dof: int) -> bool:
     return bool(chi2.sf(chi_square, max(dof, 1)) < POOR)
 
 
-def conclusion(best: Fit, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
-    """State the conclusion in words; offset: fitted with necks alone, allowed: flags of `CAUSES`."""
-    um, (neither, by_necks, by_fixture) = MICROMETRE.factor, allowed
-    necks = f"ecks {abs(um * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'} than drawn"
-    if unexplained(best.chi_square, dof):
-        comparison = f"which by chance exceeds {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}"
+def conclusion(least: float, dof: int, offset: float, allowed: list[bool], distinct: bool) -> str:
+    """State the conclusion; least : chi square of the best fit.   offset : of necks alone.   allowed : of `CAUSES`."""
+    neither, *causes = allowed
+    necks = f"ecks {abs(MICROMETRE.factor * offset):.3g} {MICROMETRE.plain} {'wider' if offset > 0 else 'thinner'}"
+    if unexplained(least, dof):
         return (
-            f"Necks and fixture together do not explain the data: chi square {best.chi_square:.3g} at the best fit, "
-            f"{comparison}. Check the standard deviations, or look for another cause."
+            f"Necks and fixture together do not explain the data: chi square {least:.3g} at the best fit, which by "
+            f"chance exceeds {chi2.isf(POOR, max(dof, 1)):.3g} once in {1 / POOR:.0f}. Check the standard deviations, "
+            "or look for another cause."
         )
     if distinct:
         return {
-            (True, False): f"The necks explain the data: n{necks}. A soft fixture alone does not.",
+            (True, False): f"The necks explain the data: n{necks} than drawn. A soft fixture alone does not.",
             (False, True): "A soft fixture explains the data. A neck offset alone does not.",
             (False, False): "Both are needed: neither a neck offset nor a soft fixture alone explains the data.",
-        }[by_necks, by_fixture]
-    causes = {
-        (True, True): f" Either cause alone agrees with the data: n{necks}, or a soft fixture.",
-        (True, False): f" N{necks} agree with the data, a soft fixture alone does not.",
+        }[causes[0], causes[1]]
+    agreeing = {
+        (True, True): f" Either cause alone agrees with the data: n{necks} than drawn, or a soft fixture.",
+        (True, False): f" N{necks} than drawn agree with the data, a soft fixture alone does not.",
         (False, True): " A soft fixture alone agrees with the data, a neck offset alone does not.",
         (False, False): "",
-    }[by_necks, by_fixture]
-    no_cause = " Neither is necessary: the stage as drawn on a rigid fixture agrees with the data."
-    return f"These data cannot distinguish the causes.{no_cause if neither else causes}"
+    }[causes[0], causes[1]]
+    if neither:
+        agreeing = " Neither is necessary: the stage as drawn on a rigid fixture agrees with the data."
+    return f"These data cannot distinguish the causes.{agreeing}"

@@ -7,7 +7,7 @@ import pytest
 
 import flexfem
 from flexfem.questions.experiment import experiment, simulated, slope_of, spring_in_series
-from flexfem.questions.fixture import MeasuredSlopes, Pole, fixture_of, pole_compliance, pushes_of
+from flexfem.questions.fixture import MeasuredSlopes, Pole, fixture_of, pushes_of
 from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT
@@ -86,7 +86,7 @@ def test_a_spring_of_twice_or_37_times_the_stiffness_explains_the_papers_deviati
     assert found.spring[2] == pytest.approx(2.2258 * 46376.8, rel=1e-4)  # about 1e5 N mm/rad
     assert np.all(np.isnan(found.at("slope", source="measured")))
     assert spring_in_series(40.0, 30.0) == pytest.approx(120.0) and np.isnan(spring_in_series(40.0, 40.0))
-    round_pole = pole_compliance(Pole(diameter=3.79, height=15.6, youngs_modulus=206e3, poissons_ratio=0.3))
+    round_pole = Pole(diameter=3.79, height=15.6, youngs_modulus=206e3, poissons_ratio=0.3).compliance
     assert 1 / round_pole.torsion == pytest.approx(found.spring[2], rel=0.03), "as the README says"
     assert 1 / round_pole.end == pytest.approx(found.spring[0], rel=0.03)
 

@@ -15,8 +15,6 @@ from flexfem.questions.fixture import (
     Pole,
     Pusher,
     Run,
-    bar_compliance,
-    pole_compliance,
     pushes_of,
 )
 
@@ -55,7 +53,7 @@ def network(push, of):
 
     Returns the force per unit stroke, and what is read: the pole's end in x and y, both ends of the bar.
     """
-    pole, bar = pole_compliance(of.pole), 1 / bar_compliance(of.bar)
+    pole, bar = of.pole.compliance, 1 / of.bar.compliance
     bend, twist, p, a, angle = 1 / pole.end, 1 / pole.torsion, of.pole.offset, of.bar.arm, of.bar.angle
     drive, sensor = of.actuator.stiffness, of.sensor.stiffness
     n = np.array([-np.sin(angle), np.cos(angle)])
@@ -99,17 +97,17 @@ def test_any_set_up_reads_what_a_network_of_all_its_springs_says(p, a, angle, si
 
 def test_a_pole_and_a_bar_of_steel_by_hand():
     """206 GPa, 8 by 40 mm: I = 201.06 mm^4, A = 50.27 mm^2, G = 79231 MPa; bending h^3/(3EI), shear 10/9 h/(GA)."""
-    found = pole_compliance(Pole(diameter=8.0, height=40.0, youngs_modulus=206e3, poissons_ratio=0.3))
+    found = Pole(diameter=8.0, height=40.0, youngs_modulus=206e3, poissons_ratio=0.3).compliance
     bending = 64000 / (3 * 206e3 * 201.0619) + 40 / 0.9 / (79230.77 * 50.26548)
     assert (found.read, found.end, found.pushed) == pytest.approx((bending, bending, bending), rel=1e-6)
     assert 1 / found.torsion == pytest.approx(796514.57, rel=1e-6)
-    half = pole_compliance(Pole(diameter=8.0, height=40.0, push_height=20.0, youngs_modulus=206e3, poissons_ratio=0.3))
+    half = Pole(diameter=8.0, height=40.0, push_height=20.0, youngs_modulus=206e3, poissons_ratio=0.3).compliance
     shear = 20 / 0.9 / (79230.77 * 50.26548)
     assert half.read == pytest.approx(400 * 100 / (6 * 206e3 * 201.0619) + shear, rel=1e-6)
     assert half.end == pytest.approx(bending, rel=1e-6)
     assert half.pushed == pytest.approx(8000 / (3 * 206e3 * 201.0619) + shear, rel=1e-6)
     bar = Bar(arm=30.0, width=8.0, thickness=5.0, youngs_modulus=206e3)  # 8 mm in the plane, in which it bends
-    assert bar_compliance(bar) == pytest.approx(27000 / (3 * 206e3 * 5 * 8**3 / 12), rel=1e-12)
+    assert bar.compliance == pytest.approx(27000 / (3 * 206e3 * 5 * 8**3 / 12), rel=1e-12)
 
 
 def test_what_reads_the_platform_does_not_see_the_pole():
