@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-from numpy.typing import NDArray
 
 from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
@@ -48,10 +45,15 @@ DENSITIES = (10.0, 23_000.0)  # kg/m^3, foam to osmium
 ACROSS = (1.0, 5000.0)  # mm: from the smallest stages cut from sheet to more than the length of plates
 SLENDER = 100.0  # link width / thickness: a larger ratio is a foil, or more likely a thickness in another unit
 
+UNIT = "is the unit right?"
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper aims to explain errors of 5 to 10 per cent
 STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only selects an explanation
 THICK = 1.0  # per cent of the stiffness: a tenth of the effect of a thick hinge
 FAR = 0.1  # of the shortest link, and rad: here the linear solution has errors of some per cent
+
+
+def _when(holds: object, text: str) -> Warnings:
+    return [text] if holds else []
 
 
 def of_stage(stage: Stage) -> Warnings:
@@ -70,35 +72,36 @@ def of_result(stage: Stage, model: AnalyticResult) -> Warnings:
 
 def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     """Warn of a highest neck stress above the yield strength, MPa; `where` names the load or command."""
-    text = (
+    return _when(
+        stress > yield_strength,
         f"{where}: the highest neck stress is {stress:.4g} {STRESS}, beyond the yield strength of {yield_strength:.4g} "
-        f"{STRESS}; the elastic result is not valid there"
+        f"{STRESS}; the elastic result is not valid there",
     )
-    return [text] if stress > yield_strength else []
 
 
 def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
     """Warn of a platform displacement (3,), mm, mm, rad, outside the range of the linear solution."""
     shortest = min(stage.chain.link_lengths)
     translation, rotation = float(np.max(np.abs(pose[:2]))), float(np.abs(pose[2]))
-    text = (
+    return _when(
+        translation > FAR * shortest or rotation > FAR,
         f"{where}: the platform moves {translation:.3g} {LENGTH} and turns {rotation:.3g} rad, more than {FAR:g} of "
-        f"the shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the linear result is not valid there"
+        f"the shortest link ({shortest:g} {LENGTH}) or {FAR:g} rad; the linear result is not valid there",
     )
-    return [text] if translation > FAR * shortest or rotation > FAR else []
 
 
 def of_formula(stage: Stage, formula: str) -> Warnings:
-    """Warn of hinges outside the range of a hinge formula."""
+    """Warn of hinges outside the range of a hinge formula; those outside in all chains are named once."""
     design = lower(stage)
     outside = ~in_range(design, formula)[0]
     if not np.any(outside):
         return []
-    ratio, (low, high) = (design.neck / design.radius)[0, outside], FORMULAS[formula].valid
+    ratio, (low, high), alike = (design.neck / design.radius)[0, outside], FORMULAS[formula].valid, outside.all(axis=0)
     used = " to ".join(dict.fromkeys(f"{end:.3g}" for end in (ratio.min(), ratio.max())))
-    return [
-        f"hinge formula {formula} is valid for t/R from {low:g} to {high:g}, and is used at {used} ({_hinges(outside)})"
-    ]
+    hinges = [f"{name} hinges" for name, each in zip(HINGE_NAMES, alike, strict=True) if each]
+    hinges += [f"{HINGE_NAMES[k]} hinge of chain {chain + 1}" for chain, k in np.argwhere(outside & ~alike)]
+    valid = f"hinge formula {formula} is valid for t/R from {low:g} to {high:g}"
+    return [f"{valid}, and is used at {used} ({', '.join(hinges)})"]
 
 
 def of_model(stage: Stage, model: AnalyticResult) -> Warnings:
@@ -153,32 +156,25 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
 def of_numbers(stage: Stage) -> Warnings:
     """Warn of numbers of a stage file that are possible, but probably in another unit."""
     chain, across = stage.chain, float(envelope(lower(stage))[0])
-    plausible = {
-        f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g} {LENGTH}": (
-            chain.link_width <= SLENDER * stage.thickness
-        ),
-        "chain.joint_angles_deg are all within two pi": max(map(abs, chain.joint_angles)) > np.deg2rad(2 * np.pi),
-    }
-    return [*of_plate(stage.material, across, "stage"), *_of_units(plausible)]
+    thickness = f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g}"
+    largest = max(map(abs, chain.joint_angles))
+    return [
+        *of_plate(stage.material, across, "stage"),
+        *_when(chain.link_width > SLENDER * stage.thickness, f"{thickness} {LENGTH}: {UNIT}"),
+        *_when(largest <= np.deg2rad(2 * np.pi), f"chain.joint_angles_deg are all within two pi: {UNIT}"),
+    ]
 
 
 def of_plate(material: Material, across: float, plate: str) -> Warnings:
     """Warn of numbers of a material, or of a size of a plate, mm, that are possible, but probably in another unit."""
-    strain = material.yield_strength / material.youngs_modulus
+    strength, density = material.yield_strength, material.density
+    strain = strength / material.youngs_modulus
     plausible = {
-        f"material.yield_strength_mpa = {material.yield_strength:g} is {strain:.2g} of Young's modulus": (
-            YIELD_STRAIN[0] <= strain <= YIELD_STRAIN[1]
-        ),
-        f"material.density_kg_m3 = {material.density:g} is not that of a solid": (
-            DENSITIES[0] <= material.density <= DENSITIES[1]
-        ),
-        f"the {plate} is {across:.3g} {LENGTH} across": ACROSS[0] <= across <= ACROSS[1],
+        f"material.yield_strength_mpa = {strength:g} is {strain:.2g} of Young's modulus": (strain, YIELD_STRAIN),
+        f"material.density_kg_m3 = {density:g} is not that of a solid": (density, DENSITIES),
+        f"the {plate} is {across:.3g} {LENGTH} across": (across, ACROSS),
     }
-    return _of_units(plausible)
-
-
-def _of_units(plausible: Mapping[str, bool]) -> Warnings:
-    return [f"{text}: is the unit right?" for text, is_plausible in plausible.items() if not is_plausible]
+    return [f"{text}: {UNIT}" for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
 
 
 def stress_above(formula: str, links: bool = True, plane: Plane = "plane_stress") -> tuple[float, float] | None:
@@ -232,13 +228,13 @@ def stress_below(resolution: int) -> str:
 
 def of_stacks(stage: Stage) -> Warnings:
     """Warn that the drift of a stage does not include its stacks."""
-    return ["the stacks, their preloads and their expansion are neglected"] if stage.actuator else []
+    return _when(stage.actuator, "the stacks, their preloads and their expansion are neglected")
 
 
 def held_faces(stage: Stage) -> Warnings:
     """Warn that the faces of a plane-strain stage are free in three dimensions."""
     text = 'model = "plane_strain" holds the faces of the stage; in three dimensions they are free'
-    return [text] if stage.model == "plane_strain" else []
+    return _when(stage.model == "plane_strain", text)
 
 
 @once
@@ -246,10 +242,3 @@ def _refined(stage: Stage, formula: str, mobility: int) -> tuple[Array, ...]:
     """Return the compliance diagonals (3,) of models above a mobility: axial freedoms, shear, elastic links."""
     with_freedoms = [np.diag(analyse(stage, higher, formula).compliance) for higher in (12, 21) if higher > mobility]
     return (*with_freedoms, np.diag(analyse(stage, 21, formula, links=True).compliance))
-
-
-def _hinges(selected: NDArray[np.bool_]) -> str:
-    """List selected hinges (3 chains, 3 hinges); a hinge selected in all chains is listed once."""
-    names = [f"{name} hinges" for name, column in zip(HINGE_NAMES, selected.T, strict=True) if np.all(column)]
-    others = np.argwhere(selected & ~np.all(selected, axis=0))
-    return ", ".join([*names, *(f"{HINGE_NAMES[k]} hinge of chain {chain + 1}" for chain, k in others)])
