@@ -27,7 +27,7 @@ from flexfem.design.requirements import Requirements
 from flexfem.files.inputs import require_unread
 from flexfem.files.quantities import UNIT
 from flexfem.files.refusals import SHOWN, as_toml, checked_path, one_line
-from flexfem.files.toml import Table
+from flexfem.files.tables import Table
 from flexfem.files.writing import check_folder, write_atomically
 from flexfem.mechanism.materials import Entry
 from flexfem.mechanism.mechanism import Mechanism
@@ -191,7 +191,7 @@ def schema_of(name: str) -> dict[str, Any]:
     of = FORMATS[name]
     raw = of.model.model_json_schema(by_alias=True, schema_generator=_Described)
     whole = _plain(raw, raw.get("$defs", {}))
-    _state_units(whole, "")
+    _complete_numbers(whole, "", EXPRESSIONS if of.model is Mechanism else "number")
     if of.named:
         entry = whole | {"description": f"The numbers of one {of.named}"}
         whole = {"type": "object", "additionalProperties": entry}
@@ -246,16 +246,16 @@ def _plain(schema: Any, known: dict[str, Any]) -> Any:
     return found
 
 
-def _state_units(of: dict[str, Any], key: str) -> None:
-    """Add to every number the unit that its key ends in, unless its own schema states one."""
-    if of.get("type") in (*NUMBERS, EXPRESSIONS) and UNIT not in of:
-        unit = str(unit_of(key)) or ("1" if of["type"] == "integer" else "")
-        assert unit, f"{key}: a number without a unit"
-        of[UNIT] = unit
-    if isinstance(of.get("items"), dict):
-        _state_units(of["items"], key)
+def _complete_numbers(of: dict[str, Any], key: str, number: str | list[str]) -> None:
+    """Add to every number the unit that its key ends in, unless its own schema states one, and set its type."""
+    if of.get("type") in NUMBERS:
+        of.setdefault(UNIT, str(unit_of(key)) or "1" * (of["type"] == "integer"))
+        of["type"] = number if of["type"] == "number" else "integer"
+    for inner in (of.get("items"), of.get("additionalProperties")):
+        if isinstance(inner, dict):
+            _complete_numbers(inner, key, number)
     for name, inner in of.get("properties", {}).items():
-        _state_units(inner, name)
+        _complete_numbers(inner, name, number)
 
 
 class KeyRow(NamedTuple):

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from flexfem.analytic.network import freedom_motions
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.tables import once
 from flexfem.hinges.chart import SHEAR_CORRECTION
 from flexfem.mechanism.bodies import body_sides, centrelines, cut_angle, necks, notch_side
 from flexfem.mechanism.contacts import bend_stresses
 from flexfem.mechanism.designs import CHAIN_TURN, Elastic, chain_rotation
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import Pose, Segment, polyline, reverse
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
 

@@ -13,11 +13,11 @@ from flexfem.analytic.network import GROUND, Network
 from flexfem.analytic.paper import KINDS, Freedoms, PaperModel, freedoms_of, mechanism, rank_revealing, stiffness
 from flexfem.analytic.paper import mobility as mobility_of
 from flexfem.arrays import Array, brief, inverse
+from flexfem.files.tables import once
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
 from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.feasibility import Broken, check_closed_form
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.profiles import Concentration

@@ -18,7 +18,7 @@ from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, one_line, path_of
-from flexfem.files.toml import LABEL_LENGTH
+from flexfem.files.tables import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage

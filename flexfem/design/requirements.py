@@ -13,12 +13,12 @@ from pydantic import ConfigDict, Field, ValidationError, model_validator
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arguments import FINEST
 from flexfem.arrays import Array
-from flexfem.files import quantities
 from flexfem.files.expressions import names_in
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import OF_THE_KEY
-from flexfem.files.refusals import KeyPath, problem_of, refusal, shown
-from flexfem.files.toml import Label, PathLike, Table, bad_key, validate
+from flexfem.files.quantities import OF_THE_KEY, AnyNumber, AnyPositive, Limits, Percent, Scatter
+from flexfem.files.refusals import KeyPath, problems_of, refusal, shown
+from flexfem.files.tables import Label, Table
+from flexfem.files.toml import PathLike, bad_key, validate
 from flexfem.mechanism.keys import keys
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -26,7 +26,7 @@ from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
 from flexfem.study import plan
 from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, NAMED, Column, Factor, Number, Step
+from flexfem.study.factors import MANY, NAMED, Column, Factor
 from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file, is_fixed, require_key_values
 
 MOST_STEPS = 100_000  # of one dimension
@@ -40,9 +40,7 @@ DENSITY = "material.density_kg_m3"
 SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
 SHARED = ("name", "stage", "ask", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # of studies
 
-Scatter: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TOLERANCE)]
-End: TypeAlias = Annotated[float | None, Field(ge=-LARGEST, le=LARGEST, json_schema_extra=OF_THE_KEY)]
-Accuracy: TypeAlias = Annotated[float, *quantities.above_zero(quantities.PER_CENT)]
+End: TypeAlias = Annotated[float, Limits(OF_THE_KEY, ge=-LARGEST, le=LARGEST)]
 
 
 def _without_keys_of_studies(schema: dict[str, Any]) -> None:
@@ -60,9 +58,11 @@ class Free(Factor):
 
     label: Label | None = Field(default=None, examples=["all necks"])
     """Name in the output; by default the key"""
-    values: tuple[Number, ...] | None = Field(default=None, min_length=1, max_length=MANY, examples=[[1.5, 2.0, 3.0]])
+    values: tuple[AnyNumber, ...] | None = Field(
+        default=None, min_length=1, max_length=MANY, examples=[[1.5, 2.0, 3.0]]
+    )
     """Instead of `from` and `to`: the allowed values"""
-    step: Step | None = Field(default=None, examples=[0.005])
+    step: AnyPositive | None = Field(default=None, examples=[0.005])
     """Increment of the allowed values from `from` up to `to`; without it the dimension is continuous"""
 
     @model_validator(mode="after")
@@ -94,8 +94,8 @@ class Require(Table):
     """A requirement: the limits between which an expression of columns and keys must lie."""
 
     quantity: plan.Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
-    at_least: End = Field(default=None, description="Lower limit", examples=[100.0])
-    at_most: End = Field(default=None, description="Upper limit; one or both are needed", examples=[150.0])
+    at_least: End | None = Field(default=None, description="Lower limit", examples=[100.0])
+    at_most: End | None = Field(default=None, description="Upper limit; one or both are needed", examples=[150.0])
     label: Label | None = Field(default=None, examples=["stiffness in X"])
     """Name in the output"""
 
@@ -184,7 +184,7 @@ class Requirements(Sourced):
     mobility: Mobility | None = Field(default=21, description="Mobility of the analytic model")
     links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
     seed: int = Field(ge=0, lt=2**63, description="Seed of the search", examples=[2003])
-    accuracy_percent: Accuracy = 0.1
+    accuracy_percent: Percent = 0.1
     """Required agreement of the corrected analytic model and finite elements at the optimum"""
     resolution: int = Field(default=8, ge=8, le=FINEST)
     """Triangles across every neck, of the finest of three meshes"""
@@ -221,7 +221,7 @@ class Requirements(Sourced):
             first = error.errors(include_url=False)[0]
             path = (*first["loc"], *first.get("ctx", {}).get("at", ()))
             renamed = ("free" if part == "factor" else part for part in path)
-            raise refusal(problem_of(first, {}).expected.replace("factor[", "free["), *renamed) from None
+            raise refusal(problems_of(error)[0].expected.replace("factor[", "free["), *renamed) from None
         return self
 
     @model_validator(mode="after")

@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from flexfem.arrays import LONGEST
 from flexfem.files.refusals import place_of
-from flexfem.files.toml import Label, kind_of
+from flexfem.files.tables import Label
+from flexfem.files.toml import kind_of
 from flexfem.refused import BadInput
 from flexfem.results import About, TextTable, number, unsealed
 from flexfem.units import NONE, Unit, unit_of

@@ -7,13 +7,17 @@ import re
 import warnings
 from collections.abc import Callable, Mapping
 from functools import lru_cache, reduce
+from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
+from flexfem.files.refusals import refusal, shown, suggestion
+from flexfem.units import without_unit
 
+MOST_PARAMETERS = 300
 LONGEST = 400  # characters, which also limits the depth of nesting
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
@@ -115,3 +119,49 @@ def _value(node: ast.expr, known: Mapping[str, Array]) -> Any:
         ):
             return _FUNCTIONS[name](*(_value(argument, known) for argument in arguments))
     raise ValueError(_ALLOWED)
+
+
+def require_names(text: str, known: Mapping[str, Any], *at: str) -> tuple[str, ...]:
+    """Return the names in an expression. Refuses, at a key path, other text and names that are not known."""
+    try:
+        names = names_in(text)
+    except ValueError as error:
+        raise refusal(f"an expression: {error}", *at) from None
+    for name in names:
+        if name not in known:
+            close = suggestion(name, known) or (f", one of {', '.join(known)}" if known else "; there are none")
+            raise refusal(f"names of parameters, not {shown(name)}{close}", *at)
+    return names
+
+
+def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
+    """Return the values of parameters, in file units, by their names without units; each may use all others.
+
+    Refuses, at its key path, what is no number, an unknown name, a cycle, or a value that is not finite.
+    """
+    keys, values = dict[str, str](), dict[str, float]()
+    if len(stated) > MOST_PARAMETERS:
+        raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
+    for key in stated:
+        name = without_unit(key)
+        if not (key.isidentifier() and key.isascii()) or name in keys:
+            other = f"a name that differs from {keys[name]} also without its unit" if name in keys else ""
+            raise refusal(other or "a name of letters, digits and _, a letter first", "parameters", key)
+        keys[name] = key
+    given: dict[str, Any] = {name: getattr(stated[key], "text", stated[key]) for name, key in keys.items()}
+    texts = {name: text for name, text in given.items() if isinstance(text, str)}
+    uses = {name: require_names(text, keys, "parameters", keys[name]) for name, text in texts.items()}
+    try:
+        order = [*TopologicalSorter({name: uses.get(name, ()) for name in keys}).static_order()]
+    except CycleError as error:
+        first = min(error.args[1], key=[*keys].index)
+        cycle = error.args[1][:0:-1]  # every name uses the next one
+        start = cycle.index(first)
+        said = " = ".join([*cycle[start:], *cycle[: start + 1]])
+        raise refusal(f"a value that does not depend on itself: {said}", "parameters", keys[first]) from None
+    for name in order:
+        value = float(value_of(texts[name], values)) if name in texts else given[name]
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e300:
+            raise refusal("a finite number, or an expression that has one", "parameters", keys[name])
+        values[name] = float(value)
+    return values

@@ -17,7 +17,7 @@ from functools import reduce
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from flexfem.refused import BadInput
@@ -167,8 +167,24 @@ class Problem(NamedTuple):
     expected: str
 
 
-def problem_of(details: ErrorDetails, data: dict[str, Any]) -> Problem:
-    """Return an error of pydantic in the terms of the file."""
+def problems_of(error: ValidationError, data: Any = None) -> list[Problem]:
+    """Return one problem for each mistake in the terms of the file or of Python values, `data`.
+
+    A misspelt key is also missing for pydantic, and a short array has two errors.
+    """
+    problems = [_problem_of(details, data) for details in error.errors(include_url=False)]
+    inner = {problem.path[:length] for problem in problems for length in range(len(problem.path))}
+    problems = [each for each in problems if each.kind != "too_short" or each.path not in inner]  # broken members
+    unknown = [problem.path for problem in problems if problem.kind == "extra_forbidden"][:COMPARED]
+    kept: dict[tuple[str, KeyPath], Problem] = {}
+    for problem in problems:
+        siblings = [str(path[-1]) for path in unknown if path[:-1] == problem.path[:-1]]
+        if problem.kind != "missing" or not suggestion(str(problem.path[-1]), siblings):
+            kept[problem.kind, problem.path] = problem
+    return list(kept.values())
+
+
+def _problem_of(details: ErrorDetails, data: Any) -> Problem:
     kind, context = details["type"], details.get("ctx", {})
     at = context.get("at", ())
     named = tuple(ENDING.sub("", part) if isinstance(part, str) else part for part in at)  # names of attributes
@@ -195,19 +211,6 @@ def _present(path: KeyPath, data: Any) -> KeyPath:
         if in_table or (isinstance(data, list) and isinstance(part, int) and part < len(data)):
             found, data = (*found, part), data[part]
     return found
-
-
-def merged(problems: list[Problem]) -> list[Problem]:
-    """Return one problem for each mistake: a misspelt key is also missing, a short array has two errors."""
-    inner = {problem.path[:length] for problem in problems for length in range(len(problem.path))}
-    problems = [each for each in problems if each.kind != "too_short" or each.path not in inner]  # broken members
-    unknown = [problem.path for problem in problems if problem.kind == "extra_forbidden"][:COMPARED]
-    kept: dict[tuple[str, KeyPath], Problem] = {}
-    for problem in problems:
-        siblings = [str(path[-1]) for path in unknown if path[:-1] == problem.path[:-1]]
-        if problem.kind != "missing" or not suggestion(str(problem.path[-1]), siblings):
-            kept[problem.kind, problem.path] = problem
-    return list(kept.values())
 
 
 def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[str]:

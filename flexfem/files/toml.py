@@ -16,21 +16,18 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path, PurePath
-from typing import Annotated, Any, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ValidationError
 
-from flexfem.files.quantities import keywords
 from flexfem.files.refusals import (
     SHOWN,
     KeyPath,
     checked_path,
-    merged,
     needed,
     one_line,
     place_of,
-    problem_of,
-    refusal,
+    problems_of,
     sentence,
     suggestion,
 )
@@ -38,7 +35,6 @@ from flexfem.refused import BadInput
 
 MAX_BYTES = 2**20
 MAX_DEPTH = 32  # brackets around a value, parts of a dotted key; shipped files have at most four
-LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
 DEVICES = {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}  # of Windows
 _STRING = r"""
     (?: \"{3} (?: [^"\\] | \\.? | "{1,2}(?!") )*+ (?: "{3,5} | \Z ) | \'{3} (?: [^'] | '{1,2}(?!') )*+ (?: '{3,5} | \Z )
@@ -128,18 +124,6 @@ PathLike: TypeAlias = str | os.PathLike[str]
 Model = TypeVar("Model", bound=BaseModel)
 
 
-def _label(value: str) -> str:
-    if not value.strip() or not value.isprintable() or len(value) > LABEL_LENGTH:
-        raise refusal(f"one line of 1 to {LABEL_LENGTH} printable characters")
-    return value
-
-
-_PRINTABLE = r"^[^\x00-\x1f]*\S[^\x00-\x1f]*$"
-Label: TypeAlias = Annotated[
-    str, AfterValidator(_label), keywords(minLength=1, maxLength=LABEL_LENGTH, pattern=_PRINTABLE)
-]
-
-
 KINDS = {  # by the keys that only files of that kind have
     "stage file": ("material", "chain", "hinges", "platform", "thickness_mm"),
     "mechanism file": ("material", "thickness_mm", "body", "hinge", "parameters", "output", "payload", "copy"),
@@ -158,22 +142,6 @@ def kind_of(data: Mapping[str, Any], expected: str | None = None) -> str | None:
     most = max(votes.values())
     leading = [kind for kind, count in votes.items() if count == most]
     return None if most == 0 else expected if expected in leading else leading[0]
-
-
-class Table(BaseModel):
-    """A table of a file: strict, frozen, no unknown keys, no nan or inf; its arrays are tuples.
-
-    Field aliases are the keys of the file, with the unit as suffix; attributes carry no suffix and hold N-mm-MPa-rad.
-    `model_dump()` therefore gives attribute names and inside units; `by_alias=True` would mislabel them. The text below
-    an attribute describes its key in the schema of the file.
-    """
-
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-    @model_validator(mode="before")
-    @classmethod
-    def _arrays_are_tuples(cls, data: Any) -> Any:
-        return {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
 
 
 def read_toml(path: PathLike) -> TomlFile:
@@ -219,7 +187,7 @@ def validate(
     try:
         return model_class.model_validate(data)
     except ValidationError as error:
-        problems = merged([problem_of(details, data) for details in error.errors(include_url=False)])
+        problems = problems_of(error, data)
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
     wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path))
@@ -304,7 +272,3 @@ def _similar(path: Path) -> str:
     files.sort(key=lambda name: (name.endswith(path.suffix), name.endswith(".toml")))  # of equal stems the last counts
     names = {PurePath(name).stem: name for name in files}
     return suggestion(path.stem, names, lambda stem: place_of(path.with_name(names[stem])))
-
-
-def _frozen(value: Any) -> Any:
-    return tuple(map(_frozen, value)) if isinstance(value, list) else value

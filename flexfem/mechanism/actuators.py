@@ -11,19 +11,25 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files import quantities
-from flexfem.files.quantities import COUNT, Keywords, keywords
+from flexfem.files.quantities import (
+    Angle,
+    Coordinate,
+    Force,
+    ForceOrZero,
+    Friction,
+    Length,
+    Modulus,
+    Poisson,
+    Rate,
+    Stroke,
+    Tilt,
+)
 from flexfem.files.refusals import refusal, suggestion
-from flexfem.files.toml import Label
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
+from flexfem.files.tables import Keywords, Label, Table
 from flexfem.mechanism.materials import Material
 from flexfem.sources import read_data
 
 STEEL = (206e3, 0.3)  # bearing steel, E in MPa and Poisson's ratio: assumed for balls and ends of stacks
-
-Stroke: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STROKE), *in_unit("um")]
-Rate: TypeAlias = Annotated[float, *quantities.above_zero(quantities.STACK_STIFFNESS), *in_unit("n_per_um")]
-Force: TypeAlias = Annotated[float, *quantities.above_zero(quantities.FORCE)]
 
 
 def _of_catalogue(name: str) -> str:
@@ -113,7 +119,7 @@ def hertz(radius: ArrayLike, force: ArrayLike, ball: tuple[Any, ...], flat: tupl
     return np.asarray((6 * np.asarray(radius) * modulus**2 * np.asarray(force)) ** (1 / 3))
 
 
-class CataloguedStack(Dimensioned):
+class CataloguedStack(Table):
     """A stack of the shipped catalogue: stroke, its tolerance, mm, and blocking force, N, at the highest voltage, V."""
 
     name: str
@@ -142,13 +148,8 @@ RATING_KEYS = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
 BALL_KEYS = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
 BLOCKING_ROUND_OFF = 1e-12  # relative; a blocking force may be the product of stroke and stiffness
 
-Coordinate: TypeAlias = Annotated[float, Field(ge=-1e4, le=1e4)]
-Tilt: TypeAlias = Annotated[float, Field(ge=-80, le=80), *in_unit("deg")]
-Preload: TypeAlias = Annotated[float, *quantities.from_zero(quantities.FORCE)]
-Friction: TypeAlias = Annotated[float, Field(ge=0, le=2), keywords(**COUNT)]
 
-
-class Actuator(Dimensioned):
+class Actuator(Table):
     """One stack, or an antagonistic pair, at the same position on every chain; mm, N, rad."""
 
     name: Label = Field(examples=["base"])
@@ -191,7 +192,7 @@ class Actuator(Dimensioned):
     """Young's modulus of the ball; by default that of steel, which is reported as assumed"""
     ball_poissons_ratio: Poisson | None = Field(default=None, examples=[0.3])
     """Poisson's ratio of the ball; by default that of steel, which is reported as assumed"""
-    preload: Preload = Field(default=0.0, alias="preload_n", examples=[50.0])
+    preload: ForceOrZero = Field(default=0.0, alias="preload_n", examples=[50.0])
     """Force of every stack at rest, at most its blocking force. A contact transmits compression only and opens when
     the preload is used up. The preloads of a pair balance each other; that of a single stack stresses the necks"""
     friction: Friction | None = Field(default=None, examples=[0.15])

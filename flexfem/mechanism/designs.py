@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
+from flexfem.files.tables import once
 from flexfem.mechanism.actuators import ActuatorNumbers
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage_file import CHAINS, Plane, StageContent, actuators_of, hinges_of
 
 CHAIN_TURN = 2.0 * np.pi / 3.0

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.files.tables import once
 from flexfem.mechanism.actuators import (
     BLOCKING_ROUND_OFF,
     BODY_NAMES,
@@ -24,7 +25,6 @@ from flexfem.mechanism.actuators import (
 from flexfem.mechanism.bodies import FILLET, centrelines, draw_sector
 from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrench_of
 from flexfem.mechanism.designs import CHAIN_TURN, Designs, lower
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator

@@ -10,9 +10,9 @@ import shapely
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
+from flexfem.files.tables import once
 from flexfem.mechanism.bodies import draw_sector, given_angles, turn
 from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent, key_of

@@ -6,20 +6,17 @@ import re
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache, lru_cache
-from types import UnionType
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
 
-import numpy as np
-from pydantic import BaseModel, ConfigDict, TypeAdapter, ValidationError
+from pydantic import BaseModel
 
-from flexfem.arrays import AnyArray, Array
-from flexfem.files.refusals import ABOUT, KeyPath, key_path, path_of, problem_of, suggestion
+from flexfem.files.quantities import Limits
+from flexfem.files.refusals import ABOUT, KeyPath, key_path, path_of, suggestion
 from flexfem.mechanism.actuators import Actuator, ActuatorNumbers
 from flexfem.mechanism.materials import FATIGUE
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import OF_ACTUATORS, Hinge, actuators_of
-from flexfem.units import unit_of
 
 PARAMETERS = ("parameters",)  # table of a mechanism file
 LIFE_CONSTANTS = FATIGUE[:3]  # in the order of `Designs.fatigue`
@@ -34,41 +31,19 @@ class Key(NamedTuple):
     path : as written in files, `hinges.base.neck_mm`, `chain.link_lengths_mm[0]`, `override.2.elbow.neck_mm`.
     table : enclosing tables, ("hinges", "base"); ("override", "2", "elbow") for one of the nine hinges;
         ("actuator", "base"), and ("override", "2", "actuator", "base") on one chain.
-    attribute : name in the model.   element : index in an array, else None.
-    check : validates the number by the rules of the file format.
+    attribute : name in the model.   element : index in an array, else None.   number : its limits and unit.
     """
 
     path: str
     table: tuple[str, ...]
     attribute: str
     element: int | None
-    check: TypeAdapter[float]
+    number: Limits
 
     @property
     def unit(self) -> float:
-        """Inside units per file unit."""
-        return 1 / unit_of(self.path).factor
-
-    def expected(self, value: float) -> str | None:
-        """Return the expectation of the file format that `value` (file units) violates; None if it is valid."""
-        try:
-            self.check.validate_python(float(value))
-        except ValidationError as error:
-            return problem_of(error.errors(include_url=False)[0], {}).expected
-        return None
-
-    def impossible(self, values: Array) -> AnyArray:
-        """Return which values (...), in file units, the file format does not allow.
-
-        The valid values of each sign form one interval, so it is sufficient to check the extremes of each sign.
-        """
-        below, above = values < 0, values > 0
-        signs = (values[below], values[~(below | above)], values[above])  # the middle group is zero or nan
-        extremes = [extreme(group) for group in signs if group.size for extreme in (np.min, np.max)]
-        if all(self.expected(value) is None for value in extremes):
-            return np.zeros(values.shape, dtype=bool)
-        invalid: AnyArray = np.vectorize(lambda value: self.expected(value) is not None, otypes=[bool])(values)
-        return invalid
+        """Inside units per file unit; 1 for a parameter, which expressions use in the unit of its name."""
+        return self.number.factor
 
     def places_in(self, stage: Stage | Mechanism) -> list[tuple[str, tuple[int, ...]]]:
         """Return the fields of `designs.Designs` that the key sets, with indices; empty if no model uses the key.
@@ -117,82 +92,62 @@ class Key(NamedTuple):
 
     def value_in(self, stage: Stage | Mechanism) -> float | None:
         """Value of the stage in file units; None where the stage uses a default, or has no such key."""
-        value: Any
-        if not self._is_in(stage):
-            return None
-        if isinstance(stage, Mechanism) and self.table == PARAMETERS:
-            return float(stage.parameters[self.attribute])
-        if isinstance(stage, Stage) and self.of_drive:
-            row = actuators_of(stage)[int(self.table[1]) - 1] if self.table[0] == "override" else stage.actuator
-            named = [actuator for actuator in row if actuator.name == self.table[-1]]
-            value = getattr(named[0], self.attribute) if named else None
-        elif isinstance(stage, Stage) and self.table[:1] == ("override",):
-            value = getattr(stage.hinge(int(self.table[1]), self.table[2]), self.attribute)
-        else:
-            table: Any = stage
-            for name in self.table:
-                table = getattr(table, name)
-            value = getattr(table, self.attribute)
+        table: Any = stage
+        match self.table:
+            case ("parameters",):
+                value = getattr(stage, "parameters", {}).get(self.attribute)
+                return None if value is None else float(value)
+            case ("override", chain, hinge) if isinstance(stage, Stage):
+                table = stage.hinge(int(chain), hinge)
+            case (*on, "actuator", name) if isinstance(stage, Stage):
+                row = actuators_of(stage)[int(on[1]) - 1] if on else stage.actuator
+                table = next((actuator for actuator in row if actuator.name == name), None)
+            case _:
+                for name in self.table:
+                    table = getattr(table, name, None)
+        value = getattr(table, self.attribute, None)
         value = value if self.element is None or value is None else value[self.element]
         return None if value is None else value / self.unit
 
-    def _is_in(self, stage: Stage | Mechanism) -> bool:
-        """Return whether files of the kind of a stage or mechanism have the key."""
-        if isinstance(stage, Mechanism):
-            is_stated = self.attribute in stage.parameters
-            return is_stated if self.table == PARAMETERS else self.table in ((), ("material",), ("frame",))
-        return self.table != PARAMETERS
-
 
 class Keys(dict[str, Key]):
-    """All keys by path, in the order of the format; keys of actuators, named in the file, exist for look-up only."""
+    """All keys by path, in the order of the format; keys named in the file, of actuators, exist for look-up only."""
 
     def __missing__(self, path: str) -> Key:
-        key = _actuator_key(path) or _parameter_key(path)
+        key = _named_key(path)
         if key is None:
             raise KeyError(path)
         return key
 
     def __contains__(self, path: object) -> bool:
-        return super().__contains__(path) or (
-            isinstance(path, str) and (_actuator_key(path) or _parameter_key(path)) is not None
-        )
-
-
-def _parameter_key(path: str) -> Key | None:
-    """Return the key of a parameter of a mechanism file, in the unit of its name; None for other paths."""
-    table, _, name = path.partition(".")
-    is_parameter = (table,) == PARAMETERS and name.isidentifier()
-    return _key((table, name), PARAMETERS, name, None, float) if is_parameter else None
+        return super().__contains__(path) or (isinstance(path, str) and _named_key(path) is not None)
 
 
 @lru_cache(maxsize=256)
-def _actuator_key(path: str) -> Key | None:
-    """Return the key of an actuator that a path denotes in the form of files, None if it denotes none."""
+def _named_key(path: str) -> Key | None:
+    """Return the key of a parameter of a mechanism, or of an actuator, that a path denotes; None if it denotes none."""
     with suppress(ValueError):
         parts = path_of(path)
-        element = parts[-1] if parts and isinstance(parts[-1], int) else None
-        *tables, key = parts if element is None else parts[:-1]
-        found = _actuator_keys().get((str(key), element)) if _of_actuator(tables) else None
-        if found is not None and key_path(parts) == path:
-            return found._replace(path=path, table=tuple(map(str, tables)))
+        match parts:
+            case ("parameters", str(name)) if name.isidentifier():
+                return Key(path, PARAMETERS, name, None, Limits())
+        for tables in (parts[:2], parts[:4]):
+            if _of_actuator(tables):
+                return next((key for key in _keys_of_actuator(*map(str, tables)) if key.path == path), None)
     return None
 
 
-def _of_actuator(tables: list[str | int]) -> bool:
+def _of_actuator(tables: KeyPath) -> bool:
     match tables:
-        case ["actuator", str()]:
+        case ("actuator", str()):
             return True
-        case ["override", str(chain), "actuator", str()]:
+        case ("override", str(chain), "actuator", str()):
             return chain in map(str, CHAINS)
     return False
 
 
-@cache
-def _actuator_keys() -> dict[tuple[str, int | None], Key]:
-    """Keys of an actuator by name and index in an array."""
-    actuator_keys = _keys_of(Actuator, ("actuator", "name"))
-    return {(str(path_of(key.path)[2]), key.element): key for key in actuator_keys if key.attribute in OF_ACTUATORS}
+def _keys_of_actuator(*table: str) -> list[Key]:
+    return [key for key in _keys_of(Actuator, table) if key.attribute in OF_ACTUATORS]
 
 
 @cache
@@ -220,11 +175,13 @@ def key_suggestion(name: str, known: Iterable[str]) -> str:
     """Return a suggestion, as the end of a message, for a name that is not a key path; array members have no index."""
     with suppress(ValueError):
         match path_of(name):
-            case [str(array), int(), *rest] if array in ABOUT:
+            case (str(array), int(), *rest) if array in ABOUT:
                 about = ".".join(f"<{key}>" for key in ABOUT[array])
                 return f", did you mean {array}.{about}.{key_path(tuple(rest))}?"
-            case [*tables, str()] if _of_actuator(tables):
-                return suggestion(name, [key_path((*tables, key)) for key, index in _actuator_keys() if index is None])
+            case (*tables, str()) if _of_actuator(tuple(tables)):
+                return suggestion(
+                    name, [key.path for key in _keys_of_actuator(*map(str, tables)) if key.element is None]
+                )
     return suggestion(name, known)
 
 
@@ -233,26 +190,14 @@ def _keys_of(model: type[BaseModel], table: tuple[str, ...]) -> Iterator[Key]:
         kind, path = field.annotation, (*table, field.alias or name)
         if isinstance(kind, type) and issubclass(kind, BaseModel):
             yield from _keys_of(kind, (*table, name))
-        elif (members := _members(kind)) is not None:
-            for index, member in enumerate(members if all(map(_is_float, members)) else ()):
-                yield _key((*path, index), table, name, index, member)
-        elif _is_float(kind):
-            limited = Annotated[kind, *field.metadata] if field.metadata else kind
-            yield _key(path, table, name, None, limited)
+        numbers = _numbers_in(Annotated[kind, *field.metadata] if field.metadata else kind)
+        is_array = any(get_origin(each) is tuple for each in (kind, *get_args(kind)))
+        for index, number in enumerate(numbers):
+            yield Key(key_path((*path, index) if is_array else path), table, name, index if is_array else None, number)
 
 
-def _members(kind: Any) -> tuple[Any, ...] | None:
-    """Types of the members of an array of fixed length, which may be optional; None for any other type."""
-    if get_origin(kind) is tuple and Ellipsis not in get_args(kind):
-        return get_args(kind)
-    options = [_members(option) for option in get_args(kind) if get_origin(kind) is UnionType]
-    return next((members for members in options if members is not None), None)
-
-
-def _is_float(kind: Any) -> bool:
-    return kind is float or any(_is_float(argument) for argument in get_args(kind))
-
-
-def _key(path: KeyPath, table: tuple[str, ...], attribute: str, index: int | None, kind: Any) -> Key:
-    check = TypeAdapter(kind, config=ConfigDict(strict=True, allow_inf_nan=False))
-    return Key(key_path(path), table, attribute, index, check)
+def _numbers_in(kind: Any) -> list[Limits]:
+    """Numbers of a type: of a number, of an array of fixed length, or of one of these that is optional."""
+    if get_origin(kind) is Annotated:
+        return [each for each in kind.__metadata__ if isinstance(each, Limits)]
+    return [number for part in get_args(kind) if Ellipsis not in get_args(kind) for number in _numbers_in(part)]

@@ -7,38 +7,40 @@ from collections.abc import Mapping
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, create_model, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, create_model, model_validator
 
-from flexfem.files import quantities
-from flexfem.files.quantities import COUNT, keywords
+from flexfem.files.quantities import (
+    FLATTEST as FLATTEST,
+)
+from flexfem.files.quantities import (
+    INSIDE,
+    Cycles,
+    Density,
+    Expansion,
+    Exponent,
+    Modulus,
+    Poisson,
+    Strength,
+    Walker,
+)
+from flexfem.files.quantities import (
+    STEEPEST as STEEPEST,
+)
 from flexfem.files.refusals import key_path, place_of, refusal, shown
-from flexfem.files.toml import LABEL_LENGTH, Label, PathLike, Table, bad_key, read_toml, validate
-from flexfem.mechanism.dimensioned import INSIDE, Density, Dimensioned, Expansion, Modulus, Poisson, Strength
+from flexfem.files.tables import LABEL_LENGTH, Label, Table
+from flexfem.files.toml import PathLike, bad_key, read_toml, validate
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
 
 NEAREST = 5  # registered names suggested for an unknown one
-STEEPEST, FLATTEST = -0.5, -0.01  # limits of Basquin's exponent b; metals have -0.05 to -0.15
 SWT = 0.5  # Walker's exponent for which his equation equals that of Smith, Watson and Topper
 # limits of sigma'_f / yield strength; sigma'_f is near the true fracture strength, up to ten times yield in soft metals
 STRENGTHS = (0.5, 50.0)
 UNLIKELY = "{:g} to {:g} of {}: other values are a unit mistake"
-
-Cycles: TypeAlias = Annotated[float, *quantities.above_zero(quantities.CYCLES), keywords(**COUNT)]
-Walker: TypeAlias = Annotated[float, *quantities.above_zero(quantities.WALKER), keywords(**COUNT)]
-
-
-def _check_exponent(exponent: float) -> float:
-    if not STEEPEST <= exponent <= FLATTEST:
-        raise refusal(f"{STEEPEST:g} to {FLATTEST:g}: stress falls with the number of cycles")
-    return exponent
-
-
-Exponent: TypeAlias = Annotated[float, AfterValidator(_check_exponent), keywords(minimum=STEEPEST, maximum=FLATTEST)]
 
 
 def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bool_]:
@@ -47,7 +49,7 @@ def unlikely(coefficient: ArrayLike, yield_strength: ArrayLike) -> NDArray[np.bo
     return np.asarray((coefficient < low) | (coefficient > high))
 
 
-class Material(Dimensioned):
+class Material(Table):
     """Isotropic elastic material: `youngs_modulus` and `yield_strength` in MPa, `density` in kg/m^3.
 
     The name of a registered material is sufficient; numbers that differ from it are refused. `expansion` in 1/K,
@@ -75,7 +77,7 @@ class Material(Dimensioned):
     )
     """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, for unnotched specimens at zero mean stress. Only lives use
     it: `flexfem life`, and studies with `[life]`"""
-    fatigue_strength_exponent: Exponent | None = Field(default=None, examples=[-0.102], json_schema_extra=COUNT)
+    fatigue_strength_exponent: Exponent | None = Field(default=None, examples=[-0.102])
     """Exponent b of Basquin's law"""
     walker_exponent: Walker | None = Field(default=None, examples=[0.5])
     """Walker's gamma for mean stress; by default 0.5, for which his equation equals that of Smith, Watson and Topper"""
@@ -125,9 +127,6 @@ class Material(Dimensioned):
                 number = f"{registered[key]:g}" if isinstance(registered[key], float) else shown(registered[key])
                 raise refusal(f"{number} of the registered material {self.name}, or another name", place)
         return self
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Material) and dict(self) == dict(other)  # also with numbers that are expressions
 
     @property
     def walker(self) -> float:

@@ -6,40 +6,104 @@ import cmath
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 import shapely
+from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
-from flexfem.files.refusals import key_path, shown, suggestion
+from flexfem.files.expressions import parameter_values
+from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
+from flexfem.files.refusals import key_path, refusal, shown, suggestion
+from flexfem.files.tables import Label, once
 from flexfem.files.toml import PathLike, kind_of, read_toml
-from flexfem.files.writing import canonical, digest
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
-from flexfem.mechanism.materials import with_material_of_file
-from flexfem.mechanism.mechanism_file import PARTS, STATED, BodyHole, Copies, MechanismContent, PlateBody, PlateHinge
+from flexfem.mechanism.materials import Material
+from flexfem.mechanism.mechanism_file import (
+    BodyHole,
+    Copies,
+    NamedPoint,
+    OutputPayload,
+    OutputPoint,
+    PlateActuator,
+    PlateBody,
+    PlateHinge,
+)
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
 from flexfem.mechanism.plate import check_layout
-from flexfem.mechanism.plate_file import located, read_plate
+from flexfem.mechanism.plate_file import PlateFile, located, read_plate
 from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.mechanism.stage_file import merged_changes
+from flexfem.mechanism.stage_file import Frame
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
 
+PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 GROUND = "ground"  # carries actuators, also where no body has this name
 CUT = 1.02  # default height of a cut relative to the bodies or the profile
 CONTACT = 1 / 20  # default radius of a contact relative to the extent of its body
 MOST = 2000  # parts, copies included
 
 
-class Mechanism(MechanismContent):
+class Mechanism(PlateFile):
     """A planar flexure mechanism that is cut from one plate; lengths in mm, `provenance` by key path of the file.
 
     Parts are given as dicts by the keys of the file, without their units: `body=[{"name": "ground", "path": [(0, 0),
     (9, 0)], "width": 5.0, "fixed": True}]`; numbers are in mm, N, rad and tonne, expressions in the unit of the file.
     """
+
+    kind: ClassVar[str] = "mechanism file"
+
+    name: Label = Field(examples=["parallelogram"])
+    """Name of the mechanism in tables and figures"""
+    model: Literal["plane_stress", "plane_strain"] = "plane_stress"
+    """Plane model: `plane_stress`, for a plate that is thin compared with its bodies, or `plane_strain`"""
+    thickness: Length = Field(alias="thickness_mm", examples=[10.0])
+    """Thickness of the plate"""
+    material: Material
+    """Material of the plate, isotropic"""
+    parameters: Mapping[str, Unlimited] = Field(
+        default_factory=dict, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
+    )
+    """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as _mm or _deg, or has
+    none; expressions use it without the unit. Every number of the file may be an expression in quotes, in the unit of
+    its key: numbers, names, + - * / **, brackets, abs, sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in
+    degrees"""
+    body: tuple[PlateBody, ...] = Field(min_length=1)
+    """A body; bodies may be drawn as far as the centres of hinges, which cut them"""
+    hinge: tuple[PlateHinge, ...] = ()
+    """A hinge between two bodies"""
+    copies: tuple[Copies, ...] = Field(default=(), alias="copy")
+    """Copies of parts, rotated or mirrored; several of them apply in their order"""
+    actuator: tuple[PlateActuator, ...] = ()
+    """A linear actuator between two bodies, or between the ground and a body"""
+    output: OutputPoint
+    """Point at which the mechanism is loaded and its pose is read"""
+    frame: Frame = Field(default_factory=Frame)
+    """Frame to which the plate is fixed. Only thermal drift uses it"""
+    payload: OutputPayload | None = None
+    """Rigid payload at the output"""
+    point: tuple[NamedPoint, ...] = ()
+    """Another point whose motion is read"""
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _with_parameters(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+        stated = data.get("parameters", {}) if isinstance(data, dict) else {}
+        token = KNOWN.set(parameter_values(stated) if isinstance(stated, Mapping) else {})
+        try:
+            return handler(data)
+        finally:
+            KNOWN.reset(token)
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        for array in PARTS:
+            names = [part.name for part in getattr(self, array)]
+            for index, name in enumerate(names):
+                if name in names[:index] or (array == "point" and name == "output"):
+                    raise refusal(f"a name that no other {array} has", array, index, "name")
+        return self
 
     def replace(self, **changes: Any) -> Mechanism:
         """Return a changed mechanism, validated; expressions are computed again from the parameters.
@@ -55,34 +119,33 @@ class Mechanism(MechanismContent):
         BadInput
             A name is not known, a value is not possible, or the mechanism cannot be made.
         """
-        content = self._stated()
-        for array in {*PARTS} & {*changes}:
-            if isinstance(changes[array], Mapping):
-                changes[array] = _by_name(array, content.get(array, []), changes[array])
-        changed = self._replaced(merged_changes(content, changes), changes)
+        changed = self._replaced(changes)
         with located(changed):
             check_layout(changed.layout)
         return changed
 
-    def _stated(self) -> dict[str, Any]:
-        """Return the stated content by attribute names, with the texts of expressions."""
-        return self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
+    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
+        """Return the parts changed by their names."""
+        if array not in PARTS:
+            return changes
+        names = [part["name"] for part in members]
+        for name, values in changes.items():
+            if name not in names:
+                near = suggestion(name, names) or f", expected one of {names}"
+                raise BadInput(f"{array}: no {shown(name)}{near}")
+            if not isinstance(values, Mapping):
+                raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
+        return [{**part, **changes.get(part["name"], {})} for part in members]
 
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content, expressions evaluated; its name, parameters and provenance are excluded."""
-        return self._digest({"parameters"})
+        return self._digest({"parameters"}, exclude_none=True)
 
     @property
     def stated_hash(self) -> str:
         """SHA-256 of the physical content with parameters and texts of expressions, on which its designs depend."""
-        return self._digest(set(), STATED)
-
-    def _digest(self, excluded: set[str], context: str | None = None) -> str:
-        excluded = {"name", "provenance", "frame"} | excluded
-        content = self.model_dump(exclude=excluded, exclude_none=True, context=context)
-        content["material"] = {k: value for k, value in content["material"].items() if k not in ("name", "expansion")}
-        return digest(canonical(content))
+        return self._digest(set(), exclude_none=True, context=STATED)
 
     @property
     def layout(self) -> Layout:
@@ -95,7 +158,7 @@ class Mechanism(MechanismContent):
 
 def read_mechanism(path: PathLike) -> Mechanism:
     """Read a mechanism file whose bodies and hinges need not fit together. Raises BadInput as `load_mechanism`."""
-    mechanism = read_plate(Mechanism, path, partial(with_material_of_file, path))
+    mechanism = read_plate(Mechanism, path)
     _ = mechanism.layout
     return mechanism
 
@@ -111,16 +174,6 @@ def load_mechanism(path: PathLike) -> Mechanism:
 def load_plate(path: PathLike) -> Stage | Mechanism:
     """Read a stage file or a mechanism file, whichever its keys show. Raises BadInput as the reader of its kind."""
     return load_mechanism(path) if kind_of(read_toml(path).data) == Mechanism.kind else load_feasible(path)
-
-
-def _by_name(array: str, parts: Sequence[dict[str, Any]], changes: Mapping[str, Any]) -> list[dict[str, Any]]:
-    names = [part["name"] for part in parts]
-    for name, values in changes.items():
-        if name not in names:
-            raise BadInput(f"{array}: no {shown(name)}{suggestion(name, names) or ', expected one of ' + str(names)}")
-        if not isinstance(values, Mapping):
-            raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
-    return [{**part, **changes.get(part["name"], {})} for part in parts]
 
 
 class PlacedPart(NamedTuple):

@@ -1,4 +1,4 @@
-"""What all files of plates share: sources of a registered material, origin, text, copies, and lines of refusals."""
+"""What all files of plates share: sources of a registered material, origin, text, changes, hash, lines of refusals."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias, TypeVar
 
 from pydantic import BaseModel, model_validator
 
-from flexfem.files.provenance import Sourced, key_paths, values_by_key
+from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import STATED
 from flexfem.files.refusals import checked_path, path_of, place_of
+from flexfem.files.tables import KEPT, plain
 from flexfem.files.toml import PathLike, read_toml, validate
-from flexfem.files.writing import check_file, toml_text, write_atomically
-from flexfem.mechanism.dimensioned import KEPT, Dimensioned, once
-from flexfem.mechanism.materials import Material, sources_of
+from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
+from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
 from flexfem.refused import BadInput
 
 
@@ -30,7 +31,7 @@ class Origin(NamedTuple):
         return "" if self.path is None else self.path + ", changed" * self.changed
 
 
-class PlateFile(Dimensioned, Sourced):
+class PlateFile(Sourced):
     """The content of a file that describes a plate to be cut; subclasses have a name and a material."""
 
     if TYPE_CHECKING:
@@ -53,44 +54,26 @@ class PlateFile(Dimensioned, Sourced):
         return Origin()
 
     @property
-    @once
-    def entries(self) -> tuple[tuple[str, Any], ...]:
-        return super().entries
-
-    @property
-    @once
-    def sources(self) -> dict[str, str | None]:
-        return super().sources
-
-    @property
-    @once
-    def assumed(self) -> tuple[str, ...]:
-        return super().assumed
-
-    @property
-    @once
-    def not_stated(self) -> tuple[str, ...]:
-        return super().not_stated
-
-    @property
     def hash(self) -> str:
         """SHA-256 of the physical content."""
         raise NotImplementedError
 
+    def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:
+        """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and excluded keys."""
+        content = self.model_dump(exclude={"name", "provenance", "frame", *excluded}, **options) | dict(more or {})
+        unused = ("name", "expansion")
+        content["material"] = {key: v for key, v in content["material"].items() if key not in unused and v is not None}
+        return digest(canonical(content))
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
-        return self._with_content(self._stated() | dict(update or {}))
-
-    def _stated(self) -> dict[str, Any]:
-        """Return the stated content by attribute names."""
-        return {name: getattr(self, name) for name in self.model_fields_set}
+        return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
 
     def _with_content(self, content: dict[str, Any]) -> Self:
         """Return a table of this content, without the provenance of keys of this one that no longer exist."""
         sources = content.pop("provenance", {})
         table = type(self)(**content)
-        removed = {key for key in sources if key in self.provenance} - {*key_paths(table)} if sources else ()
-        kept = {key: source for key, source in sources.items() if key not in removed}
+        kept = {key: source for key, source in sources.items() if key not in self.provenance or key in table.entries}
         if kept.items() <= self.provenance.items():
             return table._with_provenance({**table.provenance, **kept})
         return type(self)(**content, provenance=kept)
@@ -103,16 +86,35 @@ class PlateFile(Dimensioned, Sourced):
 
     def _sources_of(self, changed: Self) -> dict[str, str]:
         """Return the provenance of a changed table, in which changed values lose the sources of this one."""
-        before, stated = values_by_key(self), changed.sources
-        different = [key for key, value in values_by_key(changed).items() if before.get(key) != value]
+        before, stated = self.values, changed.sources
+        different = [key for key, value in changed.values.items() if before.get(key) != value]
         sources = dict(changed.provenance) | {key: "replaced in Python" for key in different if stated[key] is not None}
         registered = sources_of(changed.material.name)
         if not registered or changed.material == self.material:
             return sources
         return registered | {key: text for key, text in sources.items() if not key.startswith("material")}
 
-    def _replaced(self, content: dict[str, Any], changes: Mapping[str, Any]) -> Self:
-        """Return a table of changed content with the origin of this one. Raises BadInput, which names the origin."""
+    def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the stated content by attribute names, with changes as `replace` takes them. Raises BadInput."""
+        content = self.model_dump(exclude_unset=True, exclude_none=True, context=STATED)
+        given = plain(changes, tables=True)
+        if "material" in given:
+            value = given.pop("material")
+            content["material"] = (
+                with_changes(content["material"], value) if isinstance(value, dict) else {"name": value}
+            )
+        for name, value in given.items():
+            if isinstance(value, dict) and isinstance(getattr(self, name, None), tuple):
+                given[name] = self._members_changed(name, content.get(name, []), value)
+        return dict(merged_tables(content, given))
+
+    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
+        """Return the members of an array with changes by what identifies them, or the changes where nothing does."""
+        raise NotImplementedError
+
+    def _replaced(self, changes: Mapping[str, Any]) -> Self:
+        """Return a changed table with the origin of this one. Raises BadInput, which names the origin."""
+        content = self.merged(changes)
         origin = self.origin._replace(changed=self.origin.path is not None)
         try:
             changed = self._with_content(content)
@@ -135,21 +137,16 @@ class PlateFile(Dimensioned, Sourced):
         check_file(target)
         write_atomically(target, lambda file: file.write(self.to_toml().encode()))
 
-    def __getstate__(self) -> dict[Any, Any]:
-        """Return fields and origin for a pickle, without cached results."""
-        state = super().__getstate__()
-        content = {key: value for key, value in state["__dict__"].items() if key != KEPT}
-        return state | {"__dict__": content}
-
-    def __eq__(self, other: object) -> bool:
-        """Compare the content; origin and cached results are ignored."""
-        if not isinstance(other, type(self)):
-            return False
-        return all(getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
-
     def __hash__(self) -> int:
         """Hash consistently with equality, so that a plate can be a key."""
         return hash(self.hash)
+
+
+def merged_tables(old: Any, new: Any) -> Any:
+    """Return nested tables with the values of others."""
+    if not isinstance(old, dict) or not isinstance(new, dict):
+        return new
+    return old | {key: merged_tables(old.get(key), value) for key, value in new.items()}
 
 
 def of_stage(plate: PlateFile) -> dict[str, Any]:
@@ -181,10 +178,14 @@ def _file_and_line(origin: Origin, refusal: str) -> str:
 
 
 Plate = TypeVar("Plate", bound=PlateFile)
+Completed: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-def read_plate(model: type[Plate], path: PathLike, complete: Callable[[dict[str, Any]], dict[str, Any]]) -> Plate:
-    """Read a file of a plate and note where it came from. Raises BadInput as `validate`."""
-    plate = validate(model, path, complete)
+def read_plate(model: type[Plate], path: PathLike, completed: Completed = dict) -> Plate:
+    """Read a file of a plate, with the material of another file, `completed`, and note where it came from.
+
+    Raises BadInput as `validate`.
+    """
+    plate = validate(model, path, lambda data: completed(with_material_of_file(path, data)))
     plate.__dict__["origin"] = Origin(os.fspath(path))
     return plate

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import tomllib
-from functools import partial
 from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
@@ -15,12 +14,12 @@ from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
 from flexfem.mechanism.drives import check_drive
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.materials import materials, with_material_of_file
+from flexfem.mechanism.materials import materials
 from flexfem.mechanism.plate_file import read_plate
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
 from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.stage_file import Hinge as Hinge
-from flexfem.mechanism.stage_file import StageContent, actuators_of, hinges_of, merged_changes, of_drive, of_heat
+from flexfem.mechanism.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
 from flexfem.sources import read_data
 
 
@@ -59,7 +58,7 @@ class Stage(StageContent):
         flexfem.BadInput: geometry/mobility6.toml, changed: hinges.base.neck_mm = 20, neck as wide as the \
 link, expected < chain.link_width_mm = 9
         """
-        changed = self._replaced(merged_changes(self.model_dump(exclude_unset=True), changes), changes)
+        changed = self._replaced(changes)
         check_feasible(changed)
         if "actuator" in changes or changed.override != self.override:
             check_drive(changed)
@@ -90,13 +89,9 @@ link, expected < chain.link_width_mm = 9
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content, overrides applied; names, provenance, drive and expansion are excluded."""
-        content = self.model_dump(exclude={"name", "provenance", "override", "actuator", "frame"})
-        excluded, numbers = ("name", "expansion"), content["material"].items()
-        content["material"] = {key: value for key, value in numbers if key not in excluded and value is not None}
-        if self.model == "plane_stress":  # keeps the hashes of stages that are older than the key
-            del content["model"]
-        content["hinges"] = [[hinge.model_dump() for hinge in chain] for chain in hinges_of(self)]
-        return digest(canonical(content))
+        old = {"model"} if self.model == "plane_stress" else set()  # keeps hashes that are older than the key
+        hinges = [[hinge.model_dump() for hinge in chain] for chain in hinges_of(self)]
+        return self._digest({"override", "actuator", *old}, {"hinges": hinges})
 
     @property
     def drive_hash(self) -> str:
@@ -150,7 +145,7 @@ link, expected < chain.link_width_mm = 9
 
 def load_stage(path: PathLike) -> Stage:
     """Read a stage file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
-    return read_plate(Stage, path, partial(with_material_of_file, path))
+    return read_plate(Stage, path)
 
 
 def load_feasible(path: PathLike) -> Stage:
@@ -196,7 +191,6 @@ def load_partly(path: PathLike) -> PartialStage:
     missing = list[str]()
 
     def complete(data: dict[str, Any]) -> dict[str, Any]:
-        data = with_material_of_file(path, data)
         stated = data.get("material")
         registered = isinstance(stated, dict) and stated.get("name") in materials()
         for key in needed(Problem("missing", (), ""), Stage):

@@ -11,21 +11,21 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeA
 
 from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
 
-from flexfem.files.refusals import KeyPath, key_path, problem_of, refusal, shown, suggestion
-from flexfem.files.toml import Label
+from flexfem.files.quantities import Angle, FrameExpansion, Length
+from flexfem.files.refusals import KeyPath, key_path, problems_of, refusal, shown, suggestion
+from flexfem.files.tables import Label, Table, once, plain
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.actuators import HingeName as HingeName
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, FrameExpansion, Length, once, plain
-from flexfem.mechanism.materials import Material, with_changes
-from flexfem.mechanism.plate_file import PlateFile
+from flexfem.mechanism.materials import Material
+from flexfem.mechanism.plate_file import PlateFile, merged_tables
 from flexfem.refused import BadInput
 
 Plane: TypeAlias = Literal["plane_stress", "plane_strain", "corrected"]
 CHAINS = (1, 2, 3)
 
 
-class Chain(Dimensioned):
+class Chain(Table):
     """Chain 1; the others are rotated by 120 and 240 degrees. Lengths in mm, relative angles as in (19) in rad."""
 
     link_lengths: tuple[Length, Length, Length] = Field(alias="link_lengths_mm", examples=[[30.0, 32.0, 24.0]])
@@ -36,7 +36,7 @@ class Chain(Dimensioned):
     """Width of links, clamped pads and lugs of the platform"""
 
 
-class Hinge(Dimensioned):
+class Hinge(Table):
     """A circular hinge: cutting `radius` and `neck` in mm; `axis` in rad, None for along the link."""
 
     radius: Length = Field(alias="radius_mm", examples=[4.0])
@@ -50,7 +50,7 @@ class Hinge(Dimensioned):
     elbow hinges, along link 2 for the platform hinge"""
 
 
-class Hinges(Dimensioned):
+class Hinges(Table):
     """The three hinges of every chain, before overrides."""
 
     base: Hinge
@@ -61,7 +61,7 @@ class Hinges(Dimensioned):
     """Hinge between link 2 and the platform"""
 
 
-class Platform(Dimensioned):
+class Platform(Table):
     """The platform disc and its rigid hub, where the load acts and the pose is read; radii in mm."""
 
     radius: Length = Field(alias="radius_mm", examples=[17.0])
@@ -70,7 +70,7 @@ class Platform(Dimensioned):
     """Radius of the hole in the disc, modelled as a rigid hub on which loads act and of which the pose is read"""
 
 
-class Frame(Dimensioned):
+class Frame(Table):
     """The frame to which the pads are clamped: coefficient of linear thermal expansion, 1/K; None for the stage's."""
 
     expansion: FrameExpansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[12.0])
@@ -78,45 +78,6 @@ class Frame(Dimensioned):
 
 
 OF_HINGES = tuple(Hinge.model_fields)  # attributes that changes may name without the table
-
-
-def merged_changes(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Merge changes, as in `Stage.replace`, into the content of a stage, its `model_dump`.
-
-    Raises BadInput for an override that names no hinge or is not a table.
-    """
-    merged, given = plain(content), {name: _plain(value) for name, value in changes.items()}
-    for name in [name for name in OF_HINGES if name in given]:
-        value = given.pop(name)
-        by_hinge = value if isinstance(value, dict) else dict.fromkeys(HINGE_NAMES, value)
-        merged = _merge(merged, {"hinges": {hinge: {name: number} for hinge, number in by_hinge.items()}})
-    if "material" in given:
-        value = given.pop("material")
-        replaced = {"name": value} if isinstance(value, str) else value
-        merged["material"] = with_changes(merged["material"], value) if isinstance(value, dict) else replaced
-    if isinstance(given.get("override"), dict):
-        merged["override"] = _merged_overrides(merged.get("override", []), given.pop("override"))
-    return dict(_merge(merged, given))
-
-
-def _merged_overrides(overrides: list[Any], changes: Mapping[Any, Any]) -> list[Any]:
-    merged = {place_of_override(override): override for override in overrides}
-    for place, values in changes.items():
-        about = tuple(plain(place)) if isinstance(place, tuple) else (None, place)
-        match about:
-            case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
-                target: dict[str, Any] = {"chain": chain, "hinge": hinge}
-            case (int(chain), "actuator", str(name)) if chain in CHAINS:
-                target = {"chain": chain, "actuator": name}
-            case _:
-                names = ", ".join(HINGE_NAMES)
-                expected = f'(1, 2 or 3, one of {names}) or (1, 2 or 3, "actuator", its name)'
-                raise BadInput(f"override: no hinge {shown(str(place))}, expected {expected}")
-        if not isinstance(values, Mapping):
-            keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in target else ""
-            raise BadInput(f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a table{keys}")
-        merged[about] = merged.get(about, target) | dict(values)
-    return list(merged.values())
 
 
 Place: TypeAlias = tuple[int | str, ...]
@@ -127,23 +88,6 @@ def place_of_override(override: Mapping[str, Any]) -> Place:
     if override.get("actuator") is not None:
         return override["chain"], "actuator", override["actuator"]
     return override["chain"], override["hinge"]
-
-
-def _merge(old: Any, new: Any) -> Any:
-    if not isinstance(old, dict) or not isinstance(new, dict):
-        return new
-    return old | {key: _merge(old.get(key), value) for key, value in new.items()}
-
-
-def _plain(value: Any, member: bool = False) -> Any:
-    """Convert a value to dicts, lists and Python numbers; of a table, keep only what was set explicitly.
-
-    member : whether the value is a member of an array, whose None values are dropped because it is replaced as a whole.
-    """
-    value = value.model_dump(exclude_unset=True) if isinstance(value, BaseModel) else value
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items() if not (member and item is None)}
-    return [_plain(item, True) for item in value] if isinstance(value, list | tuple) else plain(value)
 
 
 def of_drive(key: str) -> bool:
@@ -167,7 +111,7 @@ def counted(count: int, singular: str, plural: str) -> str:
     return f"{count} {singular if count == 1 else plural}"
 
 
-class _Target(Dimensioned):
+class _Target(Table):
     """The target of an override."""
 
     described_by: ClassVar = (Hinge, Actuator)
@@ -270,6 +214,38 @@ class StageContent(PlateFile):
         _check_overrides(self)
         return self
 
+    def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the stated content with changes, also of `OF_HINGES`, for all hinges or by name. Raises BadInput."""
+        given = plain(changes, tables=True)
+        for attribute in [name for name in OF_HINGES if name in given]:
+            value = given.pop(attribute)
+            by_hinge = value if isinstance(value, dict) else dict.fromkeys(HINGE_NAMES, value)
+            hinges = {name: {attribute: number} for name, number in by_hinge.items()}
+            given["hinges"] = merged_tables(hinges, given.get("hinges", {}))
+        return super().merged(given)
+
+    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
+        """Return the overrides changed by their places."""
+        if array != "override":
+            return changes
+        merged = {place_of_override(override): override for override in members}
+        for place, values in changes.items():
+            about = tuple(plain(place)) if isinstance(place, tuple) else (None, place)
+            match about:
+                case (int(chain), str(hinge)) if chain in CHAINS and hinge in HINGE_NAMES:
+                    target: dict[str, Any] = {"chain": chain, "hinge": hinge}
+                case (int(chain), "actuator", str(name)) if chain in CHAINS:
+                    target = {"chain": chain, "actuator": name}
+                case _:
+                    names = ", ".join(HINGE_NAMES)
+                    expected = f'(1, 2 or 3, one of {names}) or (1, 2 or 3, "actuator", its name)'
+                    raise BadInput(f"override: no hinge {shown(str(place))}, expected {expected}")
+            if not isinstance(values, Mapping):
+                keys = f", any of {', '.join(OF_HINGES)}" if "hinge" in target else ""
+                raise BadInput(f"{key_path(('override', *map(str, about)))} = {shown(values)}, expected a table{keys}")
+            merged[about] = merged.get(about, target) | dict(values)
+        return list(merged.values())
+
     def hinge(self, chain: int, name: str) -> Hinge:
         """Return a hinge of chain 1, 2 or 3 with its override applied; ValueError when there is no such hinge."""
         if chain not in CHAINS or name not in HINGE_NAMES:
@@ -293,7 +269,7 @@ def _check_overrides(stage: StageContent) -> None:
         try:
             Actuator.model_validate(content)
         except ValidationError as error:
-            problem = problem_of(error.errors(include_url=False)[0], content)
+            problem = problems_of(error, content)[0]
             stated = override.model_dump(by_alias=True, exclude_none=True)
             at = [part for part in problem.path if part in stated]
             raise refusal(problem.expected, "override", index, *at) from None

@@ -18,7 +18,7 @@ from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import Array
 from flexfem.design.result import Designed, is_design, read_design
 from flexfem.files.inputs import require_unread
-from flexfem.files.provenance import is_assumed, values_by_key
+from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
@@ -328,8 +328,7 @@ def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
 
 def _provenance(stage: PlateFile, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
     """Return rows of key, kind and source for all values of a file, those assumed first."""
-    values = values_by_key(stage)
-    sources = {key: text for key, text in stage.sources.items() if text and key in values}
+    sources = {key: text for key, text in stage.sources.items() if text and key in stage.values}
     all_assumed = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
     rows = [[key, "assumed", sources.get(key, "not a number of the file")] for key in all_assumed]
     rows += [[key, "source not stated", "no source in the file"] for key in not_stated]

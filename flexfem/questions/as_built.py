@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeAlias, TypeVar
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -17,23 +17,23 @@ from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, inverse
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import Neck, NeckDeviation
 from flexfem.files.refusals import (
     SHOWN,
     checked_path,
     key_path,
     one_line,
     place_of,
-    problem_of,
+    problems_of,
     refusal,
     sentence,
     shown,
     suggestion,
 )
-from flexfem.files.toml import Label, Table, bad_key, read_csv, validate
+from flexfem.files.tables import Label, Table
+from flexfem.files.toml import bad_key, read_csv, validate
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.dimensioned import in_unit
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -58,9 +58,6 @@ Kind = TypeVar("Kind", bound="AsBuilt")
 Refusal: TypeAlias = Callable[[tuple[str | int, ...], str], BadInput]  # of the keys of a value, with a text
 HingePlace: TypeAlias = tuple[int | None, str]  # chain, none in a mechanism, and name of the hinge
 
-Neck: TypeAlias = Annotated[float, *quantities.above_zero(quantities.NECK), *in_unit("um")]
-Deviation: TypeAlias = Annotated[float, *quantities.from_zero(quantities.NECK), *in_unit("um")]
-
 
 class MeasuredNeck(Table):
     """A measured neck thickness and the standard deviation of the measurement, mm."""
@@ -71,7 +68,7 @@ class MeasuredNeck(Table):
     """Hinge of this chain: base, elbow or platform; or a hinge of a mechanism, by its name in `flexfem check`"""
     neck: Neck = Field(alias="neck_um", examples=[512.0])
     """Measured neck thickness; must be between half and twice the drawn one"""
-    sd: Deviation = Field(default=0.0, alias="sd_um", examples=[3.0])
+    sd: NeckDeviation = Field(default=0.0, alias="sd_um", examples=[3.0])
     """Standard deviation of the measurement, for all necks or for none; at most a fifth of the neck"""
 
     @property
@@ -185,7 +182,7 @@ def _read_csv(path: Path, chained: bool) -> tuple[Necks, Refusal]:
     try:
         return Necks.model_validate(data), refused
     except ValidationError as error:
-        first = problem_of(error.errors(include_url=False)[0], data)
+        first = problems_of(error, data)[0]
     text = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
     raise refused(first.path, text)
 

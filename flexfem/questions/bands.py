@@ -19,7 +19,7 @@ from flexfem.arrays import Array, is_largest
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import layers_of, sheet_of
-from flexfem.mechanism.dimensioned import once
+from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.setup import on_meshes, sectors_of

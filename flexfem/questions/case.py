@@ -15,11 +15,11 @@ from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import Array
 from flexfem.fem.mesh import LAYERS, RESOLUTION, SOLID_RESOLUTION
-from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import Keywords
+from flexfem.files.quantities import CommandMrad, CommandUm
 from flexfem.files.refusals import refusal, shown
-from flexfem.files.toml import Label, Table, bad_key, validate
+from flexfem.files.tables import Keywords, Label, Table
+from flexfem.files.toml import bad_key, validate
 from flexfem.hinges.formulas import formula, formulas
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.refused import BadInput
@@ -39,8 +39,6 @@ def known_formula(name: str) -> str:
     return name
 
 
-CommandUm: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_UM)]
-CommandMrad: TypeAlias = Annotated[float, *quantities.above_zero(quantities.COMMAND_MRAD)]
 Mobility: TypeAlias = Literal[3, 6, 12, 21]
 FormulaName: TypeAlias = Annotated[str, AfterValidator(known_formula), Keywords(lambda: {"enum": list(formulas())})]
 OF_MODEL = "Mobility of the analytic model; by default the stage's own"

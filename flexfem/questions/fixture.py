@@ -15,27 +15,34 @@ beam. Out-of-plane tilt, contacts, friction, hysteresis and drift are not modell
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from flexfem.arrays import Array, Index
-from flexfem.files import quantities
 from flexfem.files.provenance import Sourced
+from flexfem.files.quantities import (
+    Angle,
+    Coordinate,
+    ForceReading,
+    Length,
+    Modulus,
+    Poisson,
+    Rate,
+    Reading,
+    Spring,
+    Stroke,
+    Torsion,
+)
 from flexfem.files.refusals import checked_path, place_of, refusal
-from flexfem.files.toml import KINDS, Label, read_toml, validate
-from flexfem.mechanism.actuators import Coordinate, Rate, Stroke
+from flexfem.files.tables import Label, Table
+from flexfem.files.toml import KINDS, read_toml, validate
 from flexfem.mechanism.designs import direction
-from flexfem.mechanism.dimensioned import Angle, Dimensioned, Length, Modulus, Poisson, in_unit
 from flexfem.refused import BadInput
 
 SHEAR = 10 / 9  # shear coefficient of a round section, by the energy of the parabolic shear stress
 POINTS = 100_000  # largest number of readings in one direction, repeats included
-Spring: TypeAlias = Annotated[float, *quantities.above_zero(quantities.SPRING)]
-Torsion: TypeAlias = Annotated[float, *quantities.above_zero(quantities.TORSION)]
-Reading: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING), *in_unit("um")]
-Newton: TypeAlias = Annotated[float, *quantities.from_zero(quantities.READING)]
 MEASURED = (
     "One or more measured slopes, each with its standard deviation if that is known. They are compared with the "
     "reciprocal of the compliance, because the other directions are free under each load"
@@ -46,7 +53,7 @@ def _slope(key: str, description: str, example: float) -> Any:
     return Field(default=None, alias=key, description=description, examples=[example])
 
 
-class MeasuredSlopes(Dimensioned):
+class MeasuredSlopes(Table):
     """One or more measured slopes, N/mm and N mm/rad, each with its standard deviation if that is known."""
 
     kxx: Spring | None = _slope("kxx_n_per_mm", "Slope under a force in x", 1480.0)
@@ -84,7 +91,7 @@ class PoleCompliance(NamedTuple):
     torsion: float
 
 
-class Pole(Dimensioned):
+class Pole(Table):
     """A round pole clamped upright on the platform; mm, MPa."""
 
     diameter: Length = Field(alias="diameter_mm", description="Diameter of the pole", examples=[10.0])
@@ -121,7 +128,7 @@ class Pole(Dimensioned):
         return PoleCompliance(bent(pushed, h), bent(h, h), bent(pushed, pushed), float(h / (G * 2 * second)))
 
 
-class Bar(Dimensioned):
+class Bar(Table):
     """A horizontal bar on the pole's end, loaded at right angles at `arm`, mm, from the pole."""
 
     arm: Length = Field(alias="arm_mm", examples=[50.0])
@@ -140,7 +147,7 @@ class Bar(Dimensioned):
         return 4 * self.arm**3 / (self.youngs_modulus * self.thickness * self.width**3)
 
 
-class Pusher(Dimensioned):
+class Pusher(Table):
     """The actuator: stroke, mm, and stiffness, N/mm."""
 
     name: Label = Field(description="Name of the actuator", examples=["P-841.30"])
@@ -149,7 +156,7 @@ class Pusher(Dimensioned):
     """Stiffness; like that of the sensor it affects the force per stroke but no slope"""
 
 
-class Lvdt(Dimensioned):
+class Lvdt(Table):
     """Displacement sensors on the ground: standard deviation and step of a reading, mm."""
 
     at: Literal["pole", "platform"] = "pole"
@@ -160,17 +167,17 @@ class Lvdt(Dimensioned):
     """Step of a reading, 0 for none"""
 
 
-class ForceSensor(Dimensioned):
+class ForceSensor(Table):
     """The force/torque sensor that carries the actuator: noise and step, N; stiffness, N/mm, None for rigid."""
 
     stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[10.0])
     """Stiffness of the sensor and its support; by default rigid"""
-    noise: Newton = Field(alias="noise_n", description="Standard deviation of a reading", examples=[0.02])
-    resolution: Newton = Field(default=0.0, alias="resolution_n", examples=[0.005])
+    noise: ForceReading = Field(alias="noise_n", description="Standard deviation of a reading", examples=[0.02])
+    resolution: ForceReading = Field(default=0.0, alias="resolution_n", examples=[0.005])
     """Step of a reading, 0 for none"""
 
 
-class Run(Dimensioned):
+class Run(Table):
     """Commands, `repeats` times `increments` of the stroke from rest, mm each, seed of the noise, confidence level."""
 
     increments: int = Field(ge=2, le=10_000, description="Number of increments from rest", examples=[20])
@@ -186,7 +193,7 @@ class Run(Dimensioned):
         return np.asarray(self.increment * np.arange(self.increments + 1.0), dtype=np.float64)
 
 
-class Fixture(Dimensioned, Sourced):
+class Fixture(Sourced):
     """The set-up of Section VI, and slopes measured with it if they are known."""
 
     kind: ClassVar[str] = "fixture file"
@@ -210,7 +217,7 @@ class Fixture(Dimensioned, Sourced):
         return self
 
 
-class Measurement(Dimensioned, Sourced):
+class Measurement(Sourced):
     """Measured slopes without a description of the set-up."""
 
     kind: ClassVar[str] = "measured file"

@@ -17,8 +17,8 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import DrivenResponse, driven_response
 from flexfem.fem.structure import plate_of
+from flexfem.files.tables import once
 from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels

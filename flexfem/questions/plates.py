@@ -19,7 +19,7 @@ from flexfem.fem.mesh import LAYERS, StageMesh
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
-from flexfem.mechanism.dimensioned import once
+from flexfem.files.tables import once
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.profiles import Leaf

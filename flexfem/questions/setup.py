@@ -35,7 +35,7 @@ from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh, me
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Sourced, assumptions
-from flexfem.mechanism.dimensioned import once
+from flexfem.files.tables import once
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput

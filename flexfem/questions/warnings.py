@@ -6,9 +6,9 @@ import numpy as np
 
 from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
+from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.materials import Material
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane

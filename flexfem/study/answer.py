@@ -287,7 +287,7 @@ def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
 def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
     """Return the conditions that refuse values which no stage file can give."""
     return [
-        Broken(f"{path}: outside the limits of a stage file", keys()[path].impossible(values[:, index]))
+        Broken(f"{path}: outside the limits of a stage file", keys()[path].number.refuses(values[:, index]))
         for index, column in enumerate(loaded.columns)
         for path in column.keys
     ]

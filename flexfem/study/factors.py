@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import Annotated, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
 
-from flexfem.files import quantities
-from flexfem.files.quantities import OF_THE_KEY, Keywords, keywords
+from flexfem.files.quantities import AnyNumber, AnyPositive
 from flexfem.files.refusals import refusal, shown
-from flexfem.files.toml import Label, Table
+from flexfem.files.tables import Keywords, Label, Table
 from flexfem.mechanism.keys import PARAMETERS, key_suggestion, keys, matching_keys
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -30,17 +29,13 @@ WAYS = "values, or from and to, or a distribution"
 NAMED = ("key", "keys", "label")  # keys that name a factor of any kind
 
 
-def _key_schema(pattern: str) -> dict[str, Any]:
+def _matching(pattern: str) -> Keywords:
     """Return the schema of the known key paths, and of a pattern for those with actuator names of the stage file."""
-    return {"anyOf": [{"enum": list(keys())}, {"pattern": pattern}]}
+    return Keywords(lambda: {"anyOf": [{"enum": list(keys())}, {"pattern": pattern}]})
 
 
-Number: TypeAlias = Annotated[float, *quantities.either_sign(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-Step: TypeAlias = Annotated[float, *quantities.above_zero(quantities.OF_ANY_KEY), keywords(**OF_THE_KEY)]
-KeyName: TypeAlias = Annotated[Label, Keywords(lambda: _key_schema(r"^((override\.\d\.)?actuator|parameters)\."))]
-KeyPattern: TypeAlias = Annotated[
-    Label, Keywords(lambda: _key_schema(r"^((override\.[\d*]\.)?actuator|parameters)\.|\*"))
-]
+KeyName: TypeAlias = Annotated[Label, _matching(r"^((override\.\d\.)?actuator|parameters)\.")]
+KeyPattern: TypeAlias = Annotated[Label, _matching(r"^((override\.[\d*]\.)?actuator|parameters)\.|\*")]
 
 
 class Factor(Table):
@@ -61,11 +56,13 @@ class Factor(Table):
     """Instead of `key`: several keys that take the same value"""
     label: Label | None = Field(default=None, examples=["neck of the base hinge"])
     """Name of the column, by default the key"""
-    values: tuple[Number, ...] | None = Field(default=None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]])
+    values: tuple[AnyNumber, ...] | None = Field(
+        default=None, min_length=1, max_length=MANY, examples=[[0.3, 0.5, 0.8]]
+    )
     """List of values: the points of a grid, otherwise equally likely"""
-    start: Number | None = Field(default=None, alias="from", examples=[0.3])
+    start: AnyNumber | None = Field(default=None, alias="from", examples=[0.3])
     """Start of a range, with `to`"""
-    end: Number | None = Field(default=None, alias="to", examples=[1.0])
+    end: AnyNumber | None = Field(default=None, alias="to", examples=[1.0])
     """End of the range"""
     scale: Literal["linear", "log"] = "linear"
     """Scale on which the range is uniform"""
@@ -75,13 +72,13 @@ class Factor(Table):
     """`normal` with `sd`, `mean` and, to truncate it, `lower`, `upper`; `uniform` with `lower`, `upper`. The values of
     a list or range must be within the limits of the key; a distribution may exceed them, and a design outside is
     `refused` with its reason"""
-    mean: Number | None = Field(default=None, examples=[0.5])
+    mean: AnyNumber | None = Field(default=None, examples=[0.5])
     """Mean of a normal distribution, by default the value of the base stage"""
-    sd: Step | None = Field(default=None, examples=[0.005])
+    sd: AnyPositive | None = Field(default=None, examples=[0.005])
     """Standard deviation"""
-    lower: Number | None = Field(default=None, examples=[0.48])
+    lower: AnyNumber | None = Field(default=None, examples=[0.48])
     """Lower bound of a distribution"""
-    upper: Number | None = Field(default=None, examples=[0.52])
+    upper: AnyNumber | None = Field(default=None, examples=[0.52])
     """Upper bound of a distribution"""
 
     @model_validator(mode="after")
@@ -121,7 +118,7 @@ class Factor(Table):
         numbers |= {("values", index): value for index, value in enumerate(self.values or ())}
         for place, value in numbers.items():
             for key in (keys()[path] for path in self.paths):
-                expected = None if value is None else key.expected(value)
+                expected = None if value is None else key.number.expected(value)
                 if expected is not None:
                     raise refusal(f"{expected} for {key.path}", *place)
         return self

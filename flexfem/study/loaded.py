@@ -27,7 +27,7 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
 from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import actuators_of, merged_changes
+from flexfem.mechanism.stage_file import actuators_of
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
@@ -246,10 +246,10 @@ def design_table_of(path: Path, columns: Sequence[Column]) -> DesignTable:
         raise BadInput(f"{where}: no rows, expected one for each design")
     for column, numbers in zip(columns, values.T, strict=True):
         for key in (keys()[path] for path in column.keys):
-            bad = np.flatnonzero(~np.isfinite(numbers) | key.impossible(numbers))
+            bad = np.flatnonzero(~np.isfinite(numbers) | key.number.refuses(numbers))
             if len(bad):
                 value = float(numbers[bad[0]])
-                expected = f"{key.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
+                expected = f"{key.number.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
                 at = f"row {bad[0] + 1}, column {shown(column.name)}"
                 raise BadInput(f"{where}: {at} = {value:g}, expected {expected}")
     return DesignTable(path, sha256, len(values))
@@ -435,7 +435,7 @@ def mechanism_of(loaded: LoadedStudy, base: Mechanism, values: Array) -> Mechani
     changes: dict[str, Any] = {"provenance": {}}  # whose update takes a third of the time
     for key, column in _settings(loaded):
         table = changes if key.table == () else changes.setdefault(key.table[0], {})
-        table[key.attribute] = float(values[column]) * (1.0 if key.table == PARAMETERS else key.unit)
+        table[key.attribute] = float(values[column]) * key.unit
     return base.replace(**changes)
 
 
@@ -453,12 +453,11 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
     changes: dict[str, Any] = {}
     for key, column in _settings(loaded):
         value = float(values[column])
-        expected = key.expected(value)
+        expected = key.number.expected(value)
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
-        _set(changes, loaded.stage, key, key.check.validate_python(value))
-    content = loaded.stage.model_dump(exclude_unset=True, exclude={"provenance"})
-    return Stage(**merged_changes(content, changes))
+        _set(changes, loaded.stage, key, key.number.inside(value))
+    return Stage(**loaded.stage.merged(changes) | {"provenance": {}})
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:

@@ -6,7 +6,8 @@ import os
 
 import pytest
 
-from flexfem.files.toml import Table, validate
+from flexfem.files.tables import Table
+from flexfem.files.toml import validate
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput
 

@@ -9,8 +9,8 @@ import pickle
 import numpy as np
 import pytest
 
+from flexfem.files.tables import once
 from flexfem.mechanism.designs import CHAIN_TURN, direction, frames, stage_frames
-from flexfem.mechanism.dimensioned import once
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 
 from ..conftest import StageMaker

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from flexfem.files.provenance import numeric_key_paths
 from flexfem.questions.fixture import Fixture, Measurement, fixture_of, measured_of
 from flexfem.refused import BadInput
 
@@ -22,7 +21,7 @@ def test_the_shipped_set_up_is_read_in_mm_and_n_and_every_number_has_a_source():
     assert (found.lvdt.noise, found.lvdt.resolution) == (5e-5, 2e-5)
     assert (found.sensor.stiffness, found.sensor.noise, found.sensor.resolution) == (1e4, 0.004, 0.002)
     np.testing.assert_allclose(found.run.strokes, 0.002 * np.arange(21))
-    assert found.not_stated == () and set(numeric_key_paths(found)) <= set(found.assumed)
+    assert found.not_stated == () and {*found.numbers} <= set(found.assumed)
 
 
 def test_measured_slopes_are_read_with_a_set_up_or_alone(tmp_path):

@@ -83,6 +83,6 @@ def test_a_value_that_no_file_can_give_is_refused_by_its_key(value: float, studi
     with pytest.raises(BadInput, match=r"^hinges\.base\.neck_mm = .*, expected"):
         stage_of(loaded, np.array([value]))
     values = np.array([0.5, value, 0.6])
-    np.testing.assert_array_equal(keys()["hinges.base.neck_mm"].impossible(values), [False, True, False])
+    np.testing.assert_array_equal(keys()["hinges.base.neck_mm"].number.refuses(values), [False, True, False])
     shrinking = np.array([-5.0, -1e-4, 0.0, 3.0])  # um/(m K): a frame's, of which one is a unit mistake
-    assert keys()["frame.expansion_um_per_m_k"].impossible(shrinking).tolist() == [False, True, False, False]
+    assert keys()["frame.expansion_um_per_m_k"].number.refuses(shrinking).tolist() == [False, True, False, False]

@@ -1,0 +1,131 @@
+"""Tables of files: validated at every construction and every copy, frozen, with results that are cached with them.
+
+`model_validate` takes file keys, which end in their unit; calling the class takes names, in mm, N, MPa and rad.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import wraps
+from typing import Annotated, Any, Concatenate, NamedTuple, ParamSpec, Self, TypeAlias, TypeVar
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
+
+from flexfem.files.quantities import INSIDE, STATED
+from flexfem.files.refusals import one_line, problems_of, refusal, sentence
+from flexfem.refused import BadInput
+
+LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
+KEPT = "kept"  # entry of a table's `__dict__`: not a field, and not part of its hash, copies or pickles
+Owner = TypeVar("Owner")  # a table
+Args = ParamSpec("Args")
+Value = TypeVar("Value")
+
+
+class Table(BaseModel):
+    """A table with two constructors: `model_validate` takes the content of a file, the class itself Python values.
+
+    Immutable and strict: unknown keys, text for numbers, nan and infinity are refused. Arrays become tuples. A value
+    that files state in another unit (GPa, degrees) is rounded to a value that a file can state, by at most one unit in
+    the last place, so that every table can be written and read back bit for bit. The text below an attribute describes
+    its key in the schema of the file.
+
+    Raises
+    ------
+    BadInput
+        A name is missing or unknown, or a value is not possible; one line with name, value and expectation.
+    """
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def __init__(self, /, **values: Any) -> None:
+        given = plain(values)
+        try:
+            self.__pydantic_validator__.validate_python(
+                given, self_instance=self, context=INSIDE, by_alias=False, by_name=True
+            )
+        except ValidationError as error:
+            problem, *others = problems_of(error, given)
+            more = f" (and {len(others)} more)" if others else ""
+            text = one_line(sentence(problem, type(self), given, by_name=True) + more)
+            raise BadInput(f"{type(self).__name__}: {text}") from None
+
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]  # nested tables are validated, not called
+
+    @model_validator(mode="before")
+    @classmethod
+    def _arrays_are_tuples(cls, data: Any) -> Any:
+        return {key: _frozen(value) for key, value in data.items()} if isinstance(data, dict) else data
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a validated copy with some values replaced by name."""
+        return type(self)(**{name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return the content for a pickle, without cached results."""
+        state = super().__getstate__()
+        return state | {"__dict__": {key: value for key, value in state["__dict__"].items() if key != KEPT}}
+
+    def __eq__(self, other: object) -> bool:
+        """Compare the content; cached results are ignored."""
+        same = isinstance(other, type(self))
+        return same and all(getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
+
+
+def _frozen(value: Any) -> Any:
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def plain(value: Any, tables: bool = False) -> Any:
+    """Convert numpy arrays and scalars, mappings, sequences and, with `tables`, tables to Python numbers in lists."""
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if tables and isinstance(value, BaseModel):
+        return value.model_dump(exclude_unset=True, context=STATED)
+    if isinstance(value, Mapping):
+        return {key: plain(item, tables) for key, item in value.items()}
+    return [plain(item, tables) for item in value] if isinstance(value, list | tuple) else value
+
+
+class Keywords(NamedTuple):
+    """Annotation of a type: additional keywords of its JSON schema, computed when the schema is made."""
+
+    found: Callable[[], dict[str, Any]]
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return handler(core) | self.found()
+
+
+def _label(value: str) -> str:
+    if not value.strip() or not value.isprintable() or len(value) > LABEL_LENGTH:
+        raise refusal(f"one line of 1 to {LABEL_LENGTH} printable characters")
+    return value
+
+
+Label: TypeAlias = Annotated[
+    str,
+    AfterValidator(_label),
+    Keywords(lambda: {"minLength": 1, "maxLength": LABEL_LENGTH, "pattern": r"^[^\x00-\x1f]*\S[^\x00-\x1f]*$"}),
+]
+
+
+def once(compute: Callable[Concatenate[Owner, Args], Value]) -> Callable[Concatenate[Owner, Args], Value]:
+    """Cache the results of a function of a table, which is frozen, and of other arguments, with the table.
+
+    All callers share one result: arrays, alone or in a tuple, become read-only; any other result should be immutable.
+    """
+
+    @wraps(compute)
+    def cached(table: Owner, /, *args: Args.args, **kwargs: Args.kwargs) -> Value:
+        cache: dict[Any, Any] = table.__dict__.setdefault(KEPT, {})
+        key = (compute, args, tuple(kwargs.items()))
+        if key not in cache:
+            cache[key] = compute(table, *args, **kwargs)
+            for part in cache[key] if isinstance(cache[key], tuple) else (cache[key],):
+                if isinstance(part, np.ndarray):
+                    part.setflags(write=False)
+        value: Value = cache[key]
+        return value
+
+    return cached
