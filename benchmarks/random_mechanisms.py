@@ -21,7 +21,8 @@ from flexfem.analytic import plates
 from flexfem.arrays import Array
 from flexfem.fem import ports
 from flexfem.mechanism.profiles import profile_of
-from flexfem.questions.plates import ElasticParts, at_rest, elements, model_of, network, parts_of
+from flexfem.questions.plates import ElasticParts, elements, model_of, network, parts_of
+from flexfem.questions.stiffness import of_ports
 
 RESOLUTION, LARGE, MODELS = 6, 10.0, ("analytic", "elastic bodies")  # of elements; per cent of the latter that is named
 QUANTITIES = ("output compliance", "input compliance", "drive to output", "stress", "weight", "heat", "first frequency")
@@ -157,7 +158,7 @@ def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
     C, lever = response.compliance, np.array([1.0, 1.0, layout.lever])
     if np.max(np.abs(C - C.T)) > 1e-9 * np.max(np.abs(C)) or np.linalg.eigvalsh(C).min() < -1e-9 * np.abs(C).max():
         raise ArithmeticError(f"the compliance of {label} is not symmetric and positive")
-    stress = np.max(at_rest(mechanism, response)["stress"], axis=0)
+    stress = np.max(of_ports(mechanism, response)["stress"], axis=0)
     return [C, stress[:, None], weight[:3].T * lever, warm[:3].T * lever, lowest[:, None]]
 
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from contextlib import nullcontext, suppress
 from difflib import get_close_matches
 from pathlib import Path
+from types import UnionType
 from typing import Annotated, Any, get_origin, get_type_hints
 
 import typer
@@ -173,7 +174,8 @@ def command(name: str) -> Any:
 def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     """Return a function that calls another one and shows its result; its signature holds the options of the command."""
     options = [*_options(function), _parameter("json", Json, False)]
-    if hasattr(get_type_hints(function)["return"], "quantities"):  # a result; other functions have their own output
+    kind = get_type_hints(function)["return"]
+    if hasattr(kind, "quantities") or get_origin(kind) is UnionType:  # results; other functions have their own output
         options.append(_parameter("output", OutputFolder, None))
 
     def run(**given: Any) -> None:

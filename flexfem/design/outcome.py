@@ -24,7 +24,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
-from flexfem.questions.plates import sharp_roots
+from flexfem.questions.setup import sharp_roots
 from flexfem.results import versions
 from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, with_warnings

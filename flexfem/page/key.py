@@ -14,8 +14,8 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.page.section import beside, facts, framed, moving_svg, table
-from flexfem.questions import plates
 from flexfem.questions.budget import budget
+from flexfem.questions.drive import drive
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness
@@ -62,7 +62,7 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
             cells = map(" to ".join, zip(*ends, strict=True))
             rows.append(["range of the drive, others at zero, by the analytic model", *cells])
     elif actuators := at_rest.axes.get("actuator", ()):
-        driven, output = ask(plates.drive), subject.layout.points[0][0]
+        driven, output = ask(drive), subject.layout.points[0][0]
         for name in actuators:
             at: dict[str, str] = {"actuator": name, "model": model}
             gain, motion = at_rest.texts("amplification", **at), driven.texts("motion", point=output, **at)

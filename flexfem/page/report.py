@@ -49,11 +49,13 @@ from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
 from flexfem.questions import plates
 from flexfem.questions.check import MechanismReport, StageReport, check
+from flexfem.questions.drive import drive
 from flexfem.questions.errors import Verification
 from flexfem.questions.heat import drift
 from flexfem.questions.large import large
 from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
+from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
 from flexfem.results import AXES, ELEMENTS, Fields, Progress, TextTable, record_parts, versions
@@ -81,7 +83,7 @@ QUESTIONS: dict[str, Section] = {
 OF_MECHANISMS: dict[str, tuple[Question, ...]] = {  # where they are not the question of a stage
     "elements": (stiffness,),
     "budget": (plates.verification, SHARES),
-    "drive": (plates.drive, plates.reach),
+    "drive": (drive, reach),
 }
 DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # with the function of the figure
     "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),

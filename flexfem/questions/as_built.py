@@ -34,15 +34,14 @@ from flexfem.files.refusals import (
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import bad_key, read_csv, validate
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Joint, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.plates import ELASTIC, ELASTIC_READ, PART_RESOLUTION, ElasticParts, parts_in, parts_of
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, question
+from flexfem.questions.plates import PART_RESOLUTION, ElasticParts, parts_in, parts_of
+from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, about, for_mechanisms, question
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -243,7 +242,6 @@ def _answer(
 
 
 def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
-    """See `flexfem.as_built`."""
     layout = mechanism.layout
     drawn: dict[HingePlace, float] = {(None, joint.name): joint.profile.neck for joint in layout.joints}
     measured = read_necks(necks, drawn)
@@ -296,9 +294,9 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
     return made
 
 
-@for_mechanisms(_of_mechanism)
+@for_mechanisms(AsBuilt, MechanismAsBuilt, not_for="analytic")
 @question
-def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:
+def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt | MechanismAsBuilt:
     """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the measurement uncertainty.
 
     Parameters
@@ -308,7 +306,8 @@ def as_built(stage: Stage, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBu
         [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has the drawn neck.
     {shared}
     """
-    check_feasible(stage)
+    if isinstance(stage, Mechanism):
+        return _of_mechanism(stage, necks)
     warnings, hinges = list[str](), list(product(CHAINS, HINGE_NAMES))
     drawn: dict[HingePlace, float] = {hinge: stage.hinge(*hinge).neck for hinge in hinges}
     measured = read_necks(necks, drawn)

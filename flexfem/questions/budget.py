@@ -18,10 +18,11 @@ from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, warnings
 from flexfem.questions.bands import SAFETY, command_errors, error_matrix, levels, solve_solid
+from flexfem.questions.plates import MechanismBudget
 from flexfem.questions.setup import about, for_mechanisms, on_meshes, question, solved
 from flexfem.refused import BadInput
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
@@ -65,16 +66,16 @@ class Budget(Result):
     )  # fmt: skip
 
 
-@for_mechanisms(plates.budget)
+@for_mechanisms(Budget, MechanismBudget, not_for="amplitude")
 @question
 def budget(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     amplitude: tuple[float, float, float] = AMPLITUDES,
     resolution: int = RESOLUTION,
     plane: bool = False,
     progress: Progress | None = None,
-) -> Budget:
+) -> Budget | MechanismBudget:
     """Split the error of the analytic model of a stage or mechanism into named shares that add up to it.
 
     Parameters
@@ -85,7 +86,8 @@ def budget(
         Neglect the effect of three dimensions.
     {shared}
     """
-    check_feasible(stage)
+    if isinstance(stage, Mechanism):
+        return plates.budget(stage, resolution, plane, progress)
     commands = np.asarray(arguments.poses("amplitude", amplitude, 1)).ravel()
     if not np.all((commands > 0) & (commands <= LARGEST_AMPLITUDE)):
         raise BadInput(f"amplitude {amplitude}, expected three numbers above 0 up to 10 mm, 10 mm and 1 rad")

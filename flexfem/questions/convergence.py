@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.fem.ports import PlateResponse
+from flexfem.fem.response import Response
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import refined, refinements
-from flexfem.questions.setup import about, for_mechanisms, on_meshes, question, solved
-from flexfem.results import COARSER as ON_COARSER
-from flexfem.results import Gate, Progress, Quantity, Result
+from flexfem.questions.plates import ON_MESHES
+from flexfem.questions.setup import answer, for_mechanisms, on_meshes, question, solved
+from flexfem.results import COARSER, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
-RESOLUTIONS = (3, 4, 6, 8, 11, 15)
+RESOLUTIONS, MECHANISM_RESOLUTIONS = (3, 4, 6, 8, 11, 15), (3, 4, 6, 8)
 LARGE = 1e-3  # of a compliance: the target accuracy of the default mesh
 
 
@@ -26,13 +26,13 @@ class MeshConvergence(Result):
     title = "mesh convergence"
     main = ("extrapolated", {})
     figure = "errors.convergence_figure"
-    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_COARSER)
-    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_COARSER)
+    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), COARSER)
+    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), COARSER)
     order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
     triangles = Quantity("triangles", "", ("mesh",), Gate(0.05))
     unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
     compliance = Quantity(
-        "compliance", "compliance matrix", ("mesh", "component", "direction"), ON_COARSER, "matrix", shown=False
+        "compliance", "compliance matrix", ("mesh", "component", "direction"), COARSER, "matrix", shown=False
     )
 
     @property
@@ -46,11 +46,22 @@ class MeshConvergence(Result):
         return [note.partition(": ")[2] for note in self.notes]
 
 
-@for_mechanisms(plates.converge)
+class MechanismConvergence(Result):
+    """Output compliance on meshes of increasing resolution, and its extrapolated limit."""
+
+    title = "mesh convergence"
+    main = ("extrapolated", {})
+    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_MESHES)
+    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_MESHES)
+    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.5))
+    unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
+
+
+@for_mechanisms(MeshConvergence, MechanismConvergence)
 @question
 def converge(
-    stage: Stage, *, resolutions: list[int] | None = None, progress: Progress | None = None
-) -> MeshConvergence:
+    stage: Stage | Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
+) -> MeshConvergence | MechanismConvergence:
     """Solve a stage or mechanism on finer and finer meshes: observed order, extrapolated compliance and mesh band.
 
     Parameters
@@ -70,24 +81,24 @@ def converge(
     >>> found.verdicts
     ['converging', 'converging', 'converging']
     """
-    check_feasible(stage)
-    steps = refinements(RESOLUTIONS if resolutions is None else resolutions)
-    meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
+    usual = MECHANISM_RESOLUTIONS if isinstance(stage, Mechanism) else RESOLUTIONS
+    steps = refinements(usual if resolutions is None else resolutions)
+
+    def solve(level: int) -> Response | PlateResponse:
+        return plates.solved(stage, level) if isinstance(stage, Mechanism) else solved(stage, level)
+
+    meshes = on_meshes(steps, solve, progress)
     C = np.array([mesh.compliance for mesh in meshes])
-    found = refined(steps, np.diagonal(C, axis1=1, axis2=2))
-    values: dict[str, Any] = {name: [getattr(mesh, name) for mesh in meshes] for name in ("triangles", "unknowns")}
-    values |= {"along": found.values["along"], "compliance": C, **found.values}
+    found = refined(steps, np.diagonal(C, axis1=1, axis2=2)[:, :3])
+    values = found.values | {"unknowns": [mesh.unknowns for mesh in meshes]}
+    if isinstance(stage, Mechanism):
+        return answer(MechanismConvergence, stage, {}, None, {}, values, found.labels, found.bands, notes=found.notes)
+    values |= {"compliance": C, "triangles": [solved(stage, level).triangles for level in steps]}
     large = [
         f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
         f"({curve.verdict}); finer meshes reduce it"
         for axis, curve in zip(DIRECTIONS, found.curves, strict=True)
         if curve.band > LARGE * abs(curve.extrapolated)
     ]
-    return MeshConvergence(
-        about(stage),
-        values,
-        found.bands,
-        found.labels,
-        warnings=[*warning.of_numbers(stage), *large],
-        notes=found.notes,
-    )
+    texts = {"warnings": [*warning.of_numbers(stage), *large], "notes": found.notes}
+    return answer(MeshConvergence, stage, {}, None, {}, values, found.labels, found.bands, **texts)

@@ -20,11 +20,12 @@ from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
-from flexfem.questions import plates
+from flexfem.questions import actuators
 from flexfem.questions import warnings as warning
+from flexfem.questions.actuators import MechanismDrive
 from flexfem.questions.driven import (
     CRITERIA,
     LIMITS,
@@ -44,7 +45,7 @@ from flexfem.questions.driven import (
     stress_along,
     unit_commands,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question, usual_solid
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
@@ -151,10 +152,10 @@ class DrivenElements(NamedTuple):
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
-@for_mechanisms(plates.drive)
+@for_mechanisms(Drive, MechanismDrive, not_for="pose load analytic", only_for="layers")
 @question
 def drive(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     pose: tuple[float, float, float] | None = None,
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -162,7 +163,7 @@ def drive(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
-) -> Drive:
+) -> Drive | MechanismDrive:
     """Strokes and forces of the stacks of a stage for a pose, or the motion of a mechanism by its actuators.
 
     Parameters
@@ -186,9 +187,9 @@ def drive(
     >>> [round(1e3 * float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
-    if layers is not None:
-        raise BadInput(f"layers {layers}: an option for a mechanism, not for the nine-hinge stage")
-    check_feasible(stage)
+    if isinstance(stage, Mechanism):
+        mesh = mesh_of(models, resolution, layers, usual_solid=usual_solid(stage))
+        return actuators.drive(stage, mesh, models)
     mesh = mesh_of(models, resolution, None, 2)
     if pose is None:
         raise BadInput("pose is missing, expected the pose of the platform: mm, mm, rad")

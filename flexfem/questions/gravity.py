@@ -1,35 +1,38 @@
-"""A stage under its own weight and a payload: displacement of the platform and stress in the necks.
+"""A stage or mechanism under its own weight and a payload: displacement of the output and stress in the hinges.
 
 The plate stands upright in the plane, gravity at an angle to x; in three dimensions it lies horizontally, gravity along
--z. The centre of mass of the payload is at the platform's centre, in the mid-plane.
+-z. The centre of mass of the payload of a stage is at the platform's centre, in the mid-plane.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import analyse
+from flexfem.analytic.plates import weighed
 from flexfem.analytic.responses import under_weight
 from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima
 from flexfem.fem.mesh import welded
+from flexfem.fem.ports import hinge_stress, weight_of
 from flexfem.fem.response import weight_response
 from flexfem.fem.structure import layers_of, mass_of, out_of_plane_ratio_of, plate_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates_loaded, setup
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.plates_loaded import GRAVITY
-from flexfem.questions.setup import DEFAULT, Analytic, Mesh, ModelAnswer, Models, on_meshes
+from flexfem.questions.plates import ON_MESHES, PEAK
+from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Mesh, ModelAnswer, Models, on_meshes
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DENSITY, UNITS
 
+GRAVITY = 9806.65  # mm/s^2, standard gravity
 HEAVIEST = 1e4  # kg
 
 
@@ -38,7 +41,7 @@ class Gravity(Result):
 
     title = "displacement under weight"
     main = ("pose", {})
-    labels: ClassVar = {"out of plane": ("z", "tilt x", "tilt y")}
+    labels: ClassVar = {"out of plane": LIFTED}
     columns = ("direction", "out of plane")
     pose = Quantity("displacement of the platform", "motion", ("model", "direction"), FRESH, "pose", prefixed=True)
     sag = Quantity(
@@ -51,10 +54,25 @@ class Gravity(Result):
     mass = Quantity("mass, including pads, hub and payload", "kg")
 
 
-@setup.for_mechanisms(plates_loaded.gravity)
+class MechanismGravity(Result):
+    """Displacement and hinge stress of an upright mechanism under its own weight, payload and actuators included."""
+
+    title = "displacement under weight"
+    main = ("pose", {})
+    labels: ClassVar = {"motion": LIFTED}
+    columns = ("direction", "motion")
+    pose = Quantity("displacement", "motion", ("model", "point", "direction"), ON_MESHES, "pose", prefixed=True)
+    sag = Quantity(
+        "displacement of the output out of the plane of a horizontal plate", ("mm", "rad", "rad"), ("model", "motion"),
+        ON_MESHES, "all", prefixed=True,
+    )  # fmt: skip
+    stress = Quantity("highest hinge stress", "mpa", ("model", "hinge"), PEAK, "all", largest=("hinge",))
+
+
+@setup.for_mechanisms(Gravity, MechanismGravity, not_for="payload analytic")
 @setup.question
 def gravity(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     angle: float = -90.0,
     payload: float = 0.0,
@@ -63,7 +81,7 @@ def gravity(
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> Gravity:
+) -> Gravity | MechanismGravity:
     """Displacement and hinge stress of a stage or mechanism under its own weight and that of a payload.
 
     Parameters
@@ -84,17 +102,19 @@ def gravity(
     >>> (1e3 * found.pose[0, :2]).round(2) + 0.0  # um: upright, the platform sinks
     array([ -0.46, -13.85])
     """
-    check_feasible(stage)
-    mesh = setup.mesh_of(models, resolution, layers)
+    mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
-    load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
     g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
+    if isinstance(stage, Mechanism):
+        found = _of_mechanism(stage, g, mesh, models, progress)
+        return setup.answer(MechanismGravity, stage, found, mesh, {"gravity": f"at {angle:g} degrees"})
+    load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
     warnings, analytic_name, results = list(warning.of_stage(stage)), None, dict[str, ModelAnswer]()
     in_plane = models != "elements" and not layers
     chosen = analytic.chosen(stage, warnings if in_plane else [])
     if in_plane:
         pose, stress = under_weight(chosen.stage, analyse(*chosen), load, g)
-        results[ANALYTIC], analytic_name = ModelAnswer({"pose": pose, "stress": stress}, {}), chosen.name
+        results[ANALYTIC], analytic_name = ModelAnswer({"pose": pose, "stress": stress}), chosen.name
     if mesh is not None and mesh.layers:
         results[SOLID] = _horizontal(stage, load, mesh)
         warnings += warning.held_faces(stage)
@@ -107,6 +127,27 @@ def gravity(
     settings = {"plate": plate, "payload": f"{payload:g} kg", "analytic model": analytic_name}
     mass = drawn_inertia(stage)[0, 0] + load.mass
     return setup.answer(Gravity, stage, results, mesh, settings, {"mass": mass}, warnings=warnings)
+
+
+def _of_mechanism(
+    mechanism: Mechanism, g: Array, mesh: Mesh | None, models: Models, progress: Progress | None
+) -> dict[str, ModelAnswer]:
+    """Return the response of all models of a mechanism, upright and with layers also horizontal."""
+    points = 3 * len(mechanism.layout.points)
+
+    def of_network(elastic: bool) -> dict[str, Any]:
+        motions, wrenches = weighed(mechanism.layout, g[None], *plates.joined_parts(mechanism, elastic))
+        return {"pose": motions[:points].reshape(-1, 3), "stress": plates.stress_by(mechanism, wrenches[..., 0])}
+
+    def of_size(resolution: int, layers: int) -> dict[str, Any]:
+        found = weight_of(plates.factorised(mechanism, resolution, layers), g[None])
+        values = {"pose": found.motions[:points].reshape(-1, 3), "stress": hinge_stress(found, np.ones(1))}
+        if layers:
+            model = plates.factorised(mechanism, resolution, layers, lifting=True)
+            values["sag"] = weight_of(model, np.array([[-GRAVITY]])).motions[:, 0]
+        return values
+
+    return plates.by_models(mesh, models, of_network, of_size, progress)
 
 
 def _upright(stage: Stage, load: Payload, g: Array, resolution: int, progress: Progress | None) -> ModelAnswer:

@@ -1,4 +1,4 @@
-"""Effect of a change of temperature on a stage: pose, stress and reactions per kelvin and per K/mm.
+"""Effect of a change of temperature on a stage or mechanism: pose, stress and reactions per kelvin and per K/mm.
 
 Stage and frame have the same temperature field, linear in X and Y (in three dimensions also in Z). The stage does not
 strain the frame, and all results are proportional to the difference of their coefficients of expansion. In plane strain
@@ -14,29 +14,38 @@ import numpy as np
 
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, analyse
+from flexfem.analytic.plates import warmed as warmed_network
 from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.mesh import StageMesh, build_mesh, nodes_on
+from flexfem.fem.ports import hinge_stress, warmed
 from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, thermal_response
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.questions import plates_loaded, setup
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.setup import DEFAULT, Analytic, Mesh, ModelAnswer, Models, on_meshes
+from flexfem.questions.plates import ON_MESHES, PEAK, ROUND_OFF
+from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Mesh, ModelAnswer, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity, Result
 from flexfem.units import EXPANSION
 
 CASES = ("uniform", "gradient in x", "gradient in y")
+FRAME = "frame.expansion_um_per_m_k"
+FRAME_ASSUMED = (
+    f"{FRAME} is not stated: the frame is assumed to expand like the plate, so a uniform change causes no stress; "
+    "state expansion_um_per_m_k under [frame], for example 12 for steel"
+)
+
 IN_DEPTH = "gradient in z"
 LEAST_SOLID = 6  # with 4 triangles across a neck, bands missed z of 2 of 4 stages, whose meshes agreed by chance
 UNLIKE = 10.0  # per cent by which necks of some chains are widened or narrowed to make chains differ
@@ -49,9 +58,9 @@ class Drift(Result):
     """Displacement and stress of a stage per change of temperature."""
 
     title = "change of temperature"
-    main_key = plates_loaded.FRAME
+    main_key = FRAME
     main = ("pose", {"case": "uniform"})
-    labels: ClassVar = {"case": CASES, "out of plane": ("z", "tilt x", "tilt y")}
+    labels: ClassVar = {"case": CASES, "out of plane": LIFTED}
     figure = "fields.drift_figure"
     drawn_from_fields = True
     reading = (
@@ -84,6 +93,21 @@ class Drift(Result):
     columns = ("direction", "out of plane")
 
 
+class MechanismDrift(Result):
+    """Displacement and stress of a mechanism per change of temperature."""
+
+    title = "change of temperature"
+    main_key = FRAME
+    main = ("pose", {"case": "uniform"})
+    labels: ClassVar = {"case": CASES}
+    reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
+    pose = Quantity(
+        "displacement", "motion", ("case", "point", "model", "direction"), ON_MESHES._replace(absolute=1e-8), "pose",
+        prefixed=True,
+    )  # fmt: skip
+    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), PEAK, "all", largest=("hinge",))
+
+
 class Expansion(NamedTuple):
     """In-plane expansion of stage and frame, and stress across the unstrained plane, MPa; all per kelvin."""
 
@@ -102,17 +126,17 @@ class WarmFields(NamedTuple):
     ground: Index
 
 
-@setup.for_mechanisms(plates_loaded.drift)
+@setup.for_mechanisms(Drift, MechanismDrift, not_for="analytic")
 @setup.question
 def drift(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     models: Models = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> Drift:
+) -> Drift | MechanismDrift:
     """Displacement and stress of a stage or mechanism per kelvin, and per kelvin per mm along X and Y.
 
     Parameters
@@ -130,11 +154,13 @@ def drift(
     >>> round(1e6 * float(found.at("pose", case="uniform", direction="theta")[0]), 2)  # urad per kelvin
     5.5
     """
-    check_feasible(stage)
-    mesh = setup.mesh_of(models, resolution, layers, 4, LEAST_SOLID)
+    if isinstance(stage, Mechanism):
+        mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
+        found = _of_mechanism(stage, mesh, models, progress)
+        return setup.answer(MechanismDrift, stage, found, mesh, warnings=_frame_warnings(stage))
+    mesh = setup.mesh_of(models, resolution, layers, LEAST_SOLID if layers else 4)
     expansion, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
-    if stage.frame.expansion is None:
-        warnings.append(plates_loaded.FRAME_ASSUMED)
+    warnings += _frame_warnings(stage)
     results, values, analytic_name = dict[str, ModelAnswer](), dict[str, Array](), None
     fields: WarmFields | setup.MeshFields | None = None
     cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
@@ -155,10 +181,43 @@ def drift(
     return setup.answer(Drift, subject, results, mesh, settings, values, axes, warnings=warnings, fields=fields)
 
 
-def _coefficients(stage: Stage) -> tuple[float, float]:
-    """Return the coefficients of stage and frame, 1/K; that of the stage for both if none is stated for the frame."""
-    of_stage = float(stage.material.expansion or 0.0)
-    return of_stage, of_stage if stage.frame.expansion is None else stage.frame.expansion
+def _of_mechanism(
+    mechanism: Mechanism, mesh: Mesh | None, models: Models, progress: Progress | None
+) -> dict[str, ModelAnswer]:
+    """Return the three cases by all models of a mechanism. Raises BadInput if no coefficient is stated."""
+    layout, material = mechanism.layout, mechanism.material
+    with located(mechanism):
+        require_expansion(mechanism)
+    lever, rates = layout.lever, _coefficients(mechanism)
+    strains = max(rates) * np.array([1.0, lever, lever])[:, None]  # free expansion by case
+
+    def cleared(motions: Array, stress: Array) -> dict[str, Array]:
+        """Return poses (cases, points, 3) and stresses (cases, hinges) without round-off."""
+        pose, sizes = motions[: 3 * len(layout.points)].T.reshape(3, -1, 3), strains[:, None] * [lever, lever, 1.0]
+        return {
+            "pose": np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose),
+            "stress": np.where(stress < ROUND_OFF * material.youngs_modulus * strains, 0.0, stress),
+        }
+
+    def of_network(elastic: bool) -> dict[str, Array]:
+        motions, wrenches = warmed_network(layout, *rates, *plates.joined_parts(mechanism, elastic))
+        return cleared(motions, plates.stress_by(mechanism, np.moveaxis(wrenches, -1, 0)))
+
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        response = warmed(plates.factorised(mechanism, resolution, layers), *rates)
+        return cleared(response.motions, hinge_stress(response, np.eye(3)))
+
+    return plates.by_models(mesh, models, of_network, of_size, progress)
+
+
+def _frame_warnings(plate: Stage | Mechanism) -> list[str]:
+    return [FRAME_ASSUMED] * (plate.frame.expansion is None)
+
+
+def _coefficients(plate: Stage | Mechanism) -> tuple[float, float]:
+    """Return the coefficients of plate and frame, 1/K; that of the plate for both if none is stated for the frame."""
+    of_plate = float(plate.material.expansion or 0.0)
+    return of_plate, of_plate if plate.frame.expansion is None else plate.frame.expansion
 
 
 def expansion_of(stage: Stage) -> Expansion:

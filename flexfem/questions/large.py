@@ -20,13 +20,13 @@ from flexfem.fem.fields import neck_stresses
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import Response
 from flexfem.fem.structure import plate_of
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates_loaded
+from flexfem.questions import large_mechanism
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import percentages
+from flexfem.questions.large_mechanism import MechanismLarge
 from flexfem.questions.setup import about, for_mechanisms, mesh_of, meshed, question, solved
-from flexfem.refused import BadInput
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
@@ -80,17 +80,17 @@ class Large(Result):
     strain = Quantity("largest strain of finite elements", "", ("direction", "share"), Gate(5e-3), "all", shown=False)
 
 
-@for_mechanisms(plates_loaded.large)
+@for_mechanisms(Large, MechanismLarge, only_for="force")
 @question
 def large(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     amplitude: float = AMPLITUDE,
     force: tuple[float, float, float] | None = None,
     models: Literal["both", "analytic"] = "both",
     resolution: int | None = None,
     progress: Progress | None = None,
-) -> Large:
+) -> Large | MechanismLarge:
     """Change of the tangent stiffness and error of the linear position of a stage or mechanism at large displacements.
 
     Parameters
@@ -112,10 +112,9 @@ def large(
     >>> round(float(found.at("error", direction="x", at="+100 %", theory="exact")), 3)  # per cent
     0.36
     """
-    if force is not None:
-        raise BadInput(f"force {force}: an option for a mechanism, not for the nine-hinge stage")
-    check_feasible(stage)
-    mesh = mesh_of(models, resolution, None, 2, usual=RESOLUTION)
+    mesh = mesh_of(models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
+    if isinstance(stage, Mechanism):
+        return large_mechanism.large(stage, force, amplitude, mesh, progress)
     largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
     model, paper, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)

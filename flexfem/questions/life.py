@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from itertools import product
 from pathlib import Path
@@ -26,7 +26,6 @@ from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, Wrench, equivalent
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.drives import contacts
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
@@ -261,22 +260,9 @@ class Fatigue(NamedTuple):
         return messages
 
 
-def life_of_mechanism(
-    mechanism: Mechanism,
-    *,
-    amplitude: tuple[float, float, float],
-    mean: tuple[float, float, float] | None = None,
-    ratio: float | None = None,
-    cycles: float = 1e6,
-    fit: Path | None = None,
-    law: Basquin | BasquinFit | None = None,
-    models: Models = "both",
-    resolution: int | None = None,
-    progress: Progress | None = None,
+def _of_mechanism(
+    mechanism: Mechanism, asked: Fatigue, mesh: setup.Mesh | None, models: Models, progress: Progress | None
 ) -> MechanismLife:
-    """See `flexfem.life`."""
-    mesh = setup.mesh_of(models, resolution, None)
-    asked = Fatigue(_motion(amplitude, mean, ratio, cycles), *_law(mechanism, fit, law), mechanism.material)
     poses = np.array([asked.motion.amplitude, asked.motion.mean])
 
     def values(response: plates.Responses) -> dict[str, Any]:
@@ -286,22 +272,20 @@ def life_of_mechanism(
         stress = StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying)))
         return {name: value for name, value in asked.values(stress, (-1,)).items() if name not in ("fewest", "most")}
 
-    def bands(sizes: Array, each: list[dict[str, Any]], ends: plates.FewAndMany | None) -> dict[str, Any]:
+    def bands(sizes: Array, each: list[dict[str, Any]], ends: Sequence[plates.Values]) -> dict[str, Any]:
         return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
 
     found = plates.of_models(mechanism, mesh, models, values, progress, bands)
     notes, warnings = [*asked.notes, LEFT_OUT], asked.warnings(found)
-    result = plates.answer(
-        MechanismLife, mechanism, found, mesh, settings=asked.settings, warnings=warnings, notes=notes
-    )
+    result = setup.answer(MechanismLife, mechanism, found, mesh, asked.settings, warnings=warnings, notes=notes)
     result.law, result.yield_strength = asked.law, asked.material.yield_strength
     return result
 
 
-@for_mechanisms(life_of_mechanism)
+@for_mechanisms(Life, MechanismLife, not_for="notch_sensitivity analytic")
 @question
 def life(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     amplitude: tuple[float, float, float],
     mean: tuple[float, float, float] | None = None,
@@ -314,7 +298,7 @@ def life(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     progress: Progress | None = None,
-) -> Life:
+) -> Life | MechanismLife:
     """Cycles to failure of the hinges of a stage or mechanism at an amplitude, and the amplitude for a wanted life.
 
     Parameters
@@ -345,10 +329,11 @@ def life(
     >>> f"{float(found.life[0]):.3g}"
     '1.03e+10'
     """
-    check_feasible(stage)
     mesh = setup.mesh_of(models, resolution, None)
     sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
     asked = Fatigue(_motion(amplitude, mean, ratio, cycles, sensitivity), *_law(stage, fit, law), stage.material)
+    if isinstance(stage, Mechanism):
+        return _of_mechanism(stage, asked, mesh, models, progress)
     assumed = (key for key in stage.assumed if key.startswith("material."))
     warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
     found, name, chosen = dict[str, ModelAnswer](), None, analytic.chosen(stage, warnings, models)

@@ -5,7 +5,7 @@ The plane problem is that of the stage, with stacks engaged or not; in three dim
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -14,6 +14,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_model
 from flexfem.analytic.network import with_springs
+from flexfem.analytic.plates import modes as network_modes
 from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array, brief
 from flexfem.fem.export import write_vtu
@@ -21,20 +22,24 @@ from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.modes import Modes as ModesOfStructure
 from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
+from flexfem.fem.ports import plate_modes
 from flexfem.fem.response import stack_loads
 from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism import bodies
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import StageDrive, drive_of
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted
-from flexfem.questions import plates_loaded
+from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
+from flexfem.questions.plates import ON_MESHES
 from flexfem.questions.setup import (
+    LIFTED,
     Mesh,
+    MeshFields,
     ModelAnswer,
     Models,
     about,
@@ -50,7 +55,7 @@ from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quant
 from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
-ALL_BASES = (*DIRECTIONS, "z", "tilt x", "tilt y")
+ALL_BASES = (*DIRECTIONS, *LIFTED)
 KINDS = ("in plane", "out of plane")
 SOLID_RESOLUTION = 4  # triangles across every neck in three dimensions
 MOST, MOST_SOLID = 100, 40  # modes
@@ -59,6 +64,8 @@ LARGEST_PAYLOAD = (1e4, 1e10)  # kg, kg mm^2; no stage with necks carries a hund
 ROUND_OFF = 1e-9  # of a frequency
 AGREED = 0.1  # relative difference up to which the observed order agrees with the theoretical one
 SAME_SHAPE = 0.7  # least overlap of identical shapes: any rotation within a pair of equal frequency keeps as much
+EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes equal, on a mesh without symmetry
+STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
 RIGID_MODES = 3  # modes of the platform on its hinges; in higher ones links swing and bend
 ABOVE_THIRD = (
     "analytic frequencies above the third are not reliable: links swing and bend in these modes. On 40 random stages "
@@ -97,6 +104,30 @@ class NaturalModes(Result):
     hub_mass = Quantity("mass of the hub", "kg")
     first_out_of_plane = Quantity("first natural frequency out of the plane", "hz", gate=Gate(FRESH.relative, 0.2))
     labels: ClassVar = {"base": DIRECTIONS, "tilt": ("x", "y")}
+
+
+class MechanismModes(Result):
+    """Natural frequencies of a mechanism with payload and actuators, and the motion of its output in every mode."""
+
+    title = "natural modes"
+    main = ("frequency", {})
+    columns = ("model", "direction", "motion")
+    reading = (
+        "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
+        "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
+        "one can",
+        "modes out of the plane are computed with layers only; a payload is a flat body at mid-plane; the hinges of "
+        "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
+        "modes differ from those of finite elements",
+    )
+    frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
+    share = Quantity(
+        "motion of the output by finite elements", "percents", ("mode", "direction"), Gate(1e-3, absolute=1e-4), "all"
+    )
+    tilt = Quantity(
+        "motion of the output out of the plane", "percents", ("mode", "motion"), Gate(1e-3, absolute=1e-4), "all"
+    )
+    labels: ClassVar = {"motion": LIFTED}
 
 
 class Channels(NamedTuple):
@@ -231,10 +262,10 @@ class Vibration(NamedTuple):
         return paths
 
 
-@for_mechanisms(plates_loaded.modes)
+@for_mechanisms(NaturalModes, MechanismModes, not_for="payload tilting damping")
 @question
 def modes(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     count: int = 6,
     payload: tuple[float, float] = (0.0, 0.0),
@@ -245,7 +276,7 @@ def modes(
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> NaturalModes:
+) -> NaturalModes | MechanismModes:
     """Natural frequencies and modes of a stage or mechanism with a payload, in the plane or in three dimensions.
 
     Parameters
@@ -272,8 +303,9 @@ def modes(
     >>> (found.frequency[:, 0] / 6.283185).round()  # Hz, of rad/s
     array([131., 131., 194.])
     """
-    check_feasible(stage)
     mesh, solid = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
+    if isinstance(stage, Mechanism):
+        return _of_mechanism(stage, arguments.integer("count", count, MOST), drives, mesh, models, progress)
     count = arguments.integer("count", count, MOST_SOLID if solid else MOST)
     carried = _payload(payload, tilting, solid)
     ratio = arguments.positive("damping", damping, MOST_DAMPING) / 100
@@ -308,8 +340,72 @@ def modes(
     results = {name: ModelAnswer({"frequency": _placed(w, planar, count)}) for name, w in analytic.items()} | elements
     payload_text = f"{carried.mass * KILOGRAM:g} kg, {carried.inertia * INERTIA:g} kg mm^2" if any(carried) else None
     settings = {"drives": drives, "payload": payload_text}
-    subject, texts = about(stage, drive=drive is not None), {"warnings": warnings, "notes": notes}
-    return answer(NaturalModes, subject, results, mesh, settings, values, axes, **texts, fields=fields)
+    return answer(
+        NaturalModes, about(stage, drive=drive is not None), results, mesh, settings, values, axes,
+        warnings=warnings, notes=notes, fields=fields,
+    )  # fmt: skip
+
+
+def _of_mechanism(
+    mechanism: Mechanism, count: int, drives: Drives, mesh: Mesh | None, models: Models, progress: Progress | None
+) -> MechanismModes:
+    layout, engaged = mechanism.layout, drives == "engaged"
+    if engaged and not layout.actuators:
+        raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
+    shapes = list[ModesOfStructure]()  # of the last, which is the finest mesh
+
+    def of_network(elastic: bool) -> dict[str, Array]:
+        parts = plates.joined_parts(mechanism, elastic)
+        return {"frequency": _placed(network_modes(layout, parts.bodies, engaged, parts.hinges), range(count), count)}
+
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
+        parts = list[tuple[Array, Array]]()
+        for lifting in (False, True)[: 2 if layers else 1]:
+            found = plate_modes(plates.factorised(mechanism, resolution, layers, lifting), count + 1, engaged)
+            shapes[:] = [found.modes]
+            motion = found.ports[:, :3] * np.where([False, lifting, True], layout.lever, 1.0)
+            parts.append((found.modes.frequencies, _shares_of_motion(found.modes.frequencies, motion)))
+        frequency, share = (np.concatenate([each[:count] for each in part]) for part in zip(*parts, strict=True))
+        return {"frequency": frequency, "share": share}
+
+    found = plates.by_models(mesh, models, of_network, of_size, progress)
+    sorted_modes = np.argsort(found[SOLID].values["frequency"], kind="stable") if SOLID in found else np.arange(count)
+    order = sorted_modes[:count]
+    lifted, planar = order >= count, np.flatnonzero(order < count).tolist()  # models of the plane have no others
+
+    def placed(label: str, part: Mapping[str, Array]) -> dict[str, Array]:
+        at = {"frequency": part["frequency"]} if part else {}
+        return {name: w[order] if label == SOLID else _placed(w, planar, count) for name, w in at.items()}
+
+    answers = {label: ModelAnswer(*(placed(label, part) for part in one)) for label, one in found.items()}
+    names, values, fields = [str(k + 1) for k in range(count)], dict[str, Array](), None
+    if mesh is not None:
+        share = list(found.values())[-1].values["share"][order]
+        values["share"] = np.where(lifted[:, None], np.nan, share)
+        if mesh.layers:
+            names = [f"{k} {'out of' if out else 'in'} the plane" for k, out in enumerate(lifted, start=1)]
+            values["tilt"] = np.where(lifted[:, None], share, np.nan)
+        else:
+            plate = plates.meshed(mechanism, mesh.resolution)
+            fields = MeshFields(plate, lambda: {f"mode {k + 1}": shapes[0].field(k) for k in range(count)})
+    settings = {"actuators": drives} if layout.actuators else {}
+    return answer(MechanismModes, mechanism, answers, mesh, settings, values, {"mode": names}, fields=fields)
+
+
+def _shares_of_motion(frequencies: Array, motion: Array) -> Array:
+    """Return the shares (modes, 3), %, of directions in squared motions (modes, 3) of the output; nan without motion.
+
+    Modes of equal frequency are combined to those of which the first alone moves along x, or else along y.
+    """
+    motion, starts = motion.copy(), np.flatnonzero(np.diff(frequencies) > EQUAL * frequencies[1:]) + 1
+    for group in np.split(motion, starts):
+        sizes = np.linalg.norm(group, axis=0)
+        order = np.argsort(sizes < STILL * sizes.max(), kind="stable")
+        group[:, order] = np.linalg.qr(group[:, order], mode="complete")[1]
+    squares = motion**2
+    whole = squares.sum(axis=1, keepdims=True)
+    return 100 * squares / np.where(whole > STILL**2 * whole.max(), whole, np.nan)
 
 
 @question
@@ -359,7 +455,7 @@ def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
     return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
-def _placed(values: Array, positions: list[int], count: int) -> Array:
+def _placed(values: Array, positions: Sequence[int], count: int) -> Array:
     """Place values, in order, at positions of an array (count,), nan elsewhere and for freedoms without a frequency."""
     column, positions = np.full(count, np.nan), positions[: len(values)]
     column[positions] = np.where(np.isfinite(values), values, np.nan)[: len(positions)]

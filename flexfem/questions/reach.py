@@ -15,10 +15,11 @@ from flexfem import arguments
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.questions import plates
+from flexfem.questions import actuators
 from flexfem.questions import warnings as warning
+from flexfem.questions.actuators import MechanismReach
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
 from flexfem.questions.driven import (
     LIMITS,
@@ -30,8 +31,8 @@ from flexfem.questions.driven import (
     per_command,
     sections_of,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question, usual_solid
+from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
 
@@ -138,17 +139,17 @@ class ReachedPoses(NamedTuple):
     stops: Stops
 
 
-@for_mechanisms(plates.reach)
+@for_mechanisms(Reach, MechanismReach, not_for="load analytic", only_for="layers")
 @question
 def reach(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     load: tuple[float, float, float] = (0.0, 0.0, 0.0),
     models: Literal["both", "analytic"] = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
-) -> Reach:
+) -> Reach | MechanismReach:
     """Poses that the drive of a stage reaches within all limits, or that a mechanism reaches within its strokes.
 
     Parameters
@@ -170,9 +171,9 @@ def reach(
     >>> [round(1e3 * float(x), 1) for x in found.at("ends", end="high", model="analytic", direction="x")]  # um
     [24.0, 28.6]
     """
-    if layers is not None:
-        raise BadInput(f"layers {layers}: an option for a mechanism, not for the nine-hinge stage")
-    check_feasible(stage)
+    if isinstance(stage, Mechanism):
+        mesh = mesh_of(models, resolution, layers, usual_solid=usual_solid(stage))
+        return actuators.reach(stage, mesh, models)
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))

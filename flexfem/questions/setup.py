@@ -36,10 +36,13 @@ from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.files.tables import once
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.profiles import Leaf
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.results import AXES, About, Progress, Result
+from flexfem.results import AXES, ELEMENTS, SOLID, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
 Value = TypeVar("Value")
@@ -47,7 +50,6 @@ Step = TypeVar("Step")
 Kind = TypeVar("Kind", bound=Result)
 Function = TypeVar("Function", bound=Callable[..., Any])
 Options = ParamSpec("Options")
-Fewer = ParamSpec("Fewer")
 OfStage = TypeVar("OfStage", covariant=True)
 OfMechanism = TypeVar("OfMechanism", covariant=True)
 
@@ -69,16 +71,20 @@ ComputationFailed
 def question(function: Function) -> Function:
     """Complete the docstring of a function at `{shared}` with common parameters, returns and raises.
 
-    The returned function raises BadInput for a word that its `Literal` lacks and for a model that is no `Analytic`.
+    The returned function raises BadInput for a stage that cannot be made, for a word that its `Literal` lacks, for a
+    model that is no `Analytic`, and for a mechanism that its annotation does not name.
     """
     text, signature = inspect.cleandoc(function.__doc__ or ""), inspect.signature(function)
+    of_mechanism = " or Mechanism" * ("Mechanism" in str(function.__annotations__.get("stage")))
     shared = list[str]()
     for head, description in SHARED.items():
         name = head.split()[0]
         if name in signature.parameters and f"\n{name} :" not in text:
-            shared += [head, f"    {description}"]
-    returns = ["", "Returns", "-------", str(function.__annotations__["return"]), "", "Raises", f"------{RAISES}"]
-    function.__doc__ = text.replace("{shared}", "\n".join([*shared, *returns]))
+            shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
+    kinds = str(function.__annotations__["return"]).split(" | ")
+    returns = ", or ".join(kinds) + " of a mechanism" * bool(of_mechanism)
+    ends = ["", "Returns", "-------", returns, "", "Raises", f"------{RAISES}"]
+    function.__doc__ = text.replace("{shared}", "\n".join([*shared, *ends]))
 
     @cache
     def hints_of() -> dict[str, Any]:
@@ -87,7 +93,7 @@ def question(function: Function) -> Function:
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
         hints, bound = hints_of(), signature.bind(*positional, **named).arguments
-        if isinstance(subject := bound.get("stage"), Mechanism):
+        if isinstance(subject := bound.get("stage"), Mechanism) and not of_mechanism:
             raise BadInput(f"{subject.origin}: {function.__name__} is for the nine-hinge stage, not for a mechanism")
         for name, value in bound.items():
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
@@ -97,13 +103,15 @@ def question(function: Function) -> Function:
                 raise BadInput(f"{name} {value!r}, expected {' or '.join(words)}")
             if hints.get(name) is Analytic and not isinstance(value, Analytic):
                 raise BadInput(f"{name} {value!r}, expected a flexfem.Analytic")
+        if isinstance(subject, Stage):
+            check_feasible(subject)
         return function(*positional, **named)
 
     return cast(Function, checked)
 
 
 class OfBoth(Protocol[Options, OfStage, OfMechanism]):
-    """A question about stages and mechanisms; a mechanism has the same options or fewer."""
+    """A question about stages and mechanisms, whose results are of different kinds."""
 
     @overload
     def __call__(self, stage: Stage, *args: Options.args, **kwargs: Options.kwargs) -> OfStage: ...
@@ -112,42 +120,37 @@ class OfBoth(Protocol[Options, OfStage, OfMechanism]):
 
 
 def for_mechanisms(
-    answer: Callable[Concatenate[Mechanism, Fewer], OfMechanism],
-) -> Callable[[Callable[Concatenate[Stage, Options], OfStage]], OfBoth[Options, OfStage, OfMechanism]]:
-    """Let a question about stages also take a mechanism, with an answer that has the same options or fewer.
+    of_stage: type[OfStage], of_mechanism: type[OfMechanism], not_for: str = "", only_for: str = ""
+) -> Callable[
+    [Callable[Concatenate[Stage | Mechanism, Options], OfStage | OfMechanism]], OfBoth[Options, OfStage, OfMechanism]
+]:
+    """Declare the kinds of result of a question about stages and mechanisms, and options for one of the two.
 
-    The function raises BadInput for a mechanism with an option that the answer lacks; its docstring says so.
+    Options `not_for` mechanisms are refused with a mechanism, as the docstring says, those `only_for` them with a
+    stage.
     """
 
-    def decorate(function: Callable[Concatenate[Stage, Options], OfStage]) -> OfBoth[Options, OfStage, OfMechanism]:
-        signature, known = inspect.signature(function), inspect.signature(answer).parameters
-        text = (function.__doc__ or "").replace("stage : Stage\n", "stage : Stage or Mechanism\n")
-        one, other = (str(each.__annotations__["return"]) for each in (function, answer))
-        text = text.replace(f"-------\n{one}\n", f"-------\n{one}, or {other} of a mechanism\n")
-        for key in signature.parameters.keys() - known.keys() - {"stage"}:
-            text = re.sub(rf"(?m)^({key} : .*(?:\n    .*)*)", r"\1 Not for a mechanism.", text)
-        function.__doc__ = text
-
-        of_mechanism: Callable[..., OfMechanism] = answer
+    def decorate(
+        function: Callable[Concatenate[Stage | Mechanism, Options], OfStage | OfMechanism],
+    ) -> OfBoth[Options, OfStage, OfMechanism]:
+        signature = inspect.signature(function)
+        for key in not_for.split():
+            stated = rf"(?m)^({key} : .*(?:\n    .*)*)"
+            function.__doc__ = re.sub(stated, r"\1 Not for a mechanism.", function.__doc__ or "")
 
         @wraps(function)
-        def either(*positional: Any, **named: Any) -> Any:
-            bound = signature.bind(*positional, **named).arguments
-            if not isinstance(bound["stage"], Mechanism):
-                return function(*positional, **named)
-            given = {key: value for key, value in bound.items() if value != signature.parameters[key].default}
-            mechanism = given.pop("stage")
-            for key in given.keys() - known.keys():
-                option = "mobility, formula or links" if key == "analytic" else f"{key} {given[key]!r}"
-                raise BadInput(f"{option}: an option for the nine-hinge stage, not for a mechanism")
-            return of_mechanism(mechanism, **given)
+        def suited(*positional: Any, **named: Any) -> Any:
+            given = signature.bind(*positional, **named).arguments
+            options, known, other = not_for, "the nine-hinge stage", "a mechanism"
+            if not isinstance(given["stage"], Mechanism):
+                options, known, other = only_for, other, known
+            for key in options.split():
+                if key in given and given[key] != signature.parameters[key].default:
+                    option = "mobility, formula or links" if key == "analytic" else f"{key} {given[key]!r}"
+                    raise BadInput(f"{option}: an option for {known}, not for {other}")
+            return function(*positional, **named)
 
-        stage, *others = signature.parameters.values()
-        shown = signature.replace(
-            parameters=[stage.replace(annotation="Stage | Mechanism"), *others], return_annotation=f"{one} | {other}"
-        )
-        either.__signature__ = shown  # type: ignore[attr-defined]  # of help and of the documentation
-        return cast(OfBoth[Options, OfStage, OfMechanism], either)
+        return cast(OfBoth[Options, OfStage, OfMechanism], suited)
 
     return decorate
 
@@ -181,7 +184,11 @@ class Analytic(NamedTuple):
 
 
 DEFAULT = Analytic()
-NO_FILES: Mapping[str, Sourced] = MappingProxyType({})
+LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
+PLATE_SOLID_RESOLUTION = 4  # of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
+NOTHING: Mapping[str, Any] = MappingProxyType({})
+ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
+ELASTIC_READ = f"{ELASTIC}: bodies and hinges by plane finite elements of each part, joined at rigid sections"
 
 
 class Mesh(NamedTuple):
@@ -196,7 +203,6 @@ def mesh_of(
     resolution: int | None,
     layers: int | None,
     least: int = 4,
-    least_solid: int = 4,
     usual: int = RESOLUTION,
     usual_solid: int = SOLID_RESOLUTION,
 ) -> Mesh | None:
@@ -210,8 +216,13 @@ def mesh_of(
                 raise BadInput(f"{name} {value} with models 'analytic', expected models with finite elements")
         return None
     if layers is not None:
-        usual, least, layers = usual_solid, least_solid, arguments.layers(layers, 3)
+        usual, layers = usual_solid, arguments.layers(layers, 3)
     return Mesh(arguments.resolution(usual if resolution is None else resolution, least), layers or 0)
+
+
+def usual_solid(plate: Stage | Mechanism) -> int:
+    """Return the usual resolution in three dimensions; that of mechanisms is within 0.05 % of the compliance."""
+    return PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else SOLID_RESOLUTION
 
 
 @once
@@ -255,7 +266,7 @@ def meshed(mesh: Mesh | None) -> dict[str, int | None]:
 
 
 def about(
-    plate: Stage | Mechanism, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NO_FILES
+    plate: Stage | Mechanism, heat: bool = False, drive: bool = False, files: Mapping[str, Sourced] = NOTHING
 ) -> About:
     """Return the subject of a result: a plate, `heat` coefficients or `drive` of a stage, and other files by name."""
     doubts = assumptions([("", plate), *((f"{name}: ", file) for name, file in files.items())])
@@ -279,7 +290,8 @@ def stack_models(
     """Stack the values and bands of models, or curves, along an axis; nan where one has no value."""
     stacked: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
     labels = {**AXES, **kind.labels, **axes}
-    for arrays, parts in zip(stacked, zip(*models.values(), strict=True), strict=True):
+    for which, arrays in enumerate(stacked):
+        parts = [model[which] for model in models.values()]
         for name in dict.fromkeys(chain(*parts)):
             over = kind.quantities[name].over
             array = np.full([len(parts), *(len(labels[axis]) for axis in over if axis != along)], np.nan)
@@ -293,16 +305,43 @@ def stack_models(
 
 def answer(
     kind: type[Kind],
-    subject: Stage | About,
+    subject: Stage | Mechanism | About,
     models: Mapping[str, ModelAnswer],
     mesh: Mesh | None,
-    settings: Mapping[str, Any],
-    values: Mapping[str, Any] | None = None,
-    axes: Mapping[str, Sequence[str]] | None = None,
+    settings: Mapping[str, Any] = NOTHING,
+    values: Mapping[str, Any] = NOTHING,
+    axes: Mapping[str, Sequence[str]] = NOTHING,
+    bands: Mapping[str, Any] = NOTHING,
     **others: Any,
 ) -> Kind:
-    """Return the result of a question from the values of its models and from values without a model axis."""
-    labels = {"model": tuple(models), **(axes or {})}
-    stacked, bands = stack_models(kind, models, labels)
-    subject = about(subject) if isinstance(subject, Stage) else subject
-    return kind(subject, stacked | dict(values or {}), bands, labels, dict(settings) | meshed(mesh), **others)
+    """Return the result of a question from the values of its models, and from values and bands of all models.
+
+    That of a mechanism has the axes hinge, point and actuator, and the warnings and notes that apply to every question.
+    """
+    labels = {"model": tuple(models), **axes}
+    if isinstance(subject, Mechanism):
+        layout = subject.layout
+        labels = {
+            "hinge": [joint.name for joint in layout.joints],
+            "point": [name for name, _ in layout.points],
+            "actuator": [actuator.name for actuator in layout.actuators],
+            **labels,
+        }
+        stressed = any("stress" in name for model in models.values() for name in model.values)
+        warned = sharp_roots(layout) if stressed and {ELEMENTS, SOLID} & models.keys() else []
+        others["warnings"] = [*others.get("warnings", ()), *warned]
+        others["notes"] = [*others.get("notes", ()), *[ELASTIC_READ] * (ELASTIC in models)]
+    stacked, widths = stack_models(kind, models, labels)
+    subject = subject if isinstance(subject, About) else about(subject)
+    settings = {**settings, **meshed(mesh)}
+    return kind(subject, {**stacked, **values}, {**widths, **bands}, labels, settings, **others)
+
+
+def sharp_roots(layout: Layout) -> list[str]:
+    """Warn of leaves without fillets, whose stress by finite elements is singular."""
+    sharp = [joint.name for joint in layout.joints if isinstance(joint.profile, Leaf) and not joint.profile.fillet]
+    named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
+    return [
+        f"hinges without fillets ({named}): the stress of finite elements at their roots grows without limit as the "
+        "mesh is refined, and the range at yield falls with it; state fillet_mm"
+    ] * bool(sharp)

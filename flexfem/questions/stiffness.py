@@ -1,8 +1,8 @@
-"""A stage at rest: stiffness, stress per displacement, range at yield, response to a load, and its summary."""
+"""A stage or mechanism at rest: stiffness, stress, range at yield, response to a load, and its summary."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,12 +15,21 @@ from flexfem.fem.fields import load_case, neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates, plates_loaded, setup
+from flexfem.questions import actuators, plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import compliance_bands, levels, solid_bands, solid_levels, solve_solid, stress_bands
+from flexfem.questions.bands import (
+    SolidLevels,
+    compliance_bands,
+    levels,
+    solid_bands,
+    solid_levels,
+    solve_solid,
+    stress_bands,
+)
+from flexfem.questions.modes import modes
+from flexfem.questions.plates import ON_MESHES, PEAK, Responses, Values
 from flexfem.questions.reach import reach
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
@@ -78,6 +87,41 @@ class Stiffness(Result):
     hinge_shear = Quantity("shear compliance of the hinges", "mm_per_n", ("chain", "hinge"), shown=False)
 
 
+class MechanismStiffness(Result):
+    """Stiffness, stress per displacement, range at yield and inputs of a mechanism at rest; response to one load."""
+
+    title = "mechanism at rest"
+    main = ("free", {})
+    figure, drawn_from_fields = "plate.load_figure", True
+    stiffness = Quantity(
+        "stiffness matrix", "stiffness matrix", ("model", "component", "direction"), ON_MESHES, "matrix"
+    )
+    compliance = Quantity(
+        "compliance matrix", "compliance matrix", ("model", "component", "direction"), ON_MESHES, "matrix", shown=False
+    )
+    free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), ON_MESHES)
+    stress = Quantity(
+        "highest hinge stress per displacement, other directions held", "stress per motion",
+        ("model", "hinge", "direction"), PEAK, "all", largest=("hinge",),
+    )  # fmt: skip
+    yield_range = Quantity(
+        "displacement at which the first hinge yields, other directions held", "motion", ("model", "direction"),
+        PEAK, prefixed=True,
+    )  # fmt: skip
+    yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), PEAK)
+    input_stiffness = Quantity("stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), ON_MESHES)
+    amplification = Quantity(
+        "output motion per actuator opening, output free", ("", "", "rad_per_mm"), ("actuator", "model", "direction"),
+        ON_MESHES, "all",
+    )  # fmt: skip
+    force = Quantity("load on the output", "wrench", ("model", "direction"), ON_MESHES, "wrench")
+    pose = Quantity("displacement under the load", "motion", ("model", "point", "direction"), ON_MESHES, "pose",
+                    prefixed=True)  # fmt: skip
+    energy = Quantity("strain energy", "n_mm", ("model",), ON_MESHES)
+    hinge_stress = Quantity("hinge stress under the load", "mpa", ("model", "hinge"), PEAK, "all",
+                            largest=("hinge",))  # fmt: skip
+
+
 class Summary(Result):
     """Stiffness, range at yield, force and stress by direction, and the ranges of the drive."""
 
@@ -114,10 +158,10 @@ class MechanismSummary(Summary):
     input_stiffness = Quantity("stiffness at the actuator, output free", "n_per_um", ("model",), COARSER)
 
 
-@setup.for_mechanisms(plates.stiffness)
+@setup.for_mechanisms(Stiffness, MechanismStiffness, not_for="analytic")
 @setup.question
 def stiffness(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     models: Models = "both",
     analytic: Analytic = DEFAULT,
@@ -126,7 +170,7 @@ def stiffness(
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> Stiffness:
+) -> Stiffness | MechanismStiffness:
     """Stiffness, stress and range at yield of a stage or mechanism, and response to a load or displacement.
 
     Parameters
@@ -148,22 +192,23 @@ def stiffness(
     >>> round(float(found.at("yield_range", direction="x")[0]), 3)  # mm
     0.641
     """
-    check_feasible(stage)
-    mesh = setup.mesh_of(models, resolution, layers)
+    mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
     if force is not None and displacement is not None:
         raise BadInput("force and displacement, expected one of the two")
     load = None if force is None else arguments.forces("force", force, 1)
     held = None if displacement is None else arguments.poses("displacement", displacement, 1)
-    warnings, notes, settings = list(warning.of_numbers(stage)), list[str](), dict[str, Any]()
-    results, values, fields = dict[str, ModelAnswer](), dict[str, Array](), None
 
     def load_for(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
 
+    if isinstance(stage, Mechanism):
+        return _of_mechanism(stage, load_for, mesh, models, progress)
+    warnings, notes, settings = list(warning.of_numbers(stage)), list[str](), dict[str, Any]()
+    results, values, fields = dict[str, ModelAnswer](), dict[str, Array](), None
     chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         result = analyse(*chosen)
-        results[ANALYTIC] = _at_rest(stage, result.compliance, result.stress, stiffness=result.stiffness)
+        results[ANALYTIC] = ModelAnswer(at_rest(stage, result.compliance, result.stress))
         if (F := load_for(result.stiffness)) is not None:
             pose = result.compliance @ F
             stress = result.neck_stress(chosen.stage, pose)
@@ -189,26 +234,84 @@ def stiffness(
         warnings += warning.of_motion(stage, reference["pose"], "under this load")
     for displaced, direction in zip(np.diag(reference["yield_range"]), DIRECTIONS, strict=True):
         warnings += warning.of_motion(stage, displaced, f"end of the range at yield in {direction}")
-    texts = {"warnings": warnings, "notes": notes}
-    return setup.answer(Stiffness, stage, results, mesh, settings, values, None, **texts, fields=fields)
+    return setup.answer(
+        Stiffness, stage, results, mesh, settings, values, warnings=warnings, notes=notes, fields=fields
+    )
 
 
-def _at_rest(
-    stage: Stage,
-    compliance: Array,
-    stress: Array | None = None,
-    bands: Array | None = None,
-    stiffness: Array | None = None,
-) -> ModelAnswer:
-    """Return a result from compliance, its bands, and stress (3 chains, 3 hinges, 3 directions) per displacement."""
-    K = np.asarray(np.linalg.inv(compliance) if stiffness is None else stiffness)
+def at_rest(plate: Stage | Mechanism, compliance: Array, stress: Array | None = None) -> dict[str, Array]:
+    """Return values at rest from the compliance (3, 3) and the stress (..., 3), MPa, per displacement."""
+    K = np.asarray(np.linalg.inv(compliance))
+    K = (K + K.T) / 2
     values = {"compliance": compliance, "stiffness": K, "free": free_stiffness(K)}
     if stress is not None:
-        range_at_yield = stage.material.yield_strength / np.max(stress, axis=(0, 1))
+        range_at_yield = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
         values |= {"stress": stress, "yield_range": range_at_yield, "yield_force": np.diag(K) * range_at_yield}
-    if bands is None:
-        return ModelAnswer(values)
-    return ModelAnswer(values, {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)})  # dK = -K dC K
+    return values
+
+
+def of_ports(mechanism: Mechanism, response: Responses) -> dict[str, Array]:
+    """Return the values at rest of a mechanism, and the inputs seen from its drives.
+
+    The amplification is the motion of the output, which is free, per opening of one actuator.
+    """
+    C, drives = response.compliance, mechanism.layout.drive_ports
+    loads = np.linalg.inv(C[:3, :3]) @ np.eye(3, len(C))
+    values = at_rest(mechanism, C[:3, :3], response.stress(loads).T)
+    if drives:
+        opening = np.diag(C)[drives]
+        values |= {"input_stiffness": 1 / opening, "amplification": (C[:3, drives] / opening).T}
+    return values
+
+
+def _of_mechanism(
+    mechanism: Mechanism, load_for: Loads, mesh: Mesh | None, models: Models, progress: Progress | None
+) -> MechanismStiffness:
+    def values(response: Responses) -> dict[str, Any]:
+        found: dict[str, Any] = of_ports(mechanism, response)
+        F, C = load_for(found["stiffness"]), response.compliance
+        if F is not None:
+            poses = (C[:, :3] @ F)[: 3 * len(mechanism.layout.points)].reshape(-1, 3)
+            stress = response.stress(F @ np.eye(3, len(C)))
+            found |= {"force": F, "pose": poses, "energy": F @ poses[0] / 2, "hinge_stress": stress}
+        return found
+
+    def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
+        found, solutions = plates.value_bands(sizes, each, ends), np.array([one["compliance"] for one in each])
+        C = compliance_bands(sizes, solutions)
+        if ends:
+            plane, through = solid_bands(SolidLevels(solutions, *(one["compliance"] for one in ends)), int(sizes[-1]))
+            C = plane + through
+        return found | {"compliance": C, "free": each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])}
+
+    found, fields, warnings = plates.of_models(mechanism, mesh, models, values, progress, bands), None, list[str]()
+    force = list(found.values())[-1].values.get("force")
+    if force is not None:
+        warnings = plates.over_yield(mechanism, found, "hinge_stress", "this load")
+        fields = None if mesh is None else _fields_of_mechanism(mechanism, mesh, force)
+    return setup.answer(MechanismStiffness, mechanism, found, mesh, fields=fields, warnings=warnings)
+
+
+def _fields_of_mechanism(mechanism: Mechanism, mesh: Mesh, force: Array) -> MeshFields:
+    """Return displacement and stress under a load (3,) on the output; in three dimensions on the coarsest mesh."""
+    layers = plates.layers_of(mechanism, mesh.layers)
+    level = levels(mesh.resolution)[0] if layers else mesh.resolution
+
+    def made() -> dict[str, Array]:
+        solid = layers and plates.solid_response(mechanism, level, mesh.layers)
+        response = solid or plates.solved(mechanism, level)
+        field, whole = np.tensordot(force, response.fields[:3], axes=1), response.model.structure
+        moving, stress = np.unique(whole.mesh.triangles), np.zeros(field.shape[:-1])  # fixed bodies have none
+        found = nodal_stress(whole.mesh, whole.plate, field, moving, whole.layers)
+        stress[moving] = von_mises(found, mechanism.layout.out_of_plane).reshape(stress[moving].shape)
+        return {"displacement": field, "von_mises": stress}
+
+    return MeshFields(plates.meshed(mechanism, level), made, layers.heights if layers else None)
+
+
+def _stiffness_bands(K: Array, bands: Array) -> dict[str, Array]:
+    """Return the bands of compliance and stiffness from those of the compliance: `dK = -K dC K`."""
+    return {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)}
 
 
 def _in_plane(
@@ -217,24 +320,23 @@ def _in_plane(
     """Return values and bands by plane finite elements on three meshes, and fields under the load."""
     sizes = np.array(levels(resolution), dtype=float)
     responses = on_meshes(levels(resolution), lambda level: setup.solved(stage, level), progress)
-    finest, stresses = responses[-1], np.array([element_stress(stage, response) for response in responses])
+    C, stresses = responses[-1].compliance, np.array([element_stress(stage, response) for response in responses])
     bands = compliance_bands(sizes, np.array([response.compliance for response in responses]))
-    values, value_bands = _at_rest(stage, finest.compliance, stresses[-1], bands)
+    values: dict[str, Any] = at_rest(stage, C, stresses[-1])
     highest = np.max(stresses, axis=(1, 2))  # of each direction
     band = stress_bands(sizes, highest)
-    value_bands = {
-        **value_bands,
-        "free": values["free"] * np.diag(bands) / np.diag(finest.compliance),
+    value_bands = _stiffness_bands(values["stiffness"], bands) | {
+        "free": values["free"] * np.diag(bands) / np.diag(C),
         "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
         "yield_range": values["yield_range"] * band / highest[-1],
     }
     force, fields = load_for(values["stiffness"]), None
     if force is not None:
-        case = load_case(stage, finest.mesh, finest, force)
-        values.update(force=force, pose=finest.compliance @ force, neck_stress=case.neck_stress)
+        case = load_case(stage, responses[-1].mesh, responses[-1], force)
+        values.update(force=force, pose=C @ force, neck_stress=case.neck_stress)
         values.update(reaction=case.reaction, energy=case.energy)
         value_bands["pose"] = bands @ np.abs(force)
-        fields = MeshFields(finest.mesh, lambda: {"displacement": case.field, "von_mises": case.stress})
+        fields = MeshFields(responses[-1].mesh, lambda: {"displacement": case.field, "von_mises": case.stress})
     return ModelAnswer(values, value_bands), fields
 
 
@@ -248,17 +350,18 @@ def _in_three_dimensions(stage: Stage, mesh: Mesh, load_for: Loads) -> tuple[dic
     """Return values in three dimensions and, on the same plane mesh, in plane stress and strain, which bound them."""
     response = solve_solid(stage, *mesh)
     plane, thickness = solid_bands(solid_levels(stage, *mesh), mesh.resolution)
-    K, C, total = np.asarray(np.linalg.inv(response.compliance)), response.compliance, plane + thickness
-    values, bands = _at_rest(stage, C, element_stress(stage, response), total)
+    C, total = response.compliance, plane + thickness
+    values: dict[str, Any] = at_rest(stage, C, element_stress(stage, response))
+    bands = _stiffness_bands(values["stiffness"], total)
     values |= {"band_plane": plane, "band_thickness": thickness}
-    sheet, held = (_at_rest(stage, compliance) for compliance in bounding(stage, response))
-    force, fields = load_for(K), None
+    sheet, held = (ModelAnswer(dict(at_rest(stage, compliance))) for compliance in bounding(stage, response))
+    force, fields = load_for(values["stiffness"]), None
     if force is not None:
         necks = neck_stresses(stage, response, force[None])
         values.update(force=force, pose=C @ force, reaction=force @ response.reactions)
         values.update(neck_stress=necks.highest[0], neck_height=necks.height[0])
         values["energy"] = force @ response.energy @ force / 2
-        bands = {**bands, "pose": total @ np.abs(force)}
+        bands["pose"] = total @ np.abs(force)
         fields = MeshFields(response.mesh, lambda: _solid_fields(stage, response, force), response.layers.heights)
     return {SHEET: sheet, HELD: held, SOLID: ModelAnswer(values, bands)}, fields
 
@@ -279,17 +382,6 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     return soft, hard
 
 
-def _by_direction(found: Stiffness | plates.MechanismStiffness) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return values and bands of an answer at rest with the direction first."""
-    parts = dict[str, Array](), dict[str, Array]()
-    for target, source in zip(parts, (found.values, found.bands), strict=True):
-        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
-            target[name] = np.moveaxis(source[name], -1, 0)
-        if "stiffness" in source:
-            target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
-    return parts
-
-
 def _ends(part: Callable[..., Array], model: str) -> dict[str, Array]:
     """Return the ranges of the drive by one model; `part` returns the values or bands of an answer of `reach`."""
     return {
@@ -308,47 +400,17 @@ def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
     return settings, [f"{', '.join(keys)}: {source}" for source, keys in by_source.items()]
 
 
-def _of_mechanism(
-    mechanism: Mechanism,
-    *,
-    models: Models = "both",
-    resolution: int | None = None,
-    layers: int | None = None,
-    progress: Progress | None = None,
-) -> MechanismSummary:
-    """See `flexfem.summary`."""
-    mesh: dict[str, Any] = {"models": models, "resolution": resolution, "layers": layers}
-    found = plates.stiffness(mechanism, **mesh, progress=progress)
-    (values, bands), (settings, notes) = _by_direction(found), _material(mechanism)
-    first = plates_loaded.modes(mechanism, count=1, **mesh)
-    for target, source, modes in ((values, found.values, first.values), (bands, found.bands, first.bands)):
-        if "frequency" in modes:
-            target["frequency"] = modes["frequency"][0]
-        if len(mechanism.layout.actuators) == 1 and "amplification" in source:
-            target["amplification"] = source["amplification"][0].T
-            target["input_stiffness"] = source["input_stiffness"][0]
-    if mechanism.layout.actuators:
-        driven = plates.reach(mechanism, **mesh)
-        model = driven.axes["model"][-1]
-        values |= _ends(driven.at, model)
-        bands |= _ends(driven.band, model)
-        notes.append(f"drive min, max: {model} model with all actuators; first frequency: without the actuators")
-    return MechanismSummary(
-        found.about, values, bands, found.axes, settings | found.settings, found.warnings, [*found.notes, *notes]
-    )
-
-
-@setup.for_mechanisms(_of_mechanism)
+@setup.for_mechanisms(Summary, MechanismSummary, not_for="analytic")
 @setup.question
 def summary(
-    stage: Stage,
+    stage: Stage | Mechanism,
     *,
     models: Models = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> Summary:
+) -> Summary | MechanismSummary:
     """Stiffness of a stage or mechanism, range and force at which the first neck yields, and range of its drive.
 
     Parameters
@@ -362,17 +424,41 @@ def summary(
     >>> float(found.at("yield_range", direction="x", model="analytic").round(3))  # mm
     0.641
     """
-    found = stiffness(stage, models=models, analytic=analytic, resolution=resolution, layers=layers, progress=progress)
-    (values, bands), (settings, notes), warnings = _by_direction(found), _material(stage), list(found.warnings)
+    mesh: dict[str, Any] = {"models": models, "resolution": resolution, "layers": layers}
+    found = stiffness(stage, analytic=analytic, **mesh, progress=progress)
+    settings, notes = _material(stage)
+    settings, notes, warnings = settings | found.settings, [*found.notes, *notes], list(found.warnings)
+    parts = dict[str, Array](), dict[str, Array]()
+    values, bands = parts
+    for target, source in zip(parts, (found.values, found.bands), strict=True):
+        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
+            target[name] = np.moveaxis(source[name], -1, 0)
+        if "stiffness" in source:
+            target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
+    if isinstance(stage, Mechanism):
+        first = modes(stage, count=1, **mesh)
+        sources = (found.values, found.bands), (first.values, first.bands)
+        for target, source, lowest in zip(parts, *sources, strict=True):
+            if "frequency" in lowest:
+                target["frequency"] = lowest["frequency"][0]
+            if len(stage.layout.actuators) == 1 and "amplification" in source:
+                target["amplification"] = source["amplification"][0].T
+                target["input_stiffness"] = source["input_stiffness"][0]
+        if stage.layout.actuators:
+            driven = actuators.reach(stage, setup.mesh_of(**mesh, usual_solid=setup.usual_solid(stage)), models)
+            model = driven.axes["model"][-1]
+            values |= _ends(driven.at, model)
+            bands |= _ends(driven.band, model)
+            notes.append(f"drive min, max: {model} model with all actuators; first frequency: without the actuators")
+        return MechanismSummary(found.about, values, bands, found.axes, settings, warnings, notes)
     if "thickness" in found.values:
-        values["thickness"] = found.thickness
+        values["thickness"] = found.values["thickness"]
     if stage.actuator:
         try:
-            driven = reach(stage, models="analytic", analytic=analytic)
+            reached = reach(stage, models="analytic", analytic=analytic)
         except ComputationFailed as failure:
             warnings.append(str(failure))
         else:
-            values |= _ends(driven.at, ANALYTIC)
-            warnings += driven.warnings
-    settings = {"mobility": stage.mobility} | settings | found.settings
-    return Summary(found.about, values, bands, found.axes, settings, warnings, [*found.notes, *notes])
+            values |= _ends(reached.at, ANALYTIC)
+            warnings += reached.warnings
+    return Summary(found.about, values, bands, found.axes, {"mobility": stage.mobility} | settings, warnings, notes)

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias, get_type_hints
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 from pydantic import ValidationError
@@ -19,7 +19,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.results import SPACE, Result, thousands
+from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, mechanism_of, stage_of
@@ -40,7 +40,6 @@ ATTEMPTS = 2000  # most designs of a front that are tested for drawing; some 10 
 SIZE = "envelope_mm"
 TRUSTED = (5.0, 10.0)  # per cent of error, whose contours are heavier
 LARGEST = 1e100  # largest drawn number, whose square and inverse square are finite
-KINDS = {"converge": "convergence"}  # kind of result by question, where the names differ
 WORDS = {"youngs modulus": "Young's modulus", "poissons ratio": "Poisson's ratio"}
 
 
@@ -85,8 +84,8 @@ def output(column: str, study: Study | None = None) -> AxisText:
 def asked(path: str, mechanism: bool) -> AxisText:
     """Return the meaning and unit of a number of a result at a path such as `stiffness.free.analytic.x`."""
     question, name, *labels = path.replace("_", " ").split(".")
-    stage = get_type_hints(getattr(flexfem, question))["return"]
-    kind = Result.kinds.get(f"mechanism_{KINDS.get(question, question)}", stage) if mechanism else stage
+    of_stage, of_mechanism = get_args(get_type_hints(getattr(flexfem, question))["return"])
+    kind = of_mechanism if mechanism else of_stage
     quantity = kind.quantities[name.replace(" ", "_")]
     place = tuple(DIRECTIONS.index(label) if label in DIRECTIONS else 0 for label in labels)
     if len(labels) != len(quantity.over):

@@ -1,0 +1,169 @@
+"""Motion of a mechanism by its actuators: transmission, losses, coupling, and the ends of the motion of the output."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from flexfem.arrays import Array
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions.plates import ON_MESHES, PEAK, ROUND_OFF, Responses, meshed, of_models, over_yield, solved
+from flexfem.questions.setup import Mesh, MeshFields, Models, answer
+from flexfem.refused import BadInput
+from flexfem.results import Quantity, Result
+
+
+class MechanismDrive(Result):
+    """Motion of a mechanism by its actuators, with all of them in place: transmission, range, losses, coupling."""
+
+    title = "drive"
+    main = ("motion", {})
+    reading = ("all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator",)
+    motion = Quantity(
+        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), ON_MESHES, "all",
+        prefixed=True,
+    )  # fmt: skip
+    transmission = Quantity(
+        "output motion per free stroke", ("", "", "rad_per_mm"), ("actuator", "model", "direction"), ON_MESHES, "all"
+    )
+    used = Quantity(
+        "opening of the actuator over its free stroke", "percent", ("actuator", "model"), ON_MESHES,
+        note="the rest of the stroke is lost to the elasticity of the actuator",
+    )  # fmt: skip
+    coupling = Quantity(
+        "opening of the other actuators over the free stroke", "percent", ("actuator", "other", "model"),
+        ON_MESHES, "all",
+    )  # fmt: skip
+    cross = Quantity(
+        "cross motion of the output over its main translation", "percent", ("actuator", "model"),
+        ON_MESHES._replace(absolute=5e-3), "all",
+    )  # fmt: skip
+    rotation = Quantity(
+        "parasitic rotation of the output over its main translation", "rad_per_mm", ("actuator", "model"),
+        ON_MESHES._replace(absolute=1e-6), "all",
+    )  # fmt: skip
+    force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), ON_MESHES)
+    stress = Quantity(
+        "highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), PEAK, "all", largest=("hinge",)
+    )
+    engaged = Quantity(
+        "stiffness of the output with all actuators", "stiffness", ("model", "direction"),
+        ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts
+    )  # fmt: skip
+
+
+class Transfer(NamedTuple):
+    """Linear response to free strokes s (a,) of all actuators in place.
+
+    force : (a, a), N per mm of stroke.   motion : (p, 3, a), of the points.   opening : (a, a), of the actuators.
+    engaged : (3, 3), stiffness of the output with all actuators.
+    """
+
+    force: Array
+    motion: Array
+    opening: Array
+    engaged: Array
+
+
+def transfer(mechanism: Mechanism, C: Array) -> Transfer:
+    """Return the response to free strokes for a compliance (k, k) between the ports.
+
+    Notes
+    -----
+    The force of an actuator is `F = k (s - q)` with its opening `q = C_aa F`, so that `F = (C_aa + 1 / k)^-1 s`.
+    """
+    drives = mechanism.layout.drive_ports
+    if not drives:
+        raise BadInput(f"{mechanism.origin}: no actuator, expected at least one [[actuator]]")
+    flexible = C[np.ix_(drives, drives)] + np.diag(1 / mechanism.layout.stiffness_of_actuators)
+    force = np.asarray(np.linalg.inv(flexible))
+    coupled = C[:3, drives]
+    engaged = np.asarray(np.linalg.inv(C[:3, :3] - coupled @ force @ coupled.T))
+    motion = C[: 3 * len(mechanism.layout.points), drives] @ force
+    return Transfer(force, motion.reshape(-1, 3, len(drives)), C[np.ix_(drives, drives)] @ force, engaged)
+
+
+def drive(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismDrive:
+    """Return the motion of a mechanism by the full free stroke of each of its actuators."""
+    actuators = mechanism.layout.actuators
+    strokes, drives = np.array([actuator.stroke for actuator in actuators]), mechanism.layout.drive_ports
+
+    def values(response: Responses) -> dict[str, Any]:
+        found = transfer(mechanism, response.compliance)
+        output, own = found.motion[0].T, np.diag(found.opening)  # (a, 3)
+        main = np.argmax(np.abs(output[:, :2]), axis=1)
+        along, across = (np.take_along_axis(output, each[:, None], 1)[:, 0] for each in (main, 1 - main))
+        forces = np.zeros((len(actuators), len(response.compliance)))
+        forces[:, drives] = (found.force * strokes).T
+        others = found.opening.T.copy()
+        np.fill_diagonal(others, np.nan)
+        moves = np.abs(along) > ROUND_OFF * np.max(np.abs(found.motion))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
+        rotation[np.abs(rotation) * mechanism.layout.lever < ROUND_OFF] = 0.0
+        cross[np.abs(cross) < ROUND_OFF], others[np.abs(others) < ROUND_OFF] = 0.0, 0.0
+        return {
+            "motion": np.moveaxis(found.motion * strokes, -1, 0),
+            "transmission": output,
+            "used": 100 * own,
+            "coupling": 100 * others,
+            "cross": 100 * cross,
+            "rotation": rotation,
+            "force": np.diag(found.force) * strokes,
+            "stress": response.stress(forces),
+            "engaged": np.diag(found.engaged),
+        }
+
+    def made() -> dict[str, Array]:
+        assert mesh is not None
+        response = solved(mechanism, mesh.resolution)
+        loads = transfer(mechanism, response.compliance).force * strokes
+        return {a.name: np.tensordot(loads[:, k], response.fields[drives], 1) for k, a in enumerate(actuators)}
+
+    found, fields = of_models(mechanism, mesh, models, values), None
+    if mesh is not None and not mesh.layers:
+        fields = MeshFields(meshed(mechanism, mesh.resolution), made)
+    labels = {"other": [actuator.name for actuator in actuators]}
+    warnings = over_yield(mechanism, found, "stress", "full stroke")
+    return answer(MechanismDrive, mechanism, found, mesh, axes=labels, warnings=warnings, fields=fields)
+
+
+class MechanismReach(Result):
+    """Ends of the motion of the output by the strokes of all actuators, by direction."""
+
+    title = "reach of the drive"
+    main = ("ends", {"others": "free"})
+    labels: ClassVar = {"others": ("free", "zero"), "end": ("low", "high")}
+    reading = (
+        "motion relative to zero strokes; others: the other two directions, free, or held at zero by at least three "
+        "actuators",
+    )
+    ends = Quantity(
+        "ends of the motion of the output", "motion", ("others", "end", "model", "direction"), ON_MESHES, "all",
+        prefixed=True,
+    )  # fmt: skip
+
+
+def reach(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismReach:
+    """Return the ends of the motion of the output of a mechanism by the strokes of all actuators."""
+    from scipy.optimize import linprog  # takes longer to import than all modules of questions
+
+    strokes = np.array([actuator.stroke for actuator in mechanism.layout.actuators])
+
+    def values(response: Responses) -> dict[str, Any]:
+        motion = transfer(mechanism, response.compliance).motion[0] * strokes  # (3, a), for full strokes
+        ends = np.array([np.minimum(motion, 0).sum(axis=1), np.maximum(motion, 0).sum(axis=1)])
+        scale, held = np.max(np.abs(motion), axis=1), np.zeros((2, 3))
+        if len(strokes) < 3:
+            return {"ends": np.stack([ends, np.full((2, 3), np.nan)])}
+        for direction, (end, sign) in ((d, e) for d in range(3) for e in enumerate((1.0, -1.0))):
+            others = [k for k in range(3) if k != direction and scale[k] > ROUND_OFF * np.max(scale)]
+            rows = motion[others] / scale[others, None]
+            solution = linprog(sign * motion[direction] / max(scale[direction], 1e-300), A_eq=rows if others else None,
+                               b_eq=np.zeros(len(others)) if others else None, bounds=(0, 1))  # fmt: skip
+            held[end, direction] = sign * solution.fun * scale[direction]
+        return {"ends": np.stack([ends, held])}
+
+    found = of_models(mechanism, mesh, models, values)
+    return answer(MechanismReach, mechanism, found, mesh)
