@@ -19,7 +19,7 @@ from contextlib import nullcontext, suppress
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -175,7 +175,8 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
     """Return a function that calls another one and shows its result; its signature holds the options of the command."""
     options = [*_options(function), _parameter("json", Json, False)]
     kind = get_type_hints(function)["return"]
-    if hasattr(kind, "quantities") or get_origin(kind) is UnionType:  # results; other functions have their own output
+    kinds = get_args(kind) if get_origin(kind) is UnionType else (kind,)
+    if all(hasattr(each, "quantities") for each in kinds):  # results; other functions have their own output
         options.append(_parameter("output", OutputFolder, None))
 
     def run(**given: Any) -> None:

@@ -103,8 +103,8 @@ def question(function: Function) -> Function:
                 raise BadInput(f"{name} {value!r}, expected {' or '.join(words)}")
             if hints.get(name) is Analytic and not isinstance(value, Analytic):
                 raise BadInput(f"{name} {value!r}, expected a flexfem.Analytic")
-        if isinstance(subject, Stage):
-            check_feasible(subject)
+        if "stage" in bound and not isinstance(subject, Mechanism):
+            check_feasible(bound["stage"])
         return function(*positional, **named)
 
     return cast(Function, checked)
