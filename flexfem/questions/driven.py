@@ -8,8 +8,9 @@ stiffness k and free stroke s fills its opening: d = s - f / k. With commands x,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,14 +36,12 @@ NOTHING_ALLOWED: dict[Limit, str] = {  # reasons why a limit of zero size in one
 }
 SINGULAR = 1e-9  # of the largest singular value: in such a direction no command moves the platform
 HALF_LENGTH, SECTIONS = 0.7, 141  # of the checked part of a neck, per notch radius, and number of sections
-SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]])  # of bending and tension
 YIELDING = 1e-11  # of the yield strength: round-off
-NO_MOTION = 1e-16  # of the largest limit: smaller commands do not set the scale of a linear program
 BATCH = 256  # designs at a time, so that their programs stay in the processor cache
 FAR = 1e7  # larger than every solution of a bounded program with rows of unit norm and bounds of at most one
 FLAT, TOLERANCE = 1e-11, 1e-12  # of such programs: pivots that are round-off; violation relative to the point
 STEPS, PATIENCE = 300, 100  # simplex steps; after PATIENCE of them the first violated limit enters, against cycling
-TIGHT = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier is not binding
 
 
 class Unreachable(ComputationFailed):
@@ -170,41 +169,23 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, target: Array) -
 
     Raises Unreachable with the reason if no x exists; then limits of zero size exclude every t.
     """
-    commands = _program(DriveLimits(*map(np.concatenate, zip(*limits.values(), strict=True))), G, target)
-    if commands is not None:
+    base, free = np.linalg.lstsq(G, target, rcond=None)[0], np.linalg.svd(G)[2][3:].T
+
+    def smallest(chosen: Iterable[DriveLimits]) -> Array:
+        """Return the commands, nan if there are none; the unknowns of the program are -t and x in the null space."""
+        rows, offsets, sizes = map(np.concatenate, zip(*chosen, strict=True))
+        positive = np.eye(1, 1 + free.shape[1])
+        A, b = np.vstack([np.column_stack([sizes, rows @ free]), positive]), np.append(offsets - rows @ base, 0.0)
+        share, *at = farthest(A[None], b[None]).points[0]
+        return np.full_like(base, np.nan) if np.isnan(share) else base + free @ np.array(at)
+
+    commands = smallest(limits.values())
+    if not np.isnan(commands).any():
         return commands
     zero = {name: DriveLimits(*(part[limit.sizes == 0] for part in limit)) for name, limit in limits.items()}
     binding = {name: limit for name, limit in zero.items() if len(limit.rows)}
-    alone = [name for name, limit in binding.items() if _program(limit, G, target) is None]
+    alone = [name for name, limit in binding.items() if np.isnan(smallest([limit])).any()]
     raise Unreachable(", and ".join(NOTHING_ALLOWED[name] for name in alone or binding))
-
-
-def _program(limits: DriveLimits, G: Array, target: Array) -> Array | None:
-    """Minimise t with rows x <= offsets + t sizes and G x = target; None if there is no such x."""
-    rows, offsets, sizes = limits
-    unit, most = float(np.max(np.abs(np.linalg.lstsq(G, target, rcond=None)[0]))), float(np.max(sizes)) or 1.0
-    unit = unit if unit > NO_MOTION * most else most
-    size = np.max(np.abs(G)) * unit
-    norm = np.maximum(np.max(np.abs(rows), axis=1) * unit, np.finfo(float).tiny)
-    solution = linear_program(
-        np.append(np.zeros(G.shape[1]), 1.0),
-        A_ub=np.column_stack([rows * unit, -sizes]) / norm[:, None],
-        b_ub=offsets / norm,
-        A_eq=np.column_stack([G * unit, np.zeros(3)]) / size,
-        b_eq=target / size,
-        bounds=[(None, None)] * G.shape[1] + [(0, None)],
-    )
-    return None if solution is None else np.asarray(solution.x[:-1] * unit)
-
-
-def linear_program(cost: Array, **limits: Any) -> Any:
-    """Minimise cost @ x by HiGHS with limits of scipy's `linprog`; None if infeasible. Raises ComputationFailed."""
-    from scipy.optimize import linprog
-
-    solution = linprog(cost, **limits, method="highs", options=TIGHT)
-    if solution.status not in (0, 2):
-        raise ComputationFailed(f"linear program of a drive: {solution.message}")
-    return solution if solution.status == 0 else None
 
 
 def limits_of(system: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLimits]:
@@ -215,8 +196,8 @@ def limits_of(system: Driven, drive: StageDrive, load: Array) -> dict[Limit, Dri
     reserve[np.abs(reserve) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
     return {
         "stroke": DriveLimits(np.concatenate([unit, -unit]), np.zeros_like(sizes), sizes),
-        "blocking force": DriveLimits(per_command, at_rest, reserve),
         "contact": DriveLimits(-per_command, -at_rest, drive.preload),
+        "blocking force": DriveLimits(per_command, at_rest, reserve),
     }
 
 
@@ -225,9 +206,8 @@ def shares(system: Driven, drive: StageDrive, command: Array, load: Array) -> di
 
     It is inf for a limit of zero, as at the contact of a stack without preload that would have to pull.
     """
-    found, limits = dict[Limit, Array](), limits_of(system, drive, load)
-    for name in LIMITS:
-        rows, offsets, sizes = limits[name]
+    found = dict[Limit, Array]()
+    for name, (rows, offsets, sizes) in limits_of(system, drive, load).items():
         used = rows @ command - offsets
         unused = used <= ROUND_OFF * np.max(np.abs(used), initial=0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -265,19 +245,6 @@ def stress_along(sections: Array, forces: Array) -> Array:
     return np.asarray(np.abs(bending * (M + V * x)) + np.abs(tension * N))
 
 
-def limits_of_necks(sections: Array, forces: Array, at_rest: Array, strength: float) -> DriveLimits:
-    """Return all 36 s half-spaces of the commands of one design within which no section yields at `strength`, MPa.
-
-    forces : (3, 3, 3, m), per command.   at_rest : (3, 3, 3), of a load without commands.
-    """
-    x, bending, tension = sections[..., None]
-    M, N, V = np.concatenate([forces, at_rest[..., None]], axis=-1)[..., None, :]
-    bending_stress, axial_stress = bending * (M + V * x), tension * N
-    stress = SIGNS[:, :1] * bending_stress[..., None, :] + SIGNS[:, 1:] * axial_stress[..., None, :]
-    rows = stress.reshape(-1, stress.shape[-1])
-    return DriveLimits(rows[:, :-1], -rows[:, -1], np.full(len(rows), strength))
-
-
 class DriveRanges(NamedTuple):
     """Reach of the drives of n designs each way (n, 2, 3), mm and rad, and stiffness (n, 3, 3) with the stacks engaged.
 
@@ -293,6 +260,74 @@ class DriveRanges(NamedTuple):
         return np.asarray(np.min(self.reach, axis=1))
 
 
+class CommandLimits(NamedTuple):
+    """All limits of the commands (m,) of n designs, numbered: k with rows @ x <= bounds, then the yield of nine necks.
+
+    rows : (n, k, m), bounds : (n, k), in the order of `LIMITS`.   sections : (3, n, 9, SECTIONS) of `sections_of`.
+    forces : (3, n, 9, m), moment, axial and shear force of necks per command; at_rest : (3, n, 9), without commands.
+    strength : (n,), MPa, less a margin because the model may underestimate the stress.
+    """
+
+    rows: Array
+    bounds: Array
+    sections: Array
+    forces: Array
+    at_rest: Array
+    strength: Array
+
+    def farthest(self, design: Index, Z: Array, base: Array) -> Farthest:
+        """Solve p programs of designs (p,) for the largest z_0 of commands base (p, m) + Z (p, m, d) z."""
+        rows, forces = self.rows[design], self.forces[:, design]
+        at_base = self.at_rest[:, design] + np.einsum("ipkm,pm->ipk", forces, base)
+        bounds = self.bounds[design] - np.einsum("pkm,pm->pk", rows, base)
+        largest = np.max(np.abs(self.sections), axis=-1)
+        return farthest(rows @ Z, bounds, partial(self._yields, design, largest, forces @ Z, at_base))
+
+    def _yields(
+        self, design: Index, largest: Array, forces: Array, at_base: Array, which: Index, z: Array
+    ) -> Violation:
+        """Return yield at the worst section as a `Cut`; forces (3, p, 9, d) per unknown and at_base (3, p, 9).
+
+        largest : (3, n, 9), of the sections, for an upper bound of the stress.
+        """
+        k, allowed = design[which], self.strength[design[which]]
+        found = Violation(np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z)), np.zeros(len(z), np.int64))
+        loaded = np.einsum("ipkd,pd->ipk", forces[:, which], z) + at_base[:, which]
+        (lever, bending, tension), (M, N, V) = largest[:, k], np.abs(loaded)
+        near = np.flatnonzero(np.any(bending * (M + lever * V) + tension * N > allowed[:, None], axis=1))
+        if not len(near):
+            return found
+        stress = stress_along(self.sections[:, k[near]], loaded[:, near])
+        neck, section = np.divmod(np.argmax(stress.reshape(len(near), -1), axis=1), SECTIONS)
+        found.where[near] = stress[np.arange(len(near)), neck, section] > allowed[near] * (1 + YIELDING)
+        x, bending, tension = self.sections[:, k[near], neck, section]
+        M, N, V = loaded[:, near, neck]
+        factors = np.sign(M + V * x) * bending, np.sign(N) * tension, np.sign(M + V * x) * bending * x
+        found.rows[near] = np.einsum("ip,ipd->pd", factors, forces[:, which[near], neck])
+        found.bounds[near] = allowed[near] - np.einsum("ip,ip->p", factors, at_base[:, which[near], neck])
+        found.place[near] = neck
+        return found
+
+
+def command_limits(designs: Designs, system: Driven, necks: Array, drive: StageDrive, load: Array) -> CommandLimits:
+    """Return all limits of n driven designs under a load (3,); necks (n, 3 chains, 3 hinges, 3, 3 + stacks).
+
+    The preloads of a pair balance each other; that of a single stack stresses the necks.
+    """
+    n, limits = len(designs.thickness), limits_of(system, drive, load).values()
+    rows = [np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits]
+    force = drive.preload - system.Y @ system.C[..., 3:, :3] @ load
+    loads = np.concatenate([np.broadcast_to(load, (n, 3)), force], axis=-1)[:, None, None, :, None]
+    return CommandLimits(
+        np.concatenate(rows, axis=1),
+        np.concatenate([limit.offsets + limit.sizes for limit in limits], axis=-1),
+        sections_of(designs).reshape(3, n, 9, -1),
+        per_command(system, designs.frames, necks).reshape(3, n, 9, -1),
+        neck_forces(designs.frames, necks @ loads).reshape(3, n, 9),
+        designs.yield_strength * (1 - YIELD_MARGIN[designs.plane]),
+    )
+
+
 def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDrive) -> DriveRanges:
     """Return the ranges of the drives of n designs; necks (n, 3 chains, 3 hinges, 3, 3 + stacks) as of `DrivenModel`.
 
@@ -302,74 +337,49 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDri
     columns of N in the null space: the largest t is the solution of a linear program in t and y, limited by strokes,
     contacts and blocking forces. Of yield, only half-spaces that a solution violates are added, at the worst section.
     """
-    n = len(designs.thickness)
+    n, scale = len(designs.thickness), np.linalg.norm(system.poses, axis=2, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):  # normalised so that rotations compare with translations
-        normalised = np.nan_to_num(system.poses / np.linalg.norm(system.poses, axis=2, keepdims=True))
+        normalised = np.nan_to_num(system.poses / scale)
     reach, moving = np.full((n, 2, 3), np.nan), np.flatnonzero(np.linalg.matrix_rank(normalised, rtol=SINGULAR) == 3)
-    forces = per_command(system, designs.frames, necks).reshape(3, n, 9, -1)
-    rest = neck_forces(designs.frames, necks[..., 3:] @ drive.preload[:, None, None, :, None]).reshape(3, n, 9)
     for begin in range(0, len(moving), BATCH):
         batch = moving[begin : begin + BATCH]
-        Z, rows, bounds = _along_axes(Driven(system.C[batch], system.Y[batch], system.T), drive.at(batch))
-        design = np.repeat(np.arange(len(batch)), 6)  # of each program
-        cut = _yield_of(designs.chosen(batch), design, forces[:, batch][:, design] @ Z, rest[:, batch][:, design])
-        yields_at_rest, *_ = cut(np.arange(len(Z)), np.zeros_like(Z[:, 0]))
-        reach[batch] = np.where(yields_at_rest, np.nan, farthest(rows, bounds, cut)[:, 0]).reshape(-1, 2, 3)
+        some = Driven(system.C[batch], system.Y[batch], system.T)
+        limits = command_limits(designs.chosen(batch), some, necks[batch], drive.at(batch), np.zeros(3))
+        least = np.linalg.pinv(normalised[batch]) / np.swapaxes(scale[batch], 1, 2)  # (n, m, 3): for unit poses
+        free = np.swapaxes(np.linalg.svd(normalised[batch])[2][:, 3:], 1, 2)
+        both = np.stack([np.moveaxis(least, 2, 1), -np.moveaxis(least, 2, 1)], axis=1)[..., None]
+        Z = np.concatenate([both, np.broadcast_to(free[:, None, None], (*both.shape[:-1], free.shape[-1]))], axis=-1)
+        Z = Z.reshape(-1, *Z.shape[-2:])
+        farthest = limits.farthest(np.repeat(np.arange(len(batch)), 6), Z, np.zeros(Z.shape[:2])).points[:, 0]
+        yields_at_rest = np.max(stress_along(limits.sections, limits.at_rest), axis=(1, 2)) > limits.strength
+        reach[batch] = np.where(yields_at_rest[:, None, None], np.nan, farthest.reshape(-1, 2, 3))
     return DriveRanges(reach, inverse(system.engaged))
 
 
-def _along_axes(system: Driven, drive: StageDrive) -> tuple[Array, Array, Array]:
-    """Return six programs per design, both ways along x, y, theta: commands x = Z (t, y), Z (p, m, d), and limits on
-    (t, y) with rows (p, k, d) and bounds (p, k).
+class Violation(NamedTuple):
+    """Of q points (q, d): whether they violate a limit, and rows, bounds and number of the worst limit of each."""
+
+    where: NDArray[np.bool_]
+    rows: Array
+    bounds: Array
+    place: Index
+
+
+Cut: TypeAlias = Callable[[Index, Array], Violation]  # limits of chosen programs (q,) at points (q, d)
+
+
+class Farthest(NamedTuple):
+    """Points (p, d) of largest z_0, nan if infeasible, and numbers (p, d) of binding limits, -1 for none.
+
+    Numbers of a `Cut` follow those of the rows.
     """
-    scale = 1 / np.linalg.norm(system.poses, axis=2, keepdims=True)
-    free = np.swapaxes(np.linalg.svd(system.poses * scale)[2][:, 3:], 1, 2)
-    least = np.linalg.pinv(system.poses * scale) * np.swapaxes(scale, 1, 2)  # (n, m, 3): commands of unit poses
-    n, m, d = len(least), least.shape[1], free.shape[2] + 1
-    limits = limits_of(system, drive, np.zeros(3)).values()
-    rows = np.concatenate([np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits], axis=1)
-    bounds = np.concatenate([limit.offsets + limit.sizes for limit in limits], axis=-1)
-    Z = np.concatenate([np.moveaxis(least, 2, 1)[..., None], np.broadcast_to(free[:, None], (n, 3, m, d - 1))], axis=-1)
-    Z = np.stack([Z, Z * np.append(-1.0, np.ones(d - 1))], axis=1).reshape(6 * n, m, d)
-    return Z, np.repeat(rows, 6, axis=0) @ Z, np.repeat(bounds, 6, axis=0)
+
+    points: Array
+    binding: Index
 
 
-# of points (q, d) of chosen programs: whether a limit is violated, and the rows (q, d) and bounds (q,) of the worst one
-Cut: TypeAlias = Callable[[Index, Array], tuple[NDArray[np.bool_], Array, Array]]
-
-
-def _yield_of(designs: Designs, design: Index, forces: Array, rest: Array) -> Cut:
-    """Return yield as a `Cut` of p programs with designs (p,), neck forces (3, p, 9, d) and those at rest (3, p, 9)."""
-    sections = sections_of(designs).reshape(3, len(designs.thickness), 9, -1)
-    lever, most_bending, most_tension = np.max(np.abs(sections), axis=-1)  # for an upper bound of the stress
-    strength = designs.yield_strength * (1 - YIELD_MARGIN[designs.plane])  # the model may underestimate the stress
-
-    def cut(which: Index, z: Array) -> tuple[NDArray[np.bool_], Array, Array]:
-        k, allowed = design[which], strength[design[which]]
-        violated, rows, bounds = np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z))
-        loaded = np.einsum("ipkd,pd->ipk", forces[:, which], z) + rest[:, which]
-        M, N, V = np.abs(loaded)
-        most = most_bending[k] * (M + lever[k] * V) + most_tension[k] * N
-        near = np.flatnonzero(np.any(most > allowed[:, None], axis=1))
-        if not len(near):
-            return violated, rows, bounds
-        stress = stress_along(sections[:, k[near]], loaded[:, near])
-        neck, section = np.divmod(np.argmax(stress.reshape(len(near), -1), axis=1), SECTIONS)
-        violated[near] = stress[np.arange(len(near)), neck, section] > allowed[near] * (1 + YIELDING)
-        x, bending, tension = sections[:, k[near], neck, section]
-        M, N, V = loaded[:, near, neck]
-        bending, tension = np.sign(M + V * x) * bending, np.sign(N) * tension
-        moment, axial, shear = forces[:, which[near], neck]
-        rows[near] = (bending * (moment + shear * x[:, None]).T + tension * axial.T).T
-        M, N, V = rest[:, which[near], neck]
-        bounds[near] = allowed[near] - bending * (M + V * x) - tension * N
-        return violated, rows, bounds
-
-    return cut
-
-
-def farthest(A: Array, b: Array, cut: Cut | None = None) -> Array:
-    """Return the points (p, d) of largest z_0 with A z <= b, A (p, k, d), b (p, k), bounded; nan if infeasible.
+def farthest(A: Array, b: Array, cut: Cut | None = None) -> Farthest:
+    """Return the points (p, d) of largest z_0 with A z <= b, A (p, k, d), b (p, k), where z_0 is bounded.
 
     Notes
     -----
@@ -377,14 +387,15 @@ def farthest(A: Array, b: Array, cut: Cut | None = None) -> Array:
     replaces one of the d active limits, and the vertex is solved for again. For 256 programs in four unknowns HiGHS
     took 19 times as long with one block-diagonal program, and 88 times as long one by one.
     """
-    p, _, d = A.shape
+    p, count, d = A.shape
     unit = _inverse_scale(np.max(np.abs(A), axis=1))
     rows = A * unit[:, None, :]
     norm = _inverse_scale(np.linalg.norm(rows, axis=2))
     rows, bounds = rows * norm[..., None], b * norm
     span = _inverse_scale(np.max(np.abs(bounds), axis=1))
     bounds = bounds * span[:, None]
-    active, active_bounds, found = np.tile(np.eye(d), (p, 1, 1)), np.full((p, d), FAR), np.full((p, d), np.nan)
+    active, active_bounds, number = np.tile(np.eye(d), (p, 1, 1)), np.full((p, d), FAR), np.full((p, d), -1)
+    found = Farthest(np.full((p, d), np.nan), np.full((p, d), -1))
     todo = np.arange(p)
     for step in range(STEPS):
         inverses = np.linalg.inv(active[todo])
@@ -396,23 +407,27 @@ def farthest(A: Array, b: Array, cut: Cut | None = None) -> Array:
         if cut is not None and not unsolved.all():
             within = np.flatnonzero(~unsolved)
             which = todo[within]
-            unsolved[within], cut_rows, cut_bounds = cut(which, z[within] * unit[which] / span[which, None])
-            cut_norm = _inverse_scale(np.linalg.norm(cut_rows * unit[which], axis=1))
-            row[within] = cut_rows * unit[which] * cut_norm[:, None]
-            bound[within] = cut_bounds * span[which] * cut_norm
-        done = ~unsolved & np.all(active_bounds[todo] < FAR, axis=1)
-        found[todo[done]] = z[done] * unit[todo[done]] / span[todo[done], None]
+            worst = cut(which, z[within] * unit[which] / span[which, None])
+            cut_norm = _inverse_scale(np.linalg.norm(worst.rows * unit[which], axis=1))
+            unsolved[within], enters[within] = worst.where, count + worst.place
+            row[within] = worst.rows * unit[which] * cut_norm[:, None]
+            bound[within] = worst.bounds * span[which] * cut_norm
+        multipliers = inverses[:, 0]
+        done = ~unsolved & np.all((active_bounds[todo] < FAR) | (multipliers < FLAT), axis=1)
+        found.points[todo[done]] = z[done] * unit[todo[done]] / span[todo[done], None]
+        binds = multipliers > MULTIPLIER * np.max(multipliers, axis=1, keepdims=True)
+        found.binding[todo[done]] = np.where(binds, number[todo], -1)[done]
         pivots = np.einsum("pi,pij->pj", row, inverses)  # the entering row in terms of the active ones
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(pivots > FLAT, np.maximum(inverses[:, 0], 0.0) / pivots, np.inf)
+            ratio = np.where(pivots > FLAT, np.maximum(multipliers, 0.0) / pivots, np.inf)
         least = np.min(ratio, axis=1)
         ties = ratio <= least[:, None] * (1 + FLAT)
         leaves = np.argmax(np.where(ties, pivots, -1.0) if step < PATIENCE else ties, axis=1)
         unsolved &= np.isfinite(least)
-        todo, row, bound, leaves = todo[unsolved], row[unsolved], bound[unsolved], leaves[unsolved]
+        todo, row, bound, leaves, enters = (part[unsolved] for part in (todo, row, bound, leaves, enters))
         if not len(todo):
             break
-        active[todo, leaves], active_bounds[todo, leaves] = row, bound
+        active[todo, leaves], active_bounds[todo, leaves], number[todo, leaves] = row, bound, enters
     return found
 
 

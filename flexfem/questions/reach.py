@@ -12,8 +12,8 @@ from typing import Any, ClassVar, Literal, NamedTuple
 import numpy as np
 
 from flexfem import arguments
-from flexfem.arrays import AnyArray, Array, Index
-from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.arrays import Array, Index
+from flexfem.mechanism.designs import lower
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
@@ -21,16 +21,7 @@ from flexfem.questions import actuators
 from flexfem.questions import warnings as warning
 from flexfem.questions.actuators import MechanismReach
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
-from flexfem.questions.driven import (
-    LIMITS,
-    SINGULAR,
-    Driven,
-    limits_of,
-    limits_of_necks,
-    linear_program,
-    per_command,
-    sections_of,
-)
+from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits
 from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question, usual_solid
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
@@ -40,7 +31,6 @@ KINDS = (*LIMITS, "yield")  # first part of the name of a limit, before " of "
 EXACT = 1e-9  # of limits and of the largest coordinate: tolerance of linear programs and of the hull
 ROUND_OFF = 1e-9  # of the extent by strokes alone in a direction, and of the size of the poses
 FLAT = 1e-7  # of the largest coordinate: smallest width of a set in a direction that counts as an extent
-MULTIPLIER = 1e-6  # of the largest: a limit with a smaller multiplier is not binding
 MOST = 300  # vertices of all poses: curved yield limits would give many thousands; shipped stages have at most 64
 EXTENDS = ("are a single pose", "lie on a line", "lie in a plane")  # poses that are not solid, by dimension
 
@@ -71,14 +61,6 @@ class Reach(Result):
 
 class NothingAllowed(Exception):  # noqa: N818
     """No commands satisfy all limits."""
-
-
-class LinearLimits(NamedTuple):
-    """Limits (k) on commands (m,): rows @ x <= bounds, those of strokes first, and their names "kind of place" (k,)."""
-
-    rows: Array
-    bounds: Array
-    names: AnyArray
 
 
 class LimitNames(tuple[str, ...]):
@@ -177,17 +159,16 @@ def reach(
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))
-    limits = limits_of_commands(commanded, commanded.system, drive, F)
-    poses = PoseSet(commanded.system, drive, limits, F)
+    poses = pose_set(commanded, commanded.system, drive, F)
     try:
         solid = poses.solid(lever)
     except NothingAllowed:
-        raise ComputationFailed(_why_unreachable(commanded, limits, drive, F)) from None
+        raise ComputationFailed(_why_unreachable(commanded, poses, drive, F)) from None
     ends, stops = poses.ranges()
     ranges = {ANALYTIC: ends}
     if mesh is not None:
         elements = driven_elements(stage, mesh.resolution).system
-        ranges[ELEMENTS] = PoseSet(elements, drive, limits_of_commands(commanded, elements, drive, F), F).ranges()[0]
+        ranges[ELEMENTS] = pose_set(commanded, elements, drive, F).ranges()[0]
     values: dict[str, Any] = {
         "load": F,
         "ends": np.stack(list(ranges.values()), axis=2),
@@ -219,67 +200,53 @@ def reach(
     )  # fmt: skip
 
 
-def limits_of_commands(commanded: Commanding, driven: Driven, drive: StageDrive, load: Array) -> LinearLimits:
-    """Return all limits of the commands (m,) of a driven stage under a load (3,), with the names that users see.
-
-    commanded : gives the neck stress by the stack forces of `driven`; necks are limited to the yield strength less
-        `YIELD_MARGIN`. The preloads of a pair balance each other; that of a single stack stresses the necks.
-    """
-    stage, frames = commanded.stage, stage_frames(commanded.stage)
-    carried = commanded.carried(load, drive.preload - driven.Y @ driven.C[3:, :3] @ load)
-    strength = stage.material.yield_strength * (1 - warning.YIELD_MARGIN[stage.model])
-    wrenches, sections = per_command(driven, frames, commanded.model.necks), sections_of(lower(stage))[:, 0]
-    yield_limits = limits_of_necks(sections, wrenches, carried, strength)
-    by_kind = limits_of(driven, drive, load)
-    limits = [*(by_kind[kind] for kind in LIMITS), yield_limits]
-    names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]
-    names += [f"{kind} of {name}" for kind in LIMITS[1:] for name in stack_names(drive)]
-    places = [f"yield of the {hinge} hinge, chain {chain}" for chain in CHAINS for hinge in HINGE_NAMES]
-    return LinearLimits(
-        np.concatenate([limit.rows for limit in limits]),
-        np.concatenate([limit.offsets + limit.sizes for limit in limits]),
-        np.array([*names, *np.repeat(places, len(yield_limits.rows) // 9)]),
-    )
-
-
 class PoseSet:
-    """The poses G x + rest (3,) of the commands x within limits under a load (3,).
+    """The poses G x + rest (3,) that a drive reaches, with commands x within limits (n = 1) under a load (3,)."""
 
-    A limit enters the linear programs once it is violated, and stays; few of the many stress limits ever are.
-    """
+    def __init__(self, system: Driven, drive: StageDrive, limits: CommandLimits, load: Array) -> None:
+        self.G, self.rest, self.limits = system.poses, np.asarray(system.engaged @ load), limits
+        names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]
+        names += [f"{kind} of {name}" for kind in LIMITS[1:] for name in stack_names(drive)]
+        self.names = names + [f"yield of the {hinge} hinge, chain {chain}" for chain in CHAINS for hinge in HINGE_NAMES]
+        unit = np.maximum(drive.highest, -drive.lowest)  # (m,), mm, size of the commands
+        self.extent = np.abs(self.G) @ unit  # (3,), by strokes alone
+        self.size, norm = np.where(self.extent > 0, self.extent, 1.0), np.max(np.abs(limits.rows[0]) * unit, axis=1)
+        self.norm = np.where(norm > 0, norm, np.maximum(np.abs(limits.bounds[0]), 1.0))
 
-    def __init__(self, driven: Driven, drive: StageDrive, limits: LinearLimits, load: Array) -> None:
-        self.G, self.names, self.rest = driven.poses, limits.names, np.asarray(driven.engaged @ load)
-        self.unit = np.maximum(drive.highest, -drive.lowest)  # (m,), mm, size of the commands
-        self.extent = np.abs(self.G) @ self.unit  # (3,), extent by strokes alone
-        self.size = np.where(self.extent > 0, self.extent, 1.0)
-        rows = limits.rows * self.unit
-        size = np.max(np.abs(rows), axis=1)
-        size[size == 0] = np.maximum(np.abs(limits.bounds[size == 0]), 1.0)
-        self.rows, self.bounds = rows / size[:, None], limits.bounds / size
-        self.active = np.arange(len(rows)) < 2 * len(self.unit)  # stroke limits, which keep every program bounded
-
-    def farthest(self, c: Array, zero: tuple[int, ...] = ()) -> tuple[Array, LimitNames]:
-        """Return the commands x that maximize c (m,) @ x, with directions `zero` of the pose at 0, and binding limits.
+    def farthest(self, C: Array, zero: tuple[int, ...] = ()) -> tuple[Array, list[LimitNames]]:
+        """Return the commands x (p, m) that maximise C (p, m) @ x, with directions `zero` of the pose at 0, and the
+        binding limits of each.
 
         Raises NothingAllowed.
         """
-        cost, axes = c * self.unit, list(zero)
-        cost = cost / (np.max(np.abs(cost)) or 1.0)
-        equality = self.G[axes] * self.unit / self.size[axes, None], -self.rest[axes] / self.size[axes]
-        while True:
-            limits = {"A_ub": self.rows[self.active], "b_ub": self.bounds[self.active], "bounds": (None, None)}
-            solution = linear_program(-cost, **limits, A_eq=equality[0], b_eq=equality[1])
-            if solution is None:
-                raise NothingAllowed
-            excess = np.where(self.active, 0.0, self.rows @ solution.x - self.bounds)
-            worst = np.argsort(excess)[-2 * len(cost) :]
-            if excess[worst[-1]] <= EXACT:
-                break
-            self.active[worst[excess[worst] > EXACT]] = True
-        multipliers = -solution.ineqlin.marginals
-        binding = np.flatnonzero(self.active)[multipliers > MULTIPLIER * max(np.max(multipliers), MULTIPLIER)]
-        return solution.x * self.unit, LimitNames(dict.fromkeys(self.names[binding].tolist()))
+        axes, p = list(zero), len(C)
+        held, target = self.G[axes] / self.size[axes, None], -self.rest[axes] / self.size[axes]
+        base = np.linalg.pinv(held, SINGULAR) @ target
+        if np.any(np.abs(held @ base - target) > EXACT):
+            raise NothingAllowed
+        free = np.linalg.svd(held)[2][np.linalg.matrix_rank(held, rtol=SINGULAR) if zero else 0 :].T
+        along = C @ free
+        along[np.linalg.norm(along, axis=1) <= SINGULAR * np.linalg.norm(C, axis=1)] = 0.0
+        turned = np.linalg.svd(along[..., None])[0]  # the first axis is parallel to the objective
+        turned[..., 0] *= np.where(np.sum(along * turned[..., 0], axis=1, keepdims=True) < 0, -1.0, 1.0)
+        Z = free @ turned
+        found = self.limits.farthest(np.zeros(p, dtype=np.int64), Z, np.tile(base, (p, 1)))
+        if np.isnan(found.points).any():
+            raise NothingAllowed
+        X = base + np.einsum("pmd,pd->pm", Z, found.points)
+        return X, [self._binding(free, *each) for each in zip(X, along, found.binding, strict=True)]
+
+    def _binding(self, free: Array, x: Array, along: Array, found: Index) -> LimitNames:
+        """Return the limits with positive multipliers, of least norm if they are not unique: by symmetry all are alike.
+
+        found : numbers of binding limits, as in `CommandLimits`, which are returned if a neck yields.
+        """
+        rows = self.limits.rows[0] / self.norm[:, None]
+        touching = np.flatnonzero(self.limits.bounds[0] / self.norm - rows @ x < EXACT)
+        multipliers = np.linalg.lstsq((rows[touching] @ free).T, along)[0]
+        if np.all(found < len(rows)) and np.min(multipliers, initial=0.0) > -EXACT * np.max(np.abs(along)):
+            found = touching[multipliers > MULTIPLIER * np.max(multipliers, initial=0.0)]
+        return LimitNames(self.names[k] for k in sorted(set(found.tolist()) - {-1}))
 
     def ranges(self) -> tuple[Array, Stops]:
         """Return ends (2 others zero or free, 2 low and high, 3), nan if no pose is reached, and their limits.
@@ -290,16 +257,15 @@ class PoseSet:
         for axis, direction in enumerate(DIRECTIONS):
             others_of = {"zero": tuple(k for k in range(3) if k != axis), "free": ()}
             for row, (others, zero) in enumerate(others_of.items()):
-                for column, (end, sign) in enumerate({"low": -1.0, "high": 1.0}.items()):
-                    try:
-                        x, by = self.farthest(sign * self.G[axis], zero)
-                    except NothingAllowed:
-                        if others == "free":
-                            raise
-                        continue
-                    value = float(self.rest[axis] + self.G[axis] @ x)
-                    ends[row, column, axis] = 0.0 if abs(value) < ROUND_OFF * self.size[axis] else value
-                    stops[others, direction, end] = by
+                try:
+                    x, by = self.farthest(np.outer([-1.0, 1.0], self.G[axis]), zero)
+                except NothingAllowed:
+                    if others == "free":
+                        raise
+                    continue
+                value = self.rest[axis] + x @ self.G[axis]
+                ends[row, :, axis] = np.where(np.abs(value) < ROUND_OFF * self.size[axis], 0.0, value)
+                stops |= {(others, direction, end): limits for end, limits in zip(("low", "high"), by, strict=True)}
         return ends, stops
 
     def solid(self, lever: float) -> Polytope:
@@ -323,21 +289,20 @@ class PoseSet:
             angles = np.arctan2(arms @ np.cross(normal, arms[0]), arms @ arms[0])
             faces.append([face[k] for k in np.argsort(angles)])
             normals.append(normal)
-        by = [self.farthest(normal @ G)[1] for normal in normals]
+        by = self.farthest(np.array(normals) @ G)[1]
         supports = np.max(np.array(normals) @ Z.T, axis=1) * size + normals @ (scale * self.rest)
         poses, volume = commands @ self.G.T + self.rest, volume * size**3 / lever
         return Polytope(3, poses, commands, np.array(normals), supports, faces, by, volume, missed)
 
     def _spanning(self, G: Array) -> tuple[Array, int]:
         """Return commands whose images under G (3, m) span the set, and its dimension."""
-        X, dimension = self.farthest(G[0])[0][None], -1
+        X, dimension = self.farthest(G[:1])[0], -1
         while True:
             _, values, axes = np.linalg.svd((X - X[0]) @ G.T)
             previous, dimension = dimension, int(np.count_nonzero(values > FLAT))
             if dimension in (previous, 3):
                 return X, dimension
-            added = [self.farthest(sign * w @ G)[0] for w in axes[dimension:] for sign in (1.0, -1.0)]
-            X = np.concatenate([X, added])
+            X = np.concatenate([X, self.farthest(np.concatenate([axes[dimension:], -axes[dimension:]]) @ G)[0]])
 
     def _refined(self, G: Array, commands: Array) -> tuple[Array, float]:
         """Add commands until the hull of their images is the set; return them and the relative distance left out."""
@@ -346,17 +311,26 @@ class PoseSet:
         supports = dict[tuple[float, ...], float]()  # support of the set by the normal of a plane of the hull
         while True:
             planes = {tuple(np.round(plane[:3], 10) + 0.0): plane for plane in ConvexHull(commands @ G.T).equations}
-            new = list[tuple[float, Array]]()
-            for key, plane in planes.items():
-                if key not in supports:
-                    x = self.farthest(plane[:3] @ G)[0]
-                    supports[key] = float(plane[:3] @ G @ x)
-                    new.append((supports[key] + plane[3], x))
-            farthest = [x for excess, x in sorted(new, key=lambda item: -item[0]) if excess > EXACT]
-            if not farthest or len(commands) >= MOST:
+            new = {key: plane for key, plane in planes.items() if key not in supports}
+            excess = np.zeros(0)
+            if new:
+                equations = np.array(list(new.values()))
+                X = self.farthest(equations[:, :3] @ G)[0]
+                reached = np.sum(equations[:, :3] * (X @ G.T), axis=1)
+                supports |= dict(zip(new, reached.tolist(), strict=True))
+                excess = reached + equations[:, 3]
+            if np.max(excess, initial=0.0) <= EXACT or len(commands) >= MOST:
                 missed = float(max(supports[key] + plane[3] for key, plane in planes.items()))
                 return commands, missed / float(np.max(np.abs(commands @ G.T))) if missed > EXACT else 0.0
+            farthest = X[np.argsort(-excess, kind="stable")[: np.count_nonzero(excess > EXACT)]]
             commands = np.concatenate([commands, farthest[: MOST - len(commands)]])
+
+
+def pose_set(model: Commanding, system: Driven, drive: StageDrive, load: Array) -> PoseSet:
+    """Return the poses of a driven stage under a load (3,); `model` gives the neck stress by the forces of `system`."""
+    one = Driven(system.C[None], system.Y[None], system.T)
+    limits = command_limits(lower(model.stage), one, model.model.necks[None], drive.at(None), load)
+    return PoseSet(system, drive, limits, load)
 
 
 def _corners_and_faces(Z: Array) -> tuple[Index, list[list[int]], float]:
@@ -399,14 +373,15 @@ def _radius(solid: Polytope, centre: Array, directions: int) -> float:
     return distance if distance > ROUND_OFF * np.max(np.abs(solid.supports), initial=0.0) else 0.0
 
 
-def _why_unreachable(commanded: Commanding, limits: LinearLimits, drive: StageDrive, load: Array) -> str:
+def _why_unreachable(commanded: Commanding, poses: PoseSet, drive: StageDrive, load: Array) -> str:
     """Describe the limits that allow no commands: kinds that exclude all with those of strokes, or all together."""
-    infeasible = []
+    infeasible, limits = [], poses.limits
     for kind in KINDS:
-        chosen = np.array([name.startswith((KINDS[0], kind)) for name in limits.names])
-        subset = LinearLimits(*(part[chosen] for part in limits))
+        chosen = [name.startswith((KINDS[0], kind)) for name in poses.names[: limits.rows.shape[1]]]
+        strength = limits.strength if kind == "yield" else np.array([np.inf])
+        part = limits._replace(rows=limits.rows[:, chosen], bounds=limits.bounds[:, chosen], strength=strength)
         try:
-            PoseSet(commanded.system, drive, subset, load).farthest(drive.highest)
+            PoseSet(commanded.system, drive, part, load).farthest(drive.highest[None])
         except NothingAllowed:
             infeasible.append(kind)
     kinds = " and those of ".join(infeasible) if infeasible else "stroke, contact, blocking force and yield together"

@@ -34,7 +34,7 @@ KINDS = ("generic", "small integers", "through one point", "repeated and opposit
 @given(seed=st.integers(0, 10**6), d=st.integers(1, 7), k=st.integers(1, 30), kind=st.sampled_from(KINDS))
 def test_many_programs_answer_as_highs_does_one_by_one(seed, d, k, kind):
     A, b = bounded(np.random.default_rng(seed), k, d, kind)
-    z = farthest(A, b)
+    z = farthest(A, b).points
     for one, rows, ends in zip(z, A, b, strict=True):
         found = linprog(-np.eye(d)[0], A_ub=rows, b_ub=ends, bounds=(None, None), method="highs")
         assert one[0] == pytest.approx(-found.fun, rel=SAME, abs=SAME)
@@ -44,12 +44,12 @@ def test_many_programs_answer_as_highs_does_one_by_one(seed, d, k, kind):
 def test_a_program_by_hand():
     """x + 2 y <= 4, y >= -1/2, x <= 6, x - y <= 5 and -x <= 1: x is 14/3 at y = -1/3, by both slopes."""
     A = np.array([[[1.0, 2.0], [0.0, -1.0], [1.0, 0.0], [1.0, -1.0], [-1.0, 0.0], [0.0, 1.0]]])
-    np.testing.assert_allclose(farthest(A, np.array([[4.0, 0.5, 6.0, 5.0, 1.0, 9.0]])), [[14 / 3, -1 / 3]])
+    np.testing.assert_allclose(farthest(A, np.array([[4.0, 0.5, 6.0, 5.0, 1.0, 9.0]])).points, [[14 / 3, -1 / 3]])
 
 
 def test_units_of_columns_and_rows_change_nothing():
     rng = np.random.default_rng(4)
     A, b = bounded(rng, 30, 4, "generic")
     unit, size = 10 ** rng.uniform(-6, 6, (3, 4)), 10 ** rng.uniform(-6, 6, b.shape)
-    found = farthest(A * size[..., None] / unit[:, None, :], b * size)
-    np.testing.assert_allclose(found / unit, farthest(A, b), rtol=1e-7, atol=1e-9)
+    found = farthest(A * size[..., None] / unit[:, None, :], b * size).points
+    np.testing.assert_allclose(found / unit, farthest(A, b).points, rtol=1e-7, atol=1e-9)

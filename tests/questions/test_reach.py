@@ -17,8 +17,8 @@ from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements
-from flexfem.questions.driven import Driven, commands_for, drive_ranges, moved, shares
-from flexfem.questions.reach import LinearLimits, PoseSet, Reach, limits_of_commands, section_of
+from flexfem.questions.driven import CommandLimits, Driven, commands_for, drive_ranges, moved, shares, stress_along
+from flexfem.questions.reach import PoseSet, Reach, pose_set, section_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
 
@@ -67,8 +67,9 @@ def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **oth
     return flexfem.reach(stage, load=load, models=models, **others)
 
 
-def pose_set(stage: Stage, one: Commanding, drive: StageDrive, load: np.ndarray = NONE) -> PoseSet:
-    return PoseSet(one.system, drive, limits_of_commands(one, one.system, drive, load), load)
+def poses_of(stage: Stage) -> PoseSet:
+    one, drive = modelled(stage)
+    return pose_set(one, one.system, drive, NONE)
 
 
 @pytest.fixture(scope="module")
@@ -85,10 +86,11 @@ def ends(found: Reach, name: str) -> np.ndarray:
 def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     """Commands are the pose; x + y <= 1.5 cuts an edge off the cube, x <= 3 never binds."""
     rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
-    names = np.array([*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"])
     of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), np.eye(3))
     drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3))
-    poses = PoseSet(of, drive, LinearLimits(rows, np.append(np.ones(6), [1.5, 3.0]), names), NONE)
+    necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
+    poses = PoseSet(of, drive, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE)
+    poses.names = [*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"]
     found = poses.solid(2.0)
     corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
     assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == {(*c, z) for c in corners for z in (-1, 1)}
@@ -100,14 +102,14 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     np.testing.assert_allclose([edge.end for edge in section], np.roll(starts, -1, axis=0), atol=1e-9)
     assert [edge.by[0] for edge in section] == [f"{kind} of {k}" for kind, k in
         (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))]  # fmt: skip
-    held = poses.farthest(np.array([1.0, 1.0, 1.0]), (0,))
-    assert held[0] == pytest.approx([0.0, 1.0, 1.0]) and set(held[1]) == {"stroke of 1", "stroke of 2"}
+    (x,), (by,) = poses.farthest(np.ones((1, 3)), (0,))
+    assert x == pytest.approx([0.0, 1.0, 1.0]) and set(by) == {"stroke of 1", "stroke of 2"}
 
 
 def test_strokes_alone_reach_a_zonotope(stage):
     """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
     one, drive = modelled(stage)
-    found = pose_set(stage, one, drive).solid(LEVER)
+    found = poses_of(stage).solid(LEVER)
     G = one.system.poses * 8.7e-3
     assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
     determinants = [abs(np.linalg.det(G[:, list(three)])) for three in combinations(range(6), 3)]
@@ -163,14 +165,14 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
 
 
 def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage):
-    """Single stacks, light pairs and unlike chains; and yield that binds. Another method, other limits in hand."""
+    """Single stacks, light pairs and unlike chains; and yield that binds."""
     weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
     for each in (own, weak):
         one, drive = modelled(each)
         many = drive.at(None)
         of = Driven(one.system.C[None], one.system.Y[None], one.system.T)
         studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
-        found, stops = pose_set(each, one, drive).ranges()
+        found, stops = poses_of(each).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
     assert any("yield" in by.kinds for by in stops.values())
 
@@ -184,8 +186,11 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
     assert np.all(elements[0, 1] != model[0, 1])
     one, drive = modelled(own)
-    limits, X = limits_of_commands(one, one.system, drive, load), found.commands
-    assert np.max(X @ limits.rows.T - limits.bounds) < 1e-9
+    X = found.commands
+    for x in X:
+        assert max(np.max(used) for used in shares(one.system, drive, x, load).values()) < 1 + 1e-9
+        force = drive.preload + moved(one.system, drive, x, load).force
+        assert np.max(one.stress(load, force)) < 0.99 * own.material.yield_strength * (1 + 1e-9)
     np.testing.assert_allclose([moved(one.system, drive, x, load).pose for x in X], found.vertices, atol=1e-12)
     assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
     rest = one.system.engaged @ load
@@ -205,12 +210,11 @@ def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage,
     (said,) = reach(alone, NONE).warnings
     assert "no opposite stack that balances their preload, which stresses the necks with up to 40.19 MPa" in said
     assert reached.warnings == []
-    one, drive = modelled(stage)
-    free = limits_of_commands(one, one.system, drive, NONE).bounds[-1]
-    assert free == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
-    one, drive = modelled(alone)
-    at_rest = limits_of_commands(one, one.system, drive, NONE).bounds[24:]
-    assert 497.97 - np.min(at_rest) == pytest.approx(40.19, rel=1e-3)
+    limits = poses_of(stage).limits
+    np.testing.assert_allclose(limits.at_rest, 0.0, atol=1e-9)
+    assert limits.strength == pytest.approx(497.97, rel=1e-9)  # 99 % of 503 MPa: the model's stress may be 1 % low
+    stressed = poses_of(alone).limits
+    assert np.max(stress_along(stressed.sections, stressed.at_rest)) == pytest.approx(40.19, rel=1e-3)
 
 
 def test_limits_that_allow_nothing_are_named(stage):
@@ -239,7 +243,7 @@ def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
 
 def test_a_set_of_too_many_vertices_says_how_far_it_misses_poses(stage, monkeypatch):
     soft = stage.replace(material=stage.material.model_copy(update={"yield_strength": 50.0}))
-    poses = pose_set(soft, *modelled(soft))
+    poses = poses_of(soft)
     whole = poses.solid(LEVER)
     monkeypatch.setattr("flexfem.questions.reach.MOST", 20)
     part = poses.solid(LEVER)
@@ -264,7 +268,7 @@ def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
     found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).system
     first, drive = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False)), drive_of(light)
     own, other = (
-        PoseSet(elements, drive, limits_of_commands(first, of, drive, LOAD), LOAD).ranges()[0]
+        PoseSet(elements, drive, pose_set(first, of, drive, LOAD).limits, LOAD).ranges()[0]
         for of in (elements, first.system)
     )
     np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=1e-9)

@@ -13,12 +13,13 @@ from flexfem.arrays import Array
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements
-from flexfem.questions.reach import limits_of_commands
+from flexfem.questions.reach import pose_set
 from flexfem.refused import BadInput
 from flexfem.study.answer import UNMOVED, answer, answer_designs
 from flexfem.study.columns import DRIVE_RANGES, ENGAGED
 from flexfem.study.loaded import LoadedStudy, load_study, sample, stage_of
 
+from ..questions.half_spaces import half_spaces
 from .answered import head
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
@@ -80,8 +81,7 @@ def ranges(stage: Stage, choice: tuple[int | None, str, bool], resolution: int |
     """
     one, drive = commanding(ModelChoice(stage, *choice)), drive_of(stage)
     of = one.system if resolution is None else driven_elements(stage, resolution).system
-    limits = limits_of_commands(one, of, drive, np.zeros(3))
-    rows, ends = limits.rows, limits.bounds
+    rows, ends = half_spaces(pose_set(one, of, drive, np.zeros(3)).limits)
     norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])
     found = np.zeros((2, 3))
     for k, sign in enumerate((1.0, -1.0)):
