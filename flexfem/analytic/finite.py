@@ -34,14 +34,12 @@ class FiniteResponse(NamedTuple):
     """Equilibria under s loads.
 
     motions : (s, k), displacements and rotations of the ports, mm and rad; of an actuator along its line at rest.
-    compliance : (s, k, k), tangent compliance between the ports, with the springs if they are engaged.
-    wrenches : (s, h, 3), tension N of the middle, and V and M so that `M - x V` is the moment at both ends, N and N mm.
+    compliance : (s, k, k), tangent compliance between the ports.
     stable : (s,), whether the equilibrium is stable under dead loads.
     """
 
     motions: Array
     compliance: Array
-    wrenches: Array
     stable: Array
 
 
@@ -73,11 +71,16 @@ def divided_profile(profile: Profile, count: int) -> Array:
 
 
 class _State(NamedTuple):
-    """Beam forces (e, 3), gradient (size,) and Hessian (size, size) of the elastic energy in the unknowns."""
+    """A mechanism under loads on its k ports, in `size` unknowns.
 
-    forces: Array
-    gradient: Array
-    hessian: Array
+    motions : (k,), of the ports, and their derivatives P : (size, k).   left : (size,), loads less elastic forces.
+    K : (size, size), tangent stiffness.
+    """
+
+    motions: Array
+    P: Array
+    left: Array
+    K: Array
 
 
 class _Plate:
@@ -86,12 +89,11 @@ class _Plate:
     The nodes at the ends of a hinge move with its bodies; those at the ground have the three numbers after the last.
     """
 
-    def __init__(self, layout: Layout, engaged: bool) -> None:
+    def __init__(self, layout: Layout) -> None:
         moving, count = moving_bodies(layout), len(layout.joints)
         material = (layout.youngs_modulus, layout.poissons_ratio, layout.thickness)
         marks = {profile: divided_profile(profile, BEAMS) for profile in {joint.profile for joint in layout.joints}}
         stiff = {profile: beam_stiffness(profile, at, *material) for profile, at in marks.items()}
-        self.lengths = np.array([joint.profile.length for joint in layout.joints])
         self.size = 3 * len(moving) + 3 * count * (BEAMS - 1)
         place = np.array([joint.place + np.exp(1j * joint.heading) * marks[joint.profile] for joint in layout.joints])
         column, bodies = np.full((count, BEAMS + 1), self.size), {body: 3 * i for i, body in enumerate(moving)}
@@ -108,11 +110,10 @@ class _Plate:
                  for j, port in enumerate(layout.ports) for at, wrench in port.parts if at.body in bodies]  # fmt: skip
         columns = [np.array(values) for values in zip(*parts, strict=True)]
         self.port, self.loaded, self.load_arm, self.load = *columns[:3], np.array(columns[3:])
-        self.ports, self.rates = len(layout.ports), np.zeros(len(layout.ports))
-        self.rates[layout.drive_ports] = layout.stiffness_of_actuators if engaged else 0.0
+        self.ports = len(layout.ports)
 
-    def state(self, q: Array) -> _State:
-        """Beam forces and derivatives of the energy; a node at z of a body moves to the body's pose and turned z."""
+    def energy(self, q: Array) -> tuple[Array, Array]:
+        """Gradient and Hessian of the elastic energy; a node at z of a body moves to the body's pose and turned z."""
         full, chord = np.append(q, np.zeros(3)), self.chord
         x, y, turn = full[self.column], full[self.column + 1], full[self.column + 2]
         arm = self.arm * np.exp(1j * turn)
@@ -151,32 +152,25 @@ class _Plate:
         gradient, hessian = np.zeros(self.size + 3), np.zeros((self.size + 3, self.size + 3))
         np.add.at(gradient, where, np.einsum("eij,ei->ej", J, g))
         np.add.at(hessian, (where[:, :, None], where[:, None]), J.transpose(0, 2, 1) @ K @ J)
-        return _State(forces, gradient[: self.size], hessian[: self.size, : self.size])
+        return gradient[: self.size], hessian[: self.size, : self.size]
 
-    def loads(self, q: Array) -> tuple[Array, Array, Array]:
-        """Motions (k,) of the ports, their derivatives (size, k), and second ones (parts,) in rotations `turning`."""
-        fx, fy, m = self.load
+    def state(self, q: Array, f: Array) -> _State:
+        """State at unknowns q (size,) with dead loads f (k,), whose second derivatives come from rotations of arms."""
+        (gradient, K), (fx, fy, m) = self.energy(q), self.load
         arm = self.load_arm * np.exp(1j * q[self.loaded + 2])
         swung, P, motions = arm - self.load_arm, np.zeros((self.size, self.ports)), np.zeros(self.ports)
         for row, values in enumerate((fx, fy, m + arm.real * fy - arm.imag * fx)):
             np.add.at(P, (self.loaded + row, self.port), values)
         parts = fx * (q[self.loaded] + swung.real) + fy * (q[self.loaded + 1] + swung.imag) + m * q[self.loaded + 2]
         np.add.at(motions, self.port, parts)
-        return motions, P, -(arm.real * fx + arm.imag * fy)
-
-    def tangent(self, q: Array, f: Array) -> tuple[_State, Array, Array, Array]:
-        """State, derivatives (size, k) of the ports, loads (k,) less the forces of springs, and tangent stiffness."""
-        state, (motions, P, second) = self.state(q), self.loads(q)
-        left = f - self.rates * motions
-        K = state.hessian + (P * self.rates) @ P.T
-        np.add.at(K, (self.loaded + 2, self.loaded + 2), -left[self.port] * second)
-        return state, P, left, K
+        np.add.at(K, (self.loaded + 2, self.loaded + 2), f[self.port] * (arm.real * fx + arm.imag * fy))
+        return _State(motions, P, P @ f - gradient, K)
 
     def equilibrium(self, q: Array, f: Array) -> Array | None:
         """Unknowns (size,) under dead loads (k,), from a start; None if Newton's method does not converge."""
         for _ in range(ITERATIONS):
-            state, P, left, K = self.tangent(q, f)
-            step = np.linalg.solve(K, P @ left - state.gradient)
+            at = self.state(q, f)
+            step = np.linalg.solve(at.K, at.left)
             if not np.isfinite(step).all():
                 return None
             angle, shift = np.abs(step[2::3]).max(), np.max(np.abs(step.reshape(-1, 3)[:, :2])) / self.extent
@@ -186,17 +180,15 @@ class _Plate:
         return None
 
 
-def displaced(layout: Layout, loads: Array, engaged: bool = False) -> FiniteResponse:
+def displaced(layout: Layout, loads: Array) -> FiniteResponse:
     """Return the equilibria under dead loads (s, k) on the ports, N and N mm, followed one from the other.
-
-    engaged : actuators act as springs, too: the load of one with a free stroke is its stiffness times the stroke.
 
     Raises
     ------
     ComputationFailed: a body can move without load, or there is no equilibrium near the one before: the mechanism
         buckles, or a load is far too large.
     """
-    plate, found = _Plate(layout, engaged), list[tuple[Array, Array, Array, bool]]()
+    plate, found = _Plate(layout), list[tuple[Array, Array, bool]]()
     q, f = np.zeros(plate.size), np.zeros(plate.ports)
     for number, target in enumerate(np.asarray(loads, dtype=float)):
         done, share = 0.0, 1.0
@@ -206,12 +198,6 @@ def displaced(layout: Layout, loads: Array, engaged: bool = False) -> FiniteResp
                 q, done, share = reached, done + share, 2 * share
             elif (share := share / 4) < SMALLEST:
                 raise ComputationFailed(f"no equilibrium beyond {done:.3g} of load {number + 1}: it is too large")
-        f = target
-        state, P, _, K = plate.tangent(q, f)
-        ends = state.forces.reshape(-1, BEAMS, 3)
-        near, far = -ends[:, 0, 1], ends[:, -1, 2]
-        tension = ends[:, (BEAMS - 1) // 2 : BEAMS // 2 + 1, 0].mean(axis=1)
-        wrenches = np.stack([tension, (near - far) / plate.lengths, (near + far) / 2], axis=1)
-        stable = bool(np.linalg.eigvalsh(K)[0] > 0)
-        found.append((plate.loads(q)[0], P.T @ np.linalg.solve(K, P), wrenches, stable))
+        f, at = target, plate.state(q, target)
+        found.append((at.motions, at.P.T @ np.linalg.solve(at.K, at.P), bool(np.linalg.eigvalsh(at.K)[0] > 0)))
     return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))

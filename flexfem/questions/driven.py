@@ -266,11 +266,13 @@ class CommandLimits(NamedTuple):
     rows : (n, k, m), bounds : (n, k), in the order of `LIMITS`.   sections : (3, n, 9, SECTIONS) of `sections_of`.
     forces : (3, n, 9, m), moment, axial and shear force of necks per command; at_rest : (3, n, 9), without commands.
     strength : (n,), MPa, less a margin because the model may underestimate the stress.
+    largest : (3, n, 9), of the sections, for an upper bound of the stress.
     """
 
     rows: Array
     bounds: Array
     sections: Array
+    largest: Array
     forces: Array
     at_rest: Array
     strength: Array
@@ -280,20 +282,14 @@ class CommandLimits(NamedTuple):
         rows, forces = self.rows[design], self.forces[:, design]
         at_base = self.at_rest[:, design] + np.einsum("ipkm,pm->ipk", forces, base)
         bounds = self.bounds[design] - np.einsum("pkm,pm->pk", rows, base)
-        largest = np.max(np.abs(self.sections), axis=-1)
-        return farthest(rows @ Z, bounds, partial(self._yields, design, largest, forces @ Z, at_base))
+        return farthest(rows @ Z, bounds, partial(self.yields, design, forces @ Z, at_base))
 
-    def _yields(
-        self, design: Index, largest: Array, forces: Array, at_base: Array, which: Index, z: Array
-    ) -> Violation:
-        """Return yield at the worst section as a `Cut`; forces (3, p, 9, d) per unknown and at_base (3, p, 9).
-
-        largest : (3, n, 9), of the sections, for an upper bound of the stress.
-        """
+    def yields(self, design: Index, forces: Array, at_base: Array, which: Index, z: Array) -> Violation:
+        """Return yield at the worst section as a `Cut`; forces (3, p, 9, d) per unknown and at_base (3, p, 9)."""
         k, allowed = design[which], self.strength[design[which]]
         found = Violation(np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z)), np.zeros(len(z), np.int64))
         loaded = np.einsum("ipkd,pd->ipk", forces[:, which], z) + at_base[:, which]
-        (lever, bending, tension), (M, N, V) = largest[:, k], np.abs(loaded)
+        (lever, bending, tension), (M, N, V) = self.largest[:, k], np.abs(loaded)
         near = np.flatnonzero(np.any(bending * (M + lever * V) + tension * N > allowed[:, None], axis=1))
         if not len(near):
             return found
@@ -318,10 +314,12 @@ def command_limits(designs: Designs, system: Driven, necks: Array, drive: StageD
     rows = [np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits]
     force = drive.preload - system.Y @ system.C[..., 3:, :3] @ load
     loads = np.concatenate([np.broadcast_to(load, (n, 3)), force], axis=-1)[:, None, None, :, None]
+    sections = sections_of(designs).reshape(3, n, 9, -1)
     return CommandLimits(
         np.concatenate(rows, axis=1),
         np.concatenate([limit.offsets + limit.sizes for limit in limits], axis=-1),
-        sections_of(designs).reshape(3, n, 9, -1),
+        sections,
+        np.max(np.abs(sections), axis=-1),
         per_command(system, designs.frames, necks).reshape(3, n, 9, -1),
         neck_forces(designs.frames, necks @ loads).reshape(3, n, 9),
         designs.yield_strength * (1 - YIELD_MARGIN[designs.plane]),
@@ -351,8 +349,9 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDri
         Z = np.concatenate([both, np.broadcast_to(free[:, None, None], (*both.shape[:-1], free.shape[-1]))], axis=-1)
         Z = Z.reshape(-1, *Z.shape[-2:])
         farthest = limits.farthest(np.repeat(np.arange(len(batch)), 6), Z, np.zeros(Z.shape[:2])).points[:, 0]
-        yields_at_rest = np.max(stress_along(limits.sections, limits.at_rest), axis=(1, 2)) > limits.strength
-        reach[batch] = np.where(yields_at_rest[:, None, None], np.nan, farthest.reshape(-1, 2, 3))
+        each = np.arange(len(batch))
+        at_rest = limits.yields(each, limits.forces, limits.at_rest, each, np.zeros((len(batch), system.T.shape[1])))
+        reach[batch] = np.where(at_rest.where[:, None, None], np.nan, farthest.reshape(-1, 2, 3))
     return DriveRanges(reach, inverse(system.engaged))
 
 
@@ -414,9 +413,11 @@ def farthest(A: Array, b: Array, cut: Cut | None = None) -> Farthest:
             bound[within] = worst.bounds * span[which] * cut_norm
         multipliers = inverses[:, 0]
         done = ~unsolved & np.all((active_bounds[todo] < FAR) | (multipliers < FLAT), axis=1)
-        found.points[todo[done]] = z[done] * unit[todo[done]] / span[todo[done], None]
-        binds = multipliers > MULTIPLIER * np.max(multipliers, axis=1, keepdims=True)
-        found.binding[todo[done]] = np.where(binds, number[todo], -1)[done]
+        if done.any():
+            which, positive = todo[done], multipliers[done]
+            found.points[which] = z[done] * unit[which] / span[which, None]
+            binds = positive > MULTIPLIER * np.max(positive, axis=1, keepdims=True)
+            found.binding[which] = np.where(binds, number[which], -1)
         pivots = np.einsum("pi,pij->pj", row, inverses)  # the entering row in terms of the active ones
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(pivots > FLAT, np.maximum(multipliers, 0.0) / pivots, np.inf)

@@ -88,7 +88,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
     of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), np.eye(3))
     drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3))
-    necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
+    necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
     poses = PoseSet(of, drive, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE)
     poses.names = [*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"]
     found = poses.solid(2.0)
