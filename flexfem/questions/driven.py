@@ -71,6 +71,10 @@ class Driven(NamedTuple):
     Y: Array
     T: Array
 
+    def at(self, which: Index | None) -> Driven:
+        """Select designs (k,); None adds a leading axis of length one."""
+        return Driven(self.C[which], self.Y[which], self.T)
+
     @property
     def poses(self) -> Array:
         """Pose (..., 3, m) per command, mm and rad per mm."""
@@ -341,8 +345,8 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDri
     reach, moving = np.full((n, 2, 3), np.nan), np.flatnonzero(np.linalg.matrix_rank(normalised, rtol=SINGULAR) == 3)
     for begin in range(0, len(moving), BATCH):
         batch = moving[begin : begin + BATCH]
-        some = Driven(system.C[batch], system.Y[batch], system.T)
-        limits = command_limits(designs.chosen(batch), some, necks[batch], drive.at(batch), np.zeros(3))
+        some = designs.chosen(batch), system.at(batch), necks[batch], drive.at(batch)
+        limits = command_limits(*some, np.zeros(3))
         least = np.linalg.pinv(normalised[batch]) / np.swapaxes(scale[batch], 1, 2)  # (n, m, 3): for unit poses
         free = np.swapaxes(np.linalg.svd(normalised[batch])[2][:, 3:], 1, 2)
         both = np.stack([np.moveaxis(least, 2, 1), -np.moveaxis(least, 2, 1)], axis=1)[..., None]

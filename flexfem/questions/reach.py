@@ -328,9 +328,8 @@ class PoseSet:
 
 def pose_set(model: Commanding, system: Driven, drive: StageDrive, load: Array) -> PoseSet:
     """Return the poses of a driven stage under a load (3,); `model` gives the neck stress by the forces of `system`."""
-    one = Driven(system.C[None], system.Y[None], system.T)
-    limits = command_limits(lower(model.stage), one, model.model.necks[None], drive.at(None), load)
-    return PoseSet(system, drive, limits, load)
+    many = lower(model.stage), system.at(None), model.model.necks[None], drive.at(None)
+    return PoseSet(system, drive, command_limits(*many, load), load)
 
 
 def _corners_and_faces(Z: Array) -> tuple[Index, list[list[int]], float]:
