@@ -221,7 +221,10 @@ class JointState(NamedTuple):
 
 def serial(stage: Stage, result: AnalyticResult, stacks: tuple[Stack, ...], follows: Follows) -> Serial:
     """Return the joints of a stage with the hinges, freedoms and, if any, elastic links of its analytic model."""
-    body = _platform_motions(stage) if result.links else np.zeros((9, 0))
+    body = np.zeros((9, 0))
+    if result.links:  # motions of the ends of the chains relative to the hub, by nine joints of unit stiffness
+        values, vectors = np.linalg.eigh(platform_compliance(stage, stage.elastic))
+        body = vectors * np.sqrt(np.maximum(values, 0.0))
     shared, size = np.arange(body.shape[1]), body.shape[1]
     chains, is_link = list[ChainJoints](), [np.zeros(size, dtype=bool)]
     for chain in CHAINS:
@@ -255,24 +258,15 @@ def _joints(stage: Stage, chain: int, result: AnalyticResult, pushes: list[Push]
     G = freedom_motions(frames.centres[chain - 1] @ [1, 1j], np.exp(1j * frames.axes[chain - 1]))
     allowed = np.array([[kind in hinge for kind in KINDS] for hinge in result.freedoms[chain - 1]])
     R, pieces = chain_rotation(chain - 1), link_pieces(stage, chain, pushes) if result.links else []
-    twists, shares, is_link = list[Array](), list[Array](), list[Array]()
+    twists, shares, is_link = list[Array](), list[Array](), list[bool]()
     for link in range(3):  # the pad or a link, then the hinge at its end
-        for _, compliance, at in (piece for piece in pieces if piece.link == link):
-            twists.append(np.concatenate(list(R @ np.linalg.cholesky(compliance)), axis=1))
+        parts = [(list(R @ np.linalg.cholesky(compliance)), at) for k, compliance, at in pieces if k == link]
+        for motions, at in [*parts, ([(G[link] * root[link])[:, allowed[link]]], np.array([np.inf]))]:
+            twists += motions
             share = np.array([distal_share(push, link, at) for push in pushes]).reshape(len(pushes), len(at))
-            shares.append(np.repeat(share, 3, axis=1))
-            is_link.append(np.ones(3 * len(at), dtype=bool))
-        twists.append((G[link] * root[link])[:, allowed[link]])
-        share = np.array([float(push.body > link) for push in pushes]).reshape(len(pushes), 1)
-        shares.append(np.repeat(share, twists[-1].shape[1], axis=1))
-        is_link.append(np.zeros(twists[-1].shape[1], dtype=bool))
-    return np.concatenate(twists, axis=1), np.concatenate(shares, axis=1), np.concatenate(is_link)
-
-
-def _platform_motions(stage: Stage) -> Array:
-    """Motions (9, 9) of the ends of the chains relative to the hub, by nine joints of unit stiffness."""
-    values, vectors = np.linalg.eigh(platform_compliance(stage, stage.elastic))
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
+            shares.append(np.repeat(share, motions[0].shape[1], axis=1))
+            is_link += [bool(at[0] < np.inf)] * shares[-1].shape[1]
+    return np.concatenate(twists, axis=1), np.concatenate(shares, axis=1), np.array(is_link)
 
 
 def _basis(joints: Serial, is_link: NDArray[np.bool_]) -> Array:
@@ -283,11 +277,9 @@ def _basis(joints: Serial, is_link: NDArray[np.bool_]) -> Array:
     norm = np.linalg.norm(rows, axis=1, keepdims=True)
     _, values, V = np.linalg.svd(rows / np.where(norm > 0, norm, 1.0), full_matrices=False)
     modes = V[values > ROUND_OFF * np.max(values, initial=0.0)]
-    hinges = np.flatnonzero(~is_link)
-    basis = np.zeros((size, len(hinges) + len(modes)))
-    basis[hinges, np.arange(len(hinges))] = 1.0
-    basis[is_link, len(hinges) :] = modes.T
-    return basis
+    links = np.zeros((size, len(modes)))
+    links[is_link] = modes.T
+    return np.concatenate([np.eye(size)[:, ~is_link], links], axis=1)
 
 
 def joint_state(joints: Serial, q: Array, wrench: Array, force: Array) -> JointState:

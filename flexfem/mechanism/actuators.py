@@ -26,7 +26,6 @@ from flexfem.files.quantities import (
 )
 from flexfem.files.refusals import refusal, suggestion
 from flexfem.files.tables import Keywords, Label, Table
-from flexfem.mechanism.materials import Material
 from flexfem.sources import read_data
 
 STEEL = (206e3, 0.3)  # bearing steel, E in MPa and Poisson's ratio: assumed for balls and ends of stacks
@@ -266,9 +265,3 @@ class Actuator(Table):
         if self.ball_loose:
             return "a loose ball, two contacts"
         return f"a ball fixed to the stack, one contact{', assumed' if self.ball_loose is None else ''}"
-
-    def stiffness_with(self, material: Material) -> float:
-        """Stiffness, N/mm, of the stack in series with its contact on a body of this material."""
-        numbers = ActuatorNumbers(*map(np.asarray, self.numbers))
-        flat = material.youngs_modulus, material.poissons_ratio
-        return float(series_stiffness(numbers, self.rating.stiffness, *flat, loose=bool(self.ball_loose)))

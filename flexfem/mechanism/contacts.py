@@ -79,9 +79,9 @@ def nearest(path: Sequence[Segment], point: complex) -> Nearest:
     """Return the point of a path that is nearest to a given point."""
     projections, start = list[Nearest](), 0.0
     for segment in path:
-        share = np.clip(segment.shares(np.array(point)), 0.0, 1.0)
+        share = float(np.clip(segment.shares(np.array(point)), 0.0, 1.0))
         place, normal = complex(segment.at(share)), 1j * complex(segment.tangent(share))
-        projections.append(Nearest(abs(point - place), start + float(share) * segment.length, place, normal))
+        projections.append(Nearest(abs(point - place), start + share * segment.length, place, normal))
         start += segment.length
     return min(projections, key=lambda projection: projection[:2])
 
@@ -237,17 +237,12 @@ BESIDE = 0.05  # half length of a hinge's stations per link width, the least tha
 PLATFORM = len(BODY_NAMES) - 1
 
 
-def hinge_couples(stage: StageContent, positions: tuple[int, ...]) -> tuple[Stack, ...]:
-    """Unit couples, N mm, on the hinges at `positions` (0 for the base) of all chains, position by position."""
-    unit, couples = np.array([0.0, 0.0, 1.0]), list[Stack]()
+def hinge_couples(stage: StageContent, positions: tuple[int, ...]) -> dict[str, Stack]:
+    """Unit couples, N mm, on the hinges at `positions` (0 for the base) of all chains, by the name of the hinge."""
+    unit, couples = np.array([0.0, 0.0, 1.0]), dict[str, Stack]()
     for position, chain in product(positions, CHAINS):
         distal = position + 1
         first = None if distal == PLATFORM else station(stage, chain, distal, 0.0, BESIDE)
-        last = station(stage, chain, position, np.inf, BESIDE)
-        couples.append(Stack(chain - 1, (Push(distal, unit, first), Push(position, -unit, last))))
-    return tuple(couples)
-
-
-def couple_names(positions: tuple[int, ...]) -> tuple[str, ...]:
-    """Names of the hinges of `hinge_couples`, in its order."""
-    return tuple(f"{HINGE_NAMES[position]}, chain {chain}" for position in positions for chain in CHAINS)
+        pushes = Push(distal, unit, first), Push(position, -unit, station(stage, chain, position, np.inf, BESIDE))
+        couples[f"{HINGE_NAMES[position]}, chain {chain}"] = Stack(chain - 1, pushes)
+    return couples

@@ -76,10 +76,9 @@ def drive_of(stage: StageContent) -> StageDrive:
         chains, stacks, friction = actuators_of(stage), list[Stack](), list[float]()
         for chain, row in zip(CHAINS, chains, strict=True):
             for index, actuator in enumerate(row):
-                ball, coefficient = actuator.ball_radius or 0.0, actuator.friction
-                for contact in contacts(stage, chain, index):
-                    stacks.append(placed_stack(stage, chain - 1, actuator.between, *contact, ball))
-                    friction.append(np.nan if coefficient is None else coefficient)
+                placed = contacts(stage, chain, index)
+                stacks += placed
+                friction += [np.nan if actuator.friction is None else actuator.friction] * len(placed)
         return _drive_with(stacks, lower(stage), chains).at(0)._replace(friction=np.array(friction))
 
 
@@ -96,8 +95,8 @@ class Contact(NamedTuple):
     direction: float
 
 
-def contacts(stage: StageContent, chain: int, index: int) -> tuple[Contact, ...]:
-    """Contact of an actuator on one chain (1 to 3); for a pair, followed by that of the partner on the opposite side.
+def contacts(stage: StageContent, chain: int, index: int) -> tuple[Stack, ...]:
+    """Stack of an actuator on one chain (1 to 3); for a pair, followed by the partner on the opposite side.
 
     Raises BadInput for a contact off the outline of its body.
     """
@@ -116,19 +115,20 @@ def contacts(stage: StageContent, chain: int, index: int) -> tuple[Contact, ...]
     else:
         first = Contact(complex(*actuator.point), actuator.direction)
     _check_contact(stage, chain, index, first, outline)
-    if not actuator.pair:
-        return (first,)
-    direction = np.exp(1j * first.direction)
-    crossings = [t for segment in outline for t in _crossings(segment, first.point, direction)]
-    opposite = [t for t in crossings if t > ON_OUTLINE * stage.chain.link_width]
-    if not opposite:
-        raise BadInput(
-            f"{key_of_actuator(stage, chain, index, 'pair')} = true: {body} of chain {chain} has no outline opposite "
-            "to the contact, expected one for the second stack"
-        )
-    partner = Contact(complex(first.point + min(opposite) * direction), first.direction + np.pi)
-    _check_contact(stage, chain, index, partner, outline)
-    return first, partner
+    placed = [first]
+    if actuator.pair:
+        direction = np.exp(1j * first.direction)
+        crossings = [t for segment in outline for t in _crossings(segment, first.point, direction)]
+        opposite = [t for t in crossings if t > ON_OUTLINE * stage.chain.link_width]
+        if not opposite:
+            raise BadInput(
+                f"{key_of_actuator(stage, chain, index, 'pair')} = true: {body} of chain {chain} has no outline "
+                "opposite to the contact, expected one for the second stack"
+            )
+        placed.append(Contact(complex(first.point + min(opposite) * direction), first.direction + np.pi))
+        _check_contact(stage, chain, index, placed[1], outline)
+    ball = actuator.ball_radius or 0.0
+    return tuple(placed_stack(stage, chain - 1, actuator.between, *contact, ball) for contact in placed)
 
 
 def _on_link(stage: StageContent, chain: int, index: int) -> Contact:

@@ -15,7 +15,7 @@ from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.drives import contacts
+from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Joint
 from flexfem.mechanism.mechanism import GROUND, Mechanism
@@ -295,18 +295,20 @@ def _drive(stage: Stage) -> DriveReport:
 
 
 def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
-    actuator, placed = actuators_of(stage)[chain - 1][index], contacts(stage, chain, index)
+    actuator, drive = actuators_of(stage)[chain - 1][index], drive_of(stage)
+    numbers = np.flatnonzero(drive.differential[:, drive.names.index(f"{actuator.name}, chain {chain}")])
+    placed = [drive.stacks[k] for k in numbers]
     return PlacedActuator(
         name=actuator.name,
         chains=[chain],
         between=actuator.between,
         stack=actuator.stack,
         contacts_mm=[(_rounded(contact.point.real), _rounded(contact.point.imag)) for contact in placed],
-        directions_deg=[_rounded(np.rad2deg(contact.direction)) % 360.0 for contact in placed],
+        directions_deg=[_rounded(np.angle(contact.direction, deg=True)) % 360.0 for contact in placed],
         stroke_um=_rounded(1e3 * actuator.rating.stroke),
         stiffness_n_per_um=_rounded(RATE.factor * actuator.rating.stiffness),
         blocking_force_n=actuator.rating.blocking_force,
-        stiffness_with_contact_n_per_um=RATE.factor * actuator.stiffness_with(stage.material),
+        stiffness_with_contact_n_per_um=RATE.factor * float(drive.stiffness[numbers[0]]),
         preload_n=actuator.preload,
         contact=actuator.contact,
     )

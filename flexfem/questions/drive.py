@@ -11,11 +11,11 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
-from flexfem.analytic.responses import DrivenModel, driven_model
+from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh, build_mesh
-from flexfem.fem.response import DrivenResponse, driven_response, neck_wrenches
+from flexfem.fem.response import driven_response, neck_wrenches
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import lower, stage_frames
@@ -113,18 +113,19 @@ class Drive(Result):
 class Commanding(NamedTuple):
     """An analytic model that computes strokes, and its stage as modelled (`model.ModelChoice`).
 
+    necks : (3 chains, 3 hinges, 3, 3 + n) of `responses.DrivenModel`.
     across : (3 + n, r), mm and rad per N, pose and openings by tangential forces at contacts with stated friction.
     """
 
     stage: Stage
     result: AnalyticResult
-    model: DrivenModel
+    necks: Array
     system: Driven
     across: Array
 
     def carried(self, load: Array, force: Array) -> Array:
         """Return moment, axial and shear force (3, 3 chains, 3 hinges) of every notch, by a load and stack forces."""
-        wrenches = self.model.necks @ np.concatenate([load, force])
+        wrenches = self.necks @ np.concatenate([load, force])
         return neck_forces(stage_frames(self.stage), wrenches[..., None])[..., 0]
 
     def stress(self, load: Array, force: Array) -> Array:
@@ -138,17 +139,17 @@ class Commanding(NamedTuple):
 
 
 class DrivenElements(NamedTuple):
-    """Finite elements of a driven stage and their mesh; `across` as in `Commanding`."""
+    """Finite elements of a driven stage: displacements `fields` by unit loads; `across` as in `Commanding`."""
 
     stage: Stage
     mesh: StageMesh
-    response: DrivenResponse
+    fields: Array
     system: Driven
     across: Array
 
     def stress(self, load: Array, force: Array) -> Array:
         """As `Commanding.stress`."""
-        field = np.tensordot(np.concatenate([load, force]), self.response.fields, axes=1)
+        field = np.tensordot(np.concatenate([load, force]), self.fields, axes=1)
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
@@ -196,18 +197,17 @@ def drive(
     target = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
     stacks, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
-    chosen = analytic.chosen(stage, warnings)
-    first = commanding(chosen)
+    first = commanding(analytic.chosen(stage, warnings))
     commands = _commands(first.system, stacks, target, F, lever, warnings)
-    motions = [moved(first.system, stacks, x, F) for x in commands.values()]
-    forces, X = np.array([stacks.preload + motion.force for motion in motions]), np.array(list(commands.values()))
-    used = [shares(first.system, stacks, x, F) for x in X]
-    share = np.array([[np.max(by_limit[limit]) for by_limit in used] for limit in LIMITS])
+    X = np.array(list(commands.values()))
+    motions = [moved(first.system, stacks, x, F) for x in X]
+    forces = np.array([stacks.preload + motion.force for motion in motions])
+    share = np.array([[np.max(used) for used in shares(first.system, stacks, x, F).values()] for x in X]).T
     values: dict[str, Any] = {
         "pose": target,
         "load": F,
         "command": X.T,
-        "stroke": (X @ stacks.differential.T).T,
+        "stroke": stacks.differential @ X.T,
         "force": forces.T,
         "shortest": stacks.lowest,
         "longest": stacks.highest,
@@ -251,8 +251,7 @@ def commanding(chosen: ModelChoice) -> Commanding:
     result, drive = analyse(*chosen), drive_of(chosen.stage)
     C, necks = driven_model(chosen.stage, result, _with_friction(drive))
     n = 3 + len(drive.stacks)
-    model = DrivenModel(C[:n, :n], necks[..., :n])
-    return Commanding(chosen.stage, result, model, driven(model.compliance, drive), C[:n, n:])
+    return Commanding(chosen.stage, result, necks[..., :n], driven(C[:n, :n], drive), C[:n, n:])
 
 
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
@@ -260,8 +259,7 @@ def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
     drive, mesh = drive_of(stage), build_mesh(stage, resolution)
     C, fields = driven_response(mesh, plate_of(stage), _with_friction(drive))
     n = 3 + len(drive.stacks)
-    response = DrivenResponse(C[:n, :n], fields[:n])
-    return DrivenElements(stage, mesh, response, driven(response.compliance, drive), C[:n, n:])
+    return DrivenElements(stage, mesh, fields[:n], driven(C[:n, :n], drive), C[:n, n:])
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
@@ -398,20 +396,22 @@ def limit_warnings(system: Driven, drive: StageDrive, x: Array, load: Array, cri
     """Return a warning per kind of limit that commands (m,) exceed: the number exceeded, and the largest excess."""
     force, stacks, found = drive.preload + moved(system, drive, x, load).force, stack_names(drive), list[str]()
     um, low, high = 1e3 * x, 1e3 * drive.lowest, 1e3 * drive.highest
-    kinds: tuple[tuple[str, Array, tuple[str, ...], Callable[[int], str]], ...] = (  # in the order of `LIMITS`
+    kinds: Sequence[tuple[str, Array, Sequence[str], str, tuple[Array, ...]]] = (  # in the order of `LIMITS`
         (
-            "strokes", np.maximum(um - high, low - um), drive.names,
-            lambda k: f"{um[k]:.4g} um, outside {low[k]:.4g} to {high[k]:.4g} um",
+            "strokes",
+            np.maximum(um - high, low - um),
+            drive.names,
+            "{:.4g} um, outside {:.4g} to {:.4g} um",
+            (um, low, high),
         ),
-        ("contacts", -force, stacks, lambda k: f"a pull of {-force[k]:.4g} N"),
-        (
-            "forces", force - drive.blocking_force, stacks,
-            lambda k: f"{force[k]:.4g} N, above {drive.blocking_force[k]:.4g} N",
-        ),
-    )  # fmt: skip
-    for used, (kind, excess, names, describe) in zip(shares(system, drive, x, load).values(), kinds, strict=True):
-        exceeded = np.any(np.reshape(used > 1 + ROUND_OFF, (-1, len(names))), axis=0)
+        ("contacts", -force, stacks, "a pull of {:.4g} N", (-force,)),
+        ("forces", force - drive.blocking_force, stacks, "{:.4g} N, above {:.4g} N", (force, drive.blocking_force)),
+    )
+    used = shares(system, drive, x, load).values()
+    for share, (kind, excess, names, text, numbers) in zip(used, kinds, strict=True):
+        exceeded = np.any(np.reshape(share > 1 + ROUND_OFF, (-1, len(names))), axis=0)
         if exceeded.any():
             k, count = int(np.argmax(np.where(exceeded, excess, -np.inf))), np.count_nonzero(exceeded)
-            found.append(f"{criterion}: {kind} beyond their limits: {count}, the worst at {names[k]}: {describe(k)}")
+            worst = f"{names[k]}: {text.format(*(values[k] for values in numbers))}"
+            found.append(f"{criterion}: {kind} beyond their limits: {count}, the worst at {worst}")
     return found

@@ -18,7 +18,7 @@ from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import DrivenResponse, driven_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.tables import once
-from flexfem.mechanism.contacts import Stack, couple_names, hinge_couples
+from flexfem.mechanism.contacts import Stack, hinge_couples
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
@@ -70,11 +70,10 @@ def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
     determine the whole model, as with mobility three and six, this is (29), (30).
     """
     if drive == "joints":
-        positions = commanded_hinges(model.mobility)
-        couples = hinge_couples(stage, positions)
-        C = driven_model(stage, model, couples).compliance
+        couples = hinge_couples(stage, commanded_hinges(model.mobility))
+        C = driven_model(stage, model, tuple(couples.values())).compliance
         per_command = C[3:, :3] @ inverse(C[:3, 3:] @ np.linalg.pinv(C[3:, 3:], RIGID, hermitian=True) @ C[3:, :3])
-        return Imposed(couples, couple_names(positions), per_command, None, None)
+        return Imposed(tuple(couples.values()), tuple(couples), per_command, None, None)
     stacks, lever = drive_of(stage), stage.chain.link_lengths[2]
     driven_stage = driven(driven_model(stage, model).compliance, stacks)
     return Imposed(stacks.stacks, stacks.names, unit_commands(driven_stage, stacks, lever), driven_stage, stacks)
@@ -87,7 +86,7 @@ def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> ImposedE
     Raises BadInput, ComputationFailed.
     """
     plate, mesh = plate_of(stage), build_mesh(stage, resolution)
-    stacks = hinge_couples(stage, hinges) if hinges else drive_of(stage).stacks
+    stacks = tuple(hinge_couples(stage, hinges).values()) if hinges else drive_of(stage).stacks
     return ImposedElements(mesh, driven_response(mesh, plate, stacks))
 
 

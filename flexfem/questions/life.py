@@ -25,7 +25,6 @@ from flexfem.files.toml import read_csv
 from flexfem.hinges import strength
 from flexfem.hinges.strength import Basquin, BasquinFit, Wrench, equivalent
 from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.drives import contacts
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, Material, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate_file import located
@@ -146,7 +145,7 @@ def lives(cycles: StressCycles, fatigue: Array, yield_strength: Array, motion: C
 
 def preload_warnings(stage: Stage) -> list[str]:
     """Warn that lives exclude preloads which stress the necks, those of single stacks."""
-    if all(len(contacts(stage, 1, k)) == 2 or not actuator.preload for k, actuator in enumerate(stage.actuator)):
+    if all(actuator.pair or not actuator.preload for actuator in stage.actuator):
         return []
     return ["this life excludes the mean stress by preloads of single stacks"]
 

@@ -308,27 +308,21 @@ class PoseSet:
         """Add commands until the hull of their images is the set; return them and the relative distance left out."""
         from scipy.spatial import ConvexHull
 
-        supports = dict[tuple[float, ...], float]()  # support of the set by the normal of a plane of the hull
         while True:
-            planes = {tuple(np.round(plane[:3], 10) + 0.0): plane for plane in ConvexHull(commands @ G.T).equations}
-            new = {key: plane for key, plane in planes.items() if key not in supports}
-            excess = np.zeros(0)
-            if new:
-                equations = np.array(list(new.values()))
-                X = self.farthest(equations[:, :3] @ G)[0]
-                reached = np.sum(equations[:, :3] * (X @ G.T), axis=1)
-                supports |= dict(zip(new, reached.tolist(), strict=True))
-                excess = reached + equations[:, 3]
-            if np.max(excess, initial=0.0) <= EXACT or len(commands) >= MOST:
-                missed = float(max(supports[key] + plane[3] for key, plane in planes.items()))
-                return commands, missed / float(np.max(np.abs(commands @ G.T))) if missed > EXACT else 0.0
-            farthest = X[np.argsort(-excess, kind="stable")[: np.count_nonzero(excess > EXACT)]]
-            commands = np.concatenate([commands, farthest[: MOST - len(commands)]])
+            planes = ConvexHull(commands @ G.T).equations
+            planes = planes[np.unique(np.round(planes, 10), axis=0, return_index=True)[1]]  # one of coplanar triangles
+            X = self.farthest(planes[:, :3] @ G)[0]
+            excess = np.sum(planes[:, :3] * (X @ G.T), axis=1) + planes[:, 3]
+            if np.max(excess) <= EXACT or len(commands) >= MOST:
+                missed = float(np.max(excess) / np.max(np.abs(commands @ G.T)))
+                return commands, missed if np.max(excess) > EXACT else 0.0
+            added = X[np.argsort(-excess, kind="stable")[: np.count_nonzero(excess > EXACT)]]
+            commands = np.concatenate([commands, added[: MOST - len(commands)]])
 
 
 def pose_set(model: Commanding, system: Driven, drive: StageDrive, load: Array) -> PoseSet:
     """Return the poses of a driven stage under a load (3,); `model` gives the neck stress by the forces of `system`."""
-    many = lower(model.stage), system.at(None), model.model.necks[None], drive.at(None)
+    many = lower(model.stage), system.at(None), model.necks[None], drive.at(None)
     return PoseSet(system, drive, command_limits(*many, load), load)
 
 

@@ -87,7 +87,7 @@ def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
     stage = load_stage(GEOMETRY / "mobility3.toml")
     one = model(stage, 3, DEFAULT_FORMULA, False)
     free = drive_of(stage)._replace(stiffness=np.where(np.arange(12) < 2, 1e9, 0.0))
-    of = driven(one.model.compliance, free)
+    of = driven(one.system.C, free)
     found = moved(of, free, 1e-3 * np.eye(6)[0], np.zeros(3))
     turned = one._replace(system=of).rotations(found, NONE)
     assert turned[0, 0] == pytest.approx(-1e-3 / 10.0, rel=1e-3)  # upwards left of the hinge: clockwise
@@ -150,13 +150,13 @@ def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike_dri
 def test_necks_of_finite_elements_carry_what_balances_and_what_the_model_says(unlike_drive):
     """Platform hinges together hold the load; base hinges, pushed from the frame alone, with the stacks there."""
     drive, one, metal = drive_of(unlike_drive), model(unlike_drive), driven_elements(unlike_drive, 4)
-    found = neck_wrenches(metal.mesh, plate_of(unlike_drive), metal.response.fields)
+    found = neck_wrenches(metal.mesh, plate_of(unlike_drive), metal.fields)
     np.testing.assert_allclose(found[:, 2, :, :3].sum(axis=0), np.eye(3), atol=1e-7)
     np.testing.assert_allclose(found[:, 0, :, :3].sum(axis=0), np.eye(3), atol=1e-7)
     lever = np.array([1.0, 1.0, unlike_drive.chain.link_lengths[2]])[:, None]
-    size = np.max(np.abs(one.model.necks / lever), axis=(0, 1, 2))
+    size = np.max(np.abs(one.necks / lever), axis=(0, 1, 2))
     assert found.shape == (3, 3, 3, 3 + len(drive.stacks))
-    assert np.max(np.abs(found - one.model.necks) / lever / size) < MESH
+    assert np.max(np.abs(found - one.necks) / lever / size) < MESH
 
 
 def test_the_half_spaces_of_yield_are_the_stresses_of_the_necks(stage):

@@ -34,7 +34,7 @@ def at_rest(stage, *model, stiff=1.0):
     drive = drive_of(stage)
     drive = drive._replace(stiffness=stiff * drive.stiffness)
     one = commanding(ModelChoice(stage, *model))
-    return left_open(driven(one.model.compliance, drive), one.across, drive, drive.preload)
+    return left_open(driven(one.system.C, drive), one.across, drive, drive.preload)
 
 
 def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():

@@ -100,7 +100,7 @@ def test_a_model_takes_the_pose_by_its_own_rotations(unlike, mobility):
 
 def test_both_witnesses_read_and_impose_rotations_alike_with_unlike_chains(unlike):
     positions = (0, 1)
-    couples = hinge_couples(unlike, positions)
+    couples = tuple(hinge_couples(unlike, positions).values())
     metal = driven_response(build_mesh(unlike, 6), plate_of(unlike), couples).compliance
     model = driven_model(unlike, analyse(unlike, 21, "calibrated", links=True), couples).compliance
     size = np.sqrt(np.diag(metal))

@@ -171,7 +171,7 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
         one, drive = modelled(each)
         many = drive.at(None)
         of = Driven(one.system.C[None], one.system.Y[None], one.system.T)
-        studied = drive_ranges(lower(each), of, one.model.necks[None], many).reach[0]
+        studied = drive_ranges(lower(each), of, one.necks[None], many).reach[0]
         found, stops = poses_of(each).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
     assert any("yield" in by.kinds for by in stops.values())
