@@ -316,6 +316,7 @@ def test_a_result_is_shown_in_one_short_line_with_its_subject_and_its_main_numbe
         model,
         fine,
         model.result,
+        stage,
         flexfem.check(stage),
         flexfem.thickness_review(),
         flexfem.Errors(*[np.eye(3)] * 2),
@@ -324,4 +325,4 @@ def test_a_result_is_shown_in_one_short_line_with_its_subject_and_its_main_numbe
     assert all(len(text) <= 300 and "\n" not in text and "[" not in text for text in texts), texts
     for text in texts[:2]:
         assert f"x {stiffness} N/mm" in text and repr(stage.name) in text
-    assert "1.0 ± 1.0" in texts[-1] and "mobility=6" in texts[3]
+    assert "1.0 ± 1.0" in texts[-1] and "mobility=6" in texts[4] and repr(stage.name) in texts[3]

@@ -53,6 +53,11 @@ class PlateFile(Sourced):
         """Origin of the content; not part of its hash, and ignored when plates are compared."""
         return Origin()
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name!r}{f' of {self.origin}' if self.origin.path else ''}>"
+
+    __str__ = __repr__
+
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content."""
