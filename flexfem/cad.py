@@ -19,9 +19,9 @@ from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.bodies import necks
 from flexfem.mechanism.designs import CHAIN_TURN
-from flexfem.mechanism.drawing import LETTER, Dimensions, Hole, Part, cut_path, dimensions_of, part_of, text_height
+from flexfem.mechanism.drawing import LETTER, TEXT, Dimensions, Part, cut_path, dimensions_of, part_of
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.outlines import Segment, area
+from flexfem.mechanism.outlines import Segment, area, circle_of
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.mechanism.stage_file import assumptions_said
@@ -122,7 +122,7 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
         sheet = sheet_of(stage, part, wire, notes)
         text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
         write_atomically(target, lambda file: file.write(text.encode()))
-        layers = sheet.layers
+        layers = [*sheet.paths]
     return PartReport(
         **of_stage(stage),
         written=str(target),
@@ -148,10 +148,10 @@ def _part_and_limits(plate: Plate, holes: float | None) -> tuple[Part, list[str]
     if holes is not None:
         raise BadInput(f"mounting holes of {holes:g} mm: expected a stage file; a mechanism states holes of bodies")
     with located(plate):
-        outer, *others = plate_contours(plate.layout)
+        loops = plate_contours(plate.layout)
     ground = [[*body.outline] for body in plate.layout.bodies if body.fixed]
     ground += [[body.outline[k]] for body in plate.layout.bodies if not body.fixed for k in body.clamped]
-    return Part(outer, None, [], ground, tuple(others)), []
+    return Part(loops, ground), []
 
 
 def write_step(plate: Plate, part: Part, path: Path) -> None:
@@ -160,13 +160,16 @@ def write_step(plate: Plate, part: Part, path: Path) -> None:
     Raises ComputationFailed when what is read does not have the part's volume and height in mm, BadInput when the
     file cannot be written.
     """
-    pieces, thickness = sum(area(loop) > 0 for loop in part.loops), plate.thickness
-    circles = [[Segment(z := hole.centre + hole.radius, z, hole.centre)] for hole in part.holes]
-    regions = [Region([part.outer, *circles], [])] if isinstance(plate, Stage) else regions_of(plate.layout)
+    pieces, thickness, most = sum(area(loop) > 0 for loop in part.loops), plate.thickness, TOLERANCE
+    if isinstance(plate, Stage):
+        circles = [[Segment(loop[0].start, loop[0].start, loop[0].centre)] for loop in part.loops[1:]]
+        regions = [Region([part.loops[0], *circles], [])]
+    else:
+        regions, most = regions_of(plate.layout), OF_ARCS
     with replacing(path) as temporary:
         read = run_mesher(PlateSolid(str(temporary), regions, thickness), TIME_LIMIT)
         found, height = read["volumes"], float(read["box"][1, 2] - read["box"][0, 2])
-        off, most = abs(found.sum() / (part.area * thickness) - 1), TOLERANCE if isinstance(plate, Stage) else OF_ARCS
+        off = abs(found.sum() / (part.area * thickness) - 1)
         if len(found) != pieces or off > most or abs(height - thickness) > 1e-6:
             raise ComputationFailed(
                 f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, "
@@ -182,48 +185,43 @@ def write_step(plate: Plate, part: Part, path: Path) -> None:
 
 
 class Sheet(NamedTuple):
-    """Drawing in mm, x to the right and y upwards, with the platform centre at the origin.
+    """Drawing in mm, x to the right and y upwards, with the platform centre of a stage at the origin.
 
-    paths : closed loops of segments by layer, and lines as paths of one segment.   holes : circles by layer.
+    paths : closed loops of segments by layer, and lines as paths of one segment.
     texts : text, position, and whether the position is the middle of the text or its lower left corner.
     """
 
     paths: dict[str, list[list[Segment]]]
-    holes: dict[str, list[Hole]]
     dimensions: Dimensions
     texts: list[tuple[str, complex, bool]]
-
-    @property
-    def layers(self) -> list[str]:
-        """Names of the layers that are not empty, in the order of `COLOURS`."""
-        return [name for name in COLOURS if name in self.paths or name in self.holes]
 
 
 def sheet_of(plate: Plate, part: Part, wire: Part | None, notes: list[str]) -> Sheet:
     """Return the drawing of a part, with the path of a `wire` if there is one, and notes below."""
     if isinstance(plate, Stage):
-        sizes = dimensions_of(plate, part)
+        sizes, metal, ground = dimensions_of(plate, part), part.loops[:1], PADS
         turns = (cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS)
         centres = [pose.point * turn for chain, turn in zip(CHAINS, turns, strict=True) for pose in necks(plate, chain)]
+        centres += [circle[0] for circle in map(circle_of, part.loops) if circle]
     else:
-        sizes, centres = Dimensions([], [], text_height(part)), [joint.place for joint in plate.layout.joints]
-    centres += [hole.centre for hole in part.holes]
-    marks = [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)]
-    paths = {
-        METAL: part.loops,
-        PADS if isinstance(plate, Stage) else GROUND: part.pads,
-        MARKS: marks,
-        SIZES: [[Segment(*label.line)] for label in sizes.labels],
-    }
-    holes = {name: found for name, found in ((HUB, part.holes[:1]), (MOUNTING, part.mounting)) if found}
-    if wire is not None:
-        paths[WIRE], holes[WIRE] = wire.loops, wire.holes
-    corners = [segment.start for loop in part.loops for segment in loop]
+        sizes, metal, ground = Dimensions([], [], TEXT * part.size), part.loops, GROUND
+        centres = [joint.place for joint in plate.layout.joints]
+    hub, *mounting = part.loops[len(metal) :] or [[]]
+    corners = [segment.start for loop in metal for segment in loop]
     lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])
     foot = complex(min(z.real for z in corners), lowest - 5 * sizes.height)
     texts = [(label.text, label.place, True) for label in sizes.labels]
     texts += [(note, foot - 1.6j * line * sizes.height, False) for line, note in enumerate(notes)]
-    return Sheet(paths, holes, sizes, texts)
+    paths = {
+        METAL: metal,
+        HUB: [hub] if hub else [],
+        MOUNTING: mounting,
+        ground: part.ground,
+        MARKS: [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)],
+        SIZES: [[Segment(*label.line)] for label in sizes.labels],
+        WIRE: wire.loops if wire else [],
+    }
+    return Sheet({name: found for name, found in paths.items() if found or name == SIZES}, sizes, texts)
 
 
 def _notes(stage: Plate) -> list[str]:
@@ -246,13 +244,14 @@ def svg_text(sheet: Sheet) -> str:
     root = ElementTree.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
     ElementTree.SubElement(root, "title").text = next(text for text, _, centred in sheet.texts if not centred)
     look = {"fill": "none", "stroke-width": str(LINE)}
-    for name in sheet.layers:
+    for name, loops in sheet.paths.items():
         group = ElementTree.SubElement(root, "g", {"id": name, "stroke": COLOURS[name], **look})
-        for path in sheet.paths.get(name, []):
-            ElementTree.SubElement(group, "path", {"d": _svg_path(path)})
-        for hole in sheet.holes.get(name, []):
-            centre = dict(zip(("cx", "cy"), _pair(hole.centre).split(), strict=True))
-            ElementTree.SubElement(group, "circle", centre | {"r": repr(float(hole.radius))})
+        for loop in loops:
+            if circle := circle_of(loop):
+                centre = dict(zip(("cx", "cy"), _pair(circle[0]).split(), strict=True))
+                ElementTree.SubElement(group, "circle", centre | {"r": repr(float(circle[1]))})
+            else:
+                ElementTree.SubElement(group, "path", {"d": _svg_path(loop)})
         if name == SIZES:
             _svg_dimensions(group, sheet)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -324,7 +323,7 @@ def dxf_text(sheet: Sheet) -> str:
         document = ezdxf.new("R2010")  # UTF-8, and read by current programs
         document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1  # mm, metric
         document.header["$LUNITS"], document.header["$LUPREC"] = 2, 8  # decimal
-        for name in sheet.layers:
+        for name in sheet.paths:
             layer = document.layers.add(name)  # the part in colour 7: black or white, opposite to the background
             if name != METAL:
                 layer.rgb = ezdxf.colors.int2rgb(int(COLOURS[name][1:], 16))
@@ -341,16 +340,18 @@ def dxf_text(sheet: Sheet) -> str:
 
 def _dxf_entities(space: Any, sheet: Sheet) -> None:
     """Add lines, arcs (counter-clockwise in DXF), circles, dimensions (measured by the reader) and texts."""
-    for name, segment in ((name, segment) for name, paths in sheet.paths.items() for path in paths for segment in path):
-        if segment.centre is None:
-            space.add_line(_point(segment.start), _point(segment.end), {"layer": name})
+    for name, loop in ((name, loop) for name, loops in sheet.paths.items() for loop in loops):
+        if circle := circle_of(loop):
+            space.add_circle(_point(circle[0]), float(circle[1]), {"layer": name})
             continue
-        ends = (segment.start, segment.end) if segment.turn > 0 else (segment.end, segment.start)
-        first, last = (math.degrees(cmath.phase(end - segment.centre)) for end in ends)
-        radius = float(abs(segment.start - segment.centre))
-        space.add_arc(_point(segment.centre), radius, first, last, dxfattribs={"layer": name})
-    for name, hole in ((name, hole) for name, holes in sheet.holes.items() for hole in holes):
-        space.add_circle(_point(hole.centre), float(hole.radius), {"layer": name})
+        for segment in loop:
+            if segment.centre is None:
+                space.add_line(_point(segment.start), _point(segment.end), {"layer": name})
+                continue
+            ends = (segment.start, segment.end) if segment.turn > 0 else (segment.end, segment.start)
+            first, last = (math.degrees(cmath.phase(end - segment.centre)) for end in ends)
+            radius = float(abs(segment.start - segment.centre))
+            space.add_arc(_point(segment.centre), radius, first, last, dxfattribs={"layer": name})
     height, on = sheet.dimensions.height, {"layer": SIZES}
     look = {"dimtxt": height, "dimasz": height, "dimexe": height / 2, "dimexo": height / 2, "dimgap": height / 4}
     look |= {"dimdec": 6, "dimzin": 8, "dimdsep": ord(".")}

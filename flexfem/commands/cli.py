@@ -271,7 +271,7 @@ def _check_size(name: str, motion: Any, plate: Any) -> None:
     from flexfem.mechanism.outlines import polygon_points
 
     mechanism = hasattr(plate, "layout")
-    outlines = [body.outline for body in plate.layout.bodies] if mechanism else [part_of(plate).outer]
+    outlines = [body.outline for body in plate.layout.bodies] if mechanism else [part_of(plate).loops[0]]
     size = np.ptp(np.concatenate([polygon_points(outline) for outline in outlines]), axis=0).max()
     lengths = (size, f", the size of the {'mechanism' if mechanism else 'stage'}", "um for micrometres")
     limits = (lengths, lengths, (1.0, "", "mrad for milliradians"))

@@ -15,7 +15,7 @@ from flexfem.arrays import AnyArray
 from flexfem.mechanism.bodies import body_sides, necks, turn
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.outlines import Segment, area, offset, polygon_points, polyline, reverse
+from flexfem.mechanism.outlines import Segment, area, circle_of, disc, offset, polygon_points, polyline, reverse
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import CHAINS
 from flexfem.refused import BadInput
@@ -25,47 +25,31 @@ BLUNT = 1e-2  # rad; bend up to which segments that approximate a curve may be j
 FINE = np.pi / 512  # rad of arc per vertex of the polygon that is checked for self-intersection
 
 
-class Hole(NamedTuple):
-    """A round hole: centre (complex) and radius, mm."""
-
-    centre: complex
-    radius: float
-
-
 class Part(NamedTuple):
     """Contours of a plate, mm.
 
-    outer : closed counter-clockwise loop; at every neck of a stage an arc ends and the next begins.
-    hub : the hole in the platform of a stage.   mounting : one hole in every pad of a stage, or none.
-    pads : clamped regions, closed loops; of a stage rectangles, whose first line is the clamped edge.
-    others : further closed loops, clockwise around holes and counter-clockwise around separate pieces.
+    loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the outer one first. At
+        every neck of a stage an arc ends and the next begins; the hole for its hub is second, mounting holes follow.
+    ground : clamped regions and edges; of a stage the pads, rectangles whose first line is the clamped edge.
     """
 
-    outer: list[Segment]
-    hub: Hole | None
-    mounting: list[Hole]
-    pads: list[list[Segment]]
-    others: tuple[list[Segment], ...] = ()
-
-    @property
-    def loops(self) -> list[list[Segment]]:
-        """All closed loops, the outer one first."""
-        return [self.outer, *self.others]
-
-    @property
-    def holes(self) -> list[Hole]:
-        """All round holes, the hub first."""
-        return [*([self.hub] if self.hub else []), *self.mounting]
+    loops: list[list[Segment]]
+    ground: list[list[Segment]]
 
     @property
     def area(self) -> float:
         """Exact area of the part, mm^2."""
-        return float(sum(map(area, self.loops)) - sum(np.pi * hole.radius**2 for hole in self.holes))
+        return float(sum(map(area, self.loops)))
 
     @property
     def length(self) -> float:
         """Length of all contours, mm."""
-        return float(sum(s.length for loop in self.loops for s in loop) + sum(2 * np.pi * h.radius for h in self.holes))
+        return float(sum(segment.length for loop in self.loops for segment in loop))
+
+    @property
+    def size(self) -> float:
+        """Larger extent in x and y, mm."""
+        return float(np.max(np.ptp(np.concatenate([polygon_points(loop) for loop in self.loops]), axis=0)))
 
 
 def part_of(stage: Stage, mounting: float | None = None) -> Part:
@@ -83,7 +67,7 @@ def part_of(stage: Stage, mounting: float | None = None) -> Part:
         [turn([segment for body in body_sides(stage, chain, side) for segment in body], chain) for chain in CHAINS]
         for side in (1, -1)
     )
-    outer, pads = list[Segment](), list[list[Segment]]()
+    outer, pads, holes = list[Segment](), list[list[Segment]](), [(0j, stage.platform.hub_radius)]
     for k in range(3):
         back = Segment(left[k][0].start, right[k][0].start)
         rim = Segment(right[k][-1].end, left[(k + 1) % 3][-1].end, 0j)
@@ -91,8 +75,9 @@ def part_of(stage: Stage, mounting: float | None = None) -> Part:
         across = (back.start - back.end) / 2
         front = (back.start + back.end) / 2 - 1j * across / abs(across) * width
         pads.append(polyline(back.start, back.end, front - across, front + across, back.start))
-    drilled = [] if mounting is None else [Hole((pad[0].start + pad[2].start) / 2, mounting / 2) for pad in pads]
-    return Part(outer, Hole(0j, stage.platform.hub_radius), drilled, pads)
+        if mounting is not None:
+            holes.append(((back.start + pads[k][2].start) / 2, mounting / 2))
+    return Part([outer, *(reverse(disc(*hole).loop) for hole in holes)], pads)
 
 
 def cut_path(part: Part, kerf: float) -> Part:
@@ -102,21 +87,19 @@ def cut_path(part: Part, kerf: float) -> Part:
 
     Raises BadInput for a kerf that is too wide for a hole, an inner radius or a gap of the part.
     """
-    half = kerf / 2
     concave = [abs(s.start - s.centre) for loop in part.loops for s in loop if s.centre is not None and s.turn < 0]
-    narrowest = 2 * min([*concave, *(hole.radius for hole in part.holes)], default=np.inf)
+    narrowest = 2 * min(concave, default=np.inf)
     if not kerf < narrowest:
         raise BadInput(f"kerf of {kerf:g} mm, expected less than the narrowest notch, fillet or hole, {narrowest:g} mm")
-    outer, *others = (_offset_outwards(loop, half) for loop in part.loops)
-    drawn = [shapely.Polygon(polygon_points(loop, FINE)) for loop in (outer, *others)]
+    loops = [_offset_outwards(loop, kerf / 2) for loop in part.loops]
+    drawn = [shapely.Polygon(polygon_points(loop, FINE)) for loop in loops]
     for validity in map(shapely.is_valid_reason, drawn):
         if validity != "Valid Geometry":
             raise _too_wide(kerf, *map(float, validity.partition("[")[2].rstrip("]").split()))
     for one, other in combinations([polygon.exterior for polygon in drawn], 2):
         if not (shared := shapely.intersection(one, other)).is_empty:
             raise _too_wide(kerf, *shapely.get_coordinates(shared)[0].tolist())
-    hub, *mounting = (hole._replace(radius=hole.radius - half) for hole in part.holes) if part.holes else (None,)
-    return part._replace(outer=outer, others=tuple(others), hub=hub, mounting=mounting)
+    return part._replace(loops=loops)
 
 
 def _too_wide(kerf: float, x: float, y: float) -> BadInput:
@@ -218,29 +201,22 @@ class Dimensions(NamedTuple):
     height: float
 
 
-def text_height(part: Part) -> float:
-    """Height of the texts on a drawing of a part, mm."""
-    return TEXT * float(np.max(np.ptp(np.concatenate([polygon_points(loop) for loop in part.loops]), axis=0)))
-
-
 def dimensions_of(stage: Stage, part: Part) -> Dimensions:
     """Return the dimensions of a stage, placed clear of each other and of the part where there is room.
 
     Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
     """
-    body, height = shapely.Polygon(polygon_points(part.outer)), text_height(part)
-    poses, width = necks(stage, 1), stage.chain.link_width
-    ends = [pose.point for pose in poses] + [0j]
-    spans = list[Span]()
+    body, *holes = (shapely.Polygon(polygon_points(loop)) for loop in part.loops)
+    height, width, spans = TEXT * part.size, stage.chain.link_width, list[Span]()
+    ends = [*(pose.point for pose in necks(stage, 1)), 0j]
     for k in range(3):  # the nearest dimension line with a third of the link width as clearance, or the clearest one
         distances = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
         candidates = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in distances]
         spans.append(max(candidates, key=lambda span: min(body.distance(_middle(span)), width / 3)))
-    spans.append(Span("w", part.pads[0][0].start, part.pads[0][0].end, -2.5 * height))
+    spans.append(Span("w", part.ground[0][0].start, part.ground[0][0].end, -2.5 * height))
     spans = [_rightwards(span) for span in spans]
-    rims = [shapely.Point(hole.centre.real, hole.centre.imag).buffer(hole.radius).boundary for hole in part.holes]
-    obstacles, labels = [body.boundary, *rims, *(_line(*span.line) for span in spans)], list[Label]()
-    texts = [_middle(span) for span in spans]
+    obstacles: list[Any] = [each.boundary for each in (body, *holes)] + [_line(*span.line) for span in spans]
+    texts, labels = [_middle(span) for span in spans], list[Label]()
     for text, anchor in _annotations(stage, part):
         half = 0.5 * height * complex(LETTER * len(text) + 1, 2)
         labels.append(Label(text, anchor, _clear_place(anchor, half.real, height, obstacles, texts), half))
@@ -255,13 +231,13 @@ def _annotations(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
         for pose, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
             hinge = stage.hinge(chain, name)
             yield f"R {hinge.radius:.6g}, t {hinge.neck:.6g}", pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN)
-    rims = [complex(segment.at(0.5)) for segment in part.outer if segment.centre == 0]
+    outer, _, *mounting = part.loops
+    rims = [complex(segment.at(0.5)) for segment in outer if segment.centre == 0]
     rim = max(rims, key=lambda point: abs(point - necks(stage, 1)[2].point))
     yield f"platform R {stage.platform.radius:.6g}", rim
-    assert part.hub is not None
-    yield f"hub R {part.hub.radius:.6g}", part.hub.radius * rim / abs(rim)
-    for hole in part.mounting[:1]:
-        yield f"3 holes R {hole.radius:.6g}", hole.centre
+    yield f"hub R {stage.platform.hub_radius:.6g}", stage.platform.hub_radius * rim / abs(rim)
+    if mounting and (hole := circle_of(mounting[0])):
+        yield f"3 holes R {hole[1]:.6g}", hole[0]
 
 
 def _middle(span: Span) -> shapely.LineString:

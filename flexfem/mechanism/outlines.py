@@ -199,6 +199,14 @@ def disc(centre: complex, radius: float) -> Outline:
     return Outline([Segment(a, b, centre) for a, b in pairwise(rim)], [])
 
 
+def circle_of(loop: Sequence[Segment]) -> tuple[complex, float] | None:
+    """Return centre and radius of a loop that is a circle, None of any other."""
+    centre = loop[0].centre
+    if centre is None or any(each.centre is None or abs(each.centre - centre) > SHORTEST for each in loop):
+        return None
+    return centre, abs(loop[0].start - centre)
+
+
 def area(loop: Sequence[Segment]) -> float:
     """Area enclosed by a closed counter-clockwise loop, mm^2: the polygon of the ends, and the circular segments."""
     polygon = sum((segment.start.conjugate() * segment.end).imag for segment in loop)

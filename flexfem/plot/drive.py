@@ -194,8 +194,7 @@ def platform_factor(found: Drive) -> float:
     (x, y, theta), stage = found.pose, found.fields
     rim = shapely.get_coordinates(_body(stage, "platform", CHAINS))
     largest = float(np.max(np.hypot(x - theta * rim[:, 1], y + theta * rim[:, 0])))
-    size = float(np.ptp(polygon_points(part_of(stage).outer), axis=0).max())
-    return round_factor(VISIBLE * size / largest) if largest > 0 else 1.0
+    return round_factor(VISIBLE * part_of(stage).size / largest) if largest > 0 else 1.0
 
 
 def _body(stage: Stage, body: Any, chains: Sequence[int]) -> Any:

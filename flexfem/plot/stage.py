@@ -150,8 +150,8 @@ def draw_outline(axes: Axes, stage: Stage) -> Array:
     Raises BadInput when its bodies cannot be drawn.
     """
     part = part_of(stage)
-    rim = polygon_points(part.outer, STEP)
-    clamped = [[xy(pad[0].start), xy(pad[0].end)] for pad in part.pads]
+    rim = polygon_points(part.loops[0], STEP)
+    clamped = [[xy(pad[0].start), xy(pad[0].end)] for pad in part.ground]
     axes.add_patch(Polygon(list(rim), facecolor=PALE, edgecolor=INK, linewidth=0.7, zorder=1))
     axes.add_collection(LineCollection(clamped, colors=INK, linewidths=2.4, zorder=3), autolim=False)
     axes.add_patch(Circle((0, 0), stage.platform.hub_radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))

@@ -250,7 +250,7 @@ def test_a_step_is_one_solid_in_millimetres_with_cylinders(stage, folder, metal)
     with gmsh_session() as gmsh:
         gmsh.model.occ.importShapes(str(folder / "part.step"), highestDimOnly=False)
         gmsh.model.occ.synchronize()
-        corners = 2 * len(part_of(stage).outer) + 2 * 4  # of two faces, and one on each of the rims of four holes
+        corners = 2 * len(part_of(stage).loops[0]) + 2 * 4  # of two faces, and one on each of the rims of four holes
         assert len(gmsh.model.getEntities(0)) == corners
         ((_, tag),) = gmsh.model.getEntities(3)
         assert gmsh.model.occ.getMass(3, tag) == pytest.approx(volume, rel=1e-12)
