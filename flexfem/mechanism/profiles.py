@@ -1,7 +1,7 @@
 """Hinge profiles: height along the axis, edge as exact curves, beam integrals, surface stress and triangle sizes.
 
 A profile is symmetric about its axis, the local x axis, and lies between x = -length / 2 and length / 2, mm. A new
-shape is one subclass with an entry in `SHAPES`.
+shape is one subclass with an entry in `SHAPES`: half its edge as curves, or its length and height, and its root radius.
 """
 
 from __future__ import annotations
@@ -158,12 +158,13 @@ class Profile:
     @property
     def length(self) -> float:
         """Length along the axis, mm."""
-        raise NotImplementedError
+        return 2 * _ends(self.half()[-1])[1].real
 
     @property
     def breaks(self) -> tuple[float, ...]:
         """Positions on the axis, mm, ascending from end to end, between which the height is smooth."""
-        return (-self.length / 2, 0.0, self.length / 2)
+        ends = [_ends(curve)[1].real for curve in self.half()]
+        return (*(-x for x in reversed(ends)), 0.0, *ends)
 
     @property
     def root_radius(self) -> float:
@@ -172,10 +173,14 @@ class Profile:
 
     def height(self, x: Array) -> Array:
         """Height (...), mm, at positions (...) on the axis."""
-        raise NotImplementedError
+        x, found = np.abs(x), np.asarray(self.neck)
+        for curve in self.half():  # the rise from curve to curve keeps all digits of a slender neck
+            first, last = _ends(curve)
+            found = found + 2 * _rise(np.clip(x, first.real, last.real) - first.real, curve, last - first)
+        return np.asarray(found)
 
     def half(self) -> list[Curve]:
-        """Return the upper edge from 0 to length / 2."""
+        """Return the upper edge from 0 to length / 2, as lines and arcs that begin at their lowest points."""
         x = np.linspace(0, self.length / 2, SPLINE_POINTS)
         return [Spline(tuple((x + 0.5j * self.height(x)).tolist()))]
 
@@ -296,9 +301,22 @@ class Profile:
         return tuple(map(complex, x.tolist())), size, radius
 
 
-def _rise(x: Array, radius: float) -> Array:
-    """Rise (...) of a circle at a distance x from its lowest point, without cancellation; x up to the radius."""
-    return np.asarray(x**2 / (radius + np.sqrt(np.maximum(radius**2 - x**2, 0.0)))) if radius else np.zeros(np.shape(x))
+def _ends(curve: Curve) -> tuple[complex, complex]:
+    return (curve.points[0], curve.points[-1]) if isinstance(curve, Spline) else (curve.start, curve.end)
+
+
+def _rise(x: Array, curve: Curve, step: complex) -> Array:
+    """Rise (...) of a line, or of an arc from its lowest point, at distances x (...) from its start; `step` to its end.
+
+    Without cancellation: `r - sqrt(r^2 - x^2) = x^2 / (r + sqrt(r^2 - x^2))`.
+    """
+    assert not isinstance(curve, Spline)
+    if curve.centre is None:
+        return np.asarray(x * (step.imag / step.real))
+    if isinstance(curve, Ellipse):  # scaled to a circle
+        return np.asarray(step.imag * (x / step.real) ** 2 / (1 + np.sqrt(np.maximum(1 - (x / step.real) ** 2, 0.0))))
+    r = abs(curve.start - curve.centre)
+    return np.asarray(x**2 / (r + np.sqrt(np.maximum(r**2 - x**2, 0.0))))
 
 
 @dataclass(frozen=True)
@@ -308,15 +326,8 @@ class Circular(Profile):
     radius: float
 
     @property
-    def length(self) -> float:
-        return 2 * self.radius
-
-    @property
     def root_radius(self) -> float:
         return self.radius
-
-    def height(self, x: Array) -> Array:
-        return np.asarray(self.neck + 2 * _rise(x, self.radius))
 
     def half(self) -> list[Curve]:
         centre, r = 1j * (self.neck / 2 + self.radius), self.radius
@@ -344,9 +355,6 @@ class Elliptical(Spanned):
     def root_radius(self) -> float:
         return self.span**2 / (4 * self.depth)
 
-    def height(self, x: Array) -> Array:
-        return np.asarray(self.neck + 2 * self.depth * _rise(x / (self.span / 2), 1.0))
-
     def half(self) -> list[Curve]:
         centre, a, b = 1j * (self.neck / 2 + self.depth), self.span / 2, self.depth
         start, end = centre - 1j * b, centre + a
@@ -365,16 +373,6 @@ class Leaf(Spanned):
         super().__post_init__()
         if 2 * self.fillet >= self.span - SHORTEST:
             raise BadDimension("fillet", f"less than half the length, {self.span / 2:g} mm")
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        half, root = self.span / 2, self.fillet
-        return (-half, root - half, 0.0, half - root, half) if root > SHORTEST else (-half, 0.0, half)
-
-    def height(self, x: Array) -> Array:
-        return np.asarray(
-            self.neck + 2 * _rise(np.maximum(np.abs(x) - (self.span / 2 - self.fillet), 0.0), self.fillet)
-        )
 
     def half(self) -> list[Curve]:
         half, r, y = self.span / 2, self.fillet, 0.5j * self.neck
@@ -445,25 +443,13 @@ class Vee(Profile):
         return self.root * complex(math.cos(self.angle / 2), 1 - math.sin(self.angle / 2))
 
     @property
-    def length(self) -> float:
-        return 2 * (self._tangent.real + (self.depth - self._tangent.imag) * math.tan(self.angle / 2))
-
-    @property
-    def breaks(self) -> tuple[float, ...]:
-        half, root = self.length / 2, self._tangent.real
-        return (-half, -root, 0.0, root, half)
-
-    @property
     def root_radius(self) -> float:
         return self.root
 
-    def height(self, x: Array) -> Array:
-        inside = np.minimum(np.abs(x), self._tangent.real)
-        return np.asarray(self.neck + 2 * (_rise(inside, self.root) + (np.abs(x) - inside) / math.tan(self.angle / 2)))
-
     def half(self) -> list[Curve]:
-        lowest, end = 0.5j * self.neck, complex(self.length, self.end_height) / 2
+        lowest, flank = 0.5j * self.neck, self.depth - self._tangent.imag
         tangent = lowest + self._tangent
+        end = tangent + complex(flank * math.tan(self.angle / 2), flank)
         return [Segment(lowest, tangent, lowest + 1j * self.root), Segment(tangent, end)]
 
 
