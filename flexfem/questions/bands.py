@@ -62,7 +62,7 @@ class Convergence(NamedTuple):
 
     verdict : `converging` if the finest three levels approach a limit with an order within `TRUSTED`; otherwise, and
         always across a command, the theoretical order and the safety factor `CAUTIOUS` are used.
-    order : the order used.   observed : observed order of the finest three levels, nan if there is none.
+    order, observed : the order used, and the observed one of the finest three levels, nan if there is none.
     """
 
     values: Array
@@ -97,11 +97,13 @@ def grid_convergence(resolutions: Array, values: Array, round_off: float = ROUND
     if larger <= noise:
         return Convergence(values, "round-off", ORDER, np.nan, finest, noise)
     observed = _observed_order(e21, e32, r21, r32)
-    verdict: Verdict = "converging" if TRUSTED[0] <= observed <= TRUSTED[1] else "out of range"
+    verdict: Verdict = "out of range"
     if e21 * e32 < 0:
         verdict = "oscillatory"
     elif abs(e21) >= abs(e32):
         verdict = "divergent"
+    elif TRUSTED[0] <= observed <= TRUSTED[1]:
+        verdict = "converging"
     order, safety = (observed, SAFETY) if verdict == "converging" else (ORDER, CAUTIOUS)
     remainder = 1 / (r21**order - 1)
     band = max(safety * remainder * (larger if verdict == "oscillatory" else abs(e21)), noise)
@@ -112,13 +114,13 @@ def _observed_order(e21: float, e32: float, r21: float, r32: float) -> float:
     """Return the observed order by fixed-point iteration, nan if there is none."""
     if e21 == 0 or e32 == 0:
         return float("nan")
-    sign = float(np.sign(e32 / e21))
-    order = abs(np.log(abs(e32 / e21))) / np.log(r21)
+    sign, ratio = np.sign(e32 / e21), np.log(abs(e32 / e21))
+    order = abs(ratio) / np.log(r21)
     for _ in range(100):
         if not 1e-6 < order < 50:
             return float("nan")
         shift = np.log((r21**order - sign) / (r32**order - sign))
-        order, last = abs(np.log(abs(e32 / e21)) + shift) / np.log(r21), order
+        order, last = abs(ratio + shift) / np.log(r21), order
         if abs(order - last) < 1e-12 * order:
             break
     return float(order)
@@ -176,6 +178,12 @@ class RelativeError(NamedTuple):
     common: float
     spread: float
 
+    def of_readings(self, compliance: Array, force: Array, readings: Array) -> Array:
+        """Bound the change (k,) of readings (n, k) under a force (n,) of a compliance (n, n): `command_convergence`."""
+        energy = np.einsum("ik,ij,jk->k", readings, compliance, readings)
+        remainder = self.spread * np.sqrt(energy * (force @ compliance @ force))
+        return np.asarray(self.common * np.abs(readings.T @ compliance @ force) + remainder)
+
 
 def _to_finest(steps: Array, values: Array) -> Array:
     """Extrapolate both differences between three levels to errors of the finest; `steps`: resolutions^order."""
@@ -183,21 +191,19 @@ def _to_finest(steps: Array, values: Array) -> Array:
     return np.array([(values[-1] - values[-2]) / (n1 / n2 - 1), (values[-2] - values[-3]) / (n1 / n3 - n1 / n2)])
 
 
-def _relative_error(steps: Array, compliances: Array, loads: Array | None = None) -> RelativeError:
-    """Return the error, in the energy norm over loads (n, k), of the last of three compliances (levels, n, n)."""
-    W = _orthonormal(compliances[-1], np.eye(len(compliances[-1])) if loads is None else loads)
-    errors = _to_finest(steps, np.array([W.T @ C @ W for C in compliances[-3:]]))
-    ends = np.linalg.eigvalsh(errors)[:, [0, -1]]
-    return RelativeError(float(np.max(np.abs(ends))), float(np.max(ends[:, 1] - ends[:, 0]) / 2))
+def _relative_error(steps: Array, compliances: Array, loads: Array) -> RelativeError:
+    """Return the error, in the energy norm over loads (n, k), of the last of three compliances (levels, n, n).
 
-
-def _orthonormal(compliance: Array, loads: Array) -> Array:
-    """Return combinations W (n, k') of loads (n, k) with W' C W = 1; linearly dependent loads are dropped."""
-    norm = np.sqrt(np.einsum("ik,ij,jk->k", loads, compliance, loads))
+    Loads that are linearly dependent up to round-off are dropped.
+    """
+    C = compliances[-1]
+    norm = np.sqrt(np.einsum("ik,ij,jk->k", loads, C, loads))
     B = loads[:, norm > 0] / norm[norm > 0]
-    values, vectors = np.linalg.eigh(B.T @ compliance @ B)
+    values, vectors = np.linalg.eigh(B.T @ C @ B)
     kept = values > DEPENDENT * values[-1]
-    return np.asarray(B @ vectors[:, kept] / np.sqrt(values[kept]))
+    W = B @ vectors[:, kept] / np.sqrt(values[kept])  # W' C W = 1
+    ends = np.linalg.eigvalsh(_to_finest(steps, np.array([W.T @ each @ W for each in compliances[-3:]])))[:, [0, -1]]
+    return RelativeError(float(np.max(np.abs(ends))), float(np.max(ends[:, 1] - ends[:, 0]) / 2))
 
 
 def command_convergence(
@@ -231,19 +237,12 @@ def command_convergence(
     C, steps = np.asarray(compliances), np.asarray(resolutions, dtype=float) ** ORDER
     loads = np.eye(len(force), 3) if readings is None else readings
     error = _relative_error(steps, C, np.column_stack([loads, force]))
-    bands = CAUTIOUS * percentages(pose_bounds(error, C[-1], force, loads), 1.0, DIRECTIONS[axis], lever)
+    bands = CAUTIOUS * percentages(error.of_readings(C[-1], force, loads), 1.0, DIRECTIONS[axis], lever)
     for k, curve in enumerate(curves):
         if curve.verdict != "round-off" and (k != axis or readings is not None):  # the observed order is unreliable
             extrapolated = curve.values[-1] + _to_finest(steps, curve.values)[0]
             curves[k] = curve._replace(order=ORDER, extrapolated=float(extrapolated), band=float(bands[k]))
     return tuple(curves)
-
-
-def pose_bounds(error: RelativeError, compliance: Array, force: Array, readings: Array) -> Array:
-    """Bound the change (k,) of readings (n, k) under a force (n,) by the error of a compliance (n, n): see above."""
-    energy = np.einsum("ik,ij,jk->k", readings, compliance, readings)
-    remainder = error.spread * np.sqrt(energy * (force @ compliance @ force))
-    return np.asarray(error.common * np.abs(readings.T @ compliance @ force) + remainder)
 
 
 def command_errors(
@@ -272,7 +271,7 @@ def compliance_bands(resolutions: Array, compliances: Array) -> Array:
     """
     C, n = np.asarray(compliances), np.asarray(resolutions, dtype=float)
     size = np.sqrt(np.outer(np.diag(C[-1]), np.diag(C[-1])))
-    largest, error = np.max(np.abs(C), axis=0), _relative_error(n**ORDER, C)
+    largest, error = np.max(np.abs(C), axis=0), _relative_error(n**ORDER, C, np.eye(len(size)))
     bound = CAUTIOUS * (error.common * np.abs(C[-1]) + error.spread * size)
     bands = np.where(largest <= ROUND_OFF * size, np.maximum(largest, np.finfo(float).eps * size), bound)
     np.fill_diagonal(bands, [grid_convergence(n, C[:, k, k], round_off=0.0).band for k in range(len(size))])

@@ -6,7 +6,6 @@ import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,7 +20,7 @@ from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.structure import plate_of, sheet_of, structure
-from flexfem.files.provenance import Assumptions, assumptions
+from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import checked_path, shown
 from flexfem.files.toml import bad_key, kind_of, read_toml
 from flexfem.files.writing import check_folder, check_name, digest, digest_of_arrays, read_arrays, write_atomically
@@ -75,10 +74,10 @@ class HingeDrawing(BaseModel):
         """Return the hinges of a stage, chain by chain, with their freedoms (3 chains, 3 hinges)."""
         frames, drawings = stage_frames(stage), []
         for (row, k), axis in np.ndenumerate(frames.axes):
-            chain, name, (x, y) = row + 1, HINGE_NAMES[k], frames.centres[row, k].tolist()
-            hinge = stage.hinge(chain, name)
-            place = {"chain": chain, "hinge": name, "centre": (x, y), "axis": float(axis)}
-            drawings.append(cls(**place, radius=hinge.radius, neck=hinge.neck, freedoms=list(freedoms[row][k])))
+            name, (x, y), kinds = HINGE_NAMES[k], frames.centres[row, k].tolist(), list(freedoms[row][k])
+            where: dict[str, Any] = {"chain": row + 1, "hinge": name, "centre": (x, y), "axis": float(axis)}
+            size = stage.hinge(row + 1, name)
+            drawings.append(cls(**where, radius=size.radius, neck=size.neck, freedoms=kinds))
         return drawings
 
 
@@ -249,12 +248,15 @@ class CurveRun(NamedTuple):
 
 def run_case(loaded: LoadedCase) -> Verification:
     """Run every curve of a case. Raises BadInput if a stage does not suit its formula, ComputationFailed."""
-    case, stages, doubts = loaded.case, loaded.stages, _assumptions(loaded)
-    models = dict[Curve, AnalyticResult]()
-    for curve in case.curve:
+    case, stages, models, runs = loaded.case, loaded.stages, dict[Curve, AnalyticResult](), list[CurveRun]()
+    for curve in case.curve:  # refused before the first finite elements
         with _named(loaded, curve):
             models[curve] = analyse(stages[curve.label], curve.mobility, curve.formula, curve.links)
-    runs = [CurveRun(c, stages[c.label], model, _solve(loaded, c, model)) for c, model in models.items()]
+    in_plane = _solve_force if case.drive == "force" else _solve_imposed
+    solve = _solve_solid if case.model == "three_dimensional" else in_plane
+    for curve, model in models.items():
+        with _named(loaded, curve):
+            runs.append(CurveRun(curve, stages[curve.label], model, solve(stages[curve.label], curve, model, case)))
     joints = tuple(dict.fromkeys(name for run in runs for name in run.elements.joints))
     curves = {run.curve.label: _curve_models(case, run) for run in runs}
     labels = {
@@ -266,11 +268,17 @@ def run_case(loaded: LoadedCase) -> Verification:
     }
     quantities = {run.curve.label: _quantities(case, run, joints) for run in runs}
     values, widths = stack_models(Verification, quantities, labels, "curve")
-    stages_hash = digest({label: curve.hash for label, curve in curves.items()})
-    lever = runs[0].stage.chain.link_lengths[2]
+    own = assumptions([("case: ", case)])
     settings = {key: getattr(case, key) for key in ("direction", "analysis", "drive", "model", "resolution")}
     return Verification(
-        About(case.name, str(loaded.path), stages_hash, doubts.assumed, doubts.not_stated, lever),
+        About(
+            case.name,
+            str(loaded.path),
+            digest({label: curve.hash for label, curve in curves.items()}),
+            sorted({*own.assumed, *(key for curve in curves.values() for key in curve.assumed)}),
+            sorted({*own.not_stated, *(key for curve in curves.values() for key in curve.not_stated)}),
+            runs[0].stage.chain.link_lengths[2],
+        ),
         values | {"command": case.commands},
         widths,
         labels,
@@ -318,14 +326,6 @@ def _summary(label: str, curve: CurveModels) -> str:
     mesh = f"{curve.resolution} triangles across every neck{layers}, {curve.unknowns} unknowns"
     model = f"{curve.stage}, {curve.plane.replace('_', ' ')}, mobility {curve.mobility}, {formula}"
     return f"{label}: {model}; {mesh}; meshes: {', '.join(curve.verdicts)}"
-
-
-def _assumptions(loaded: LoadedCase) -> Assumptions:
-    """Return the assumed and unstated numbers of a case and its stages, including drives if they are used."""
-    strokes = loaded.case.drive == "strokes"
-    files = [stage.drive_assumptions if strokes else assumptions([("", stage)]) for stage in loaded.stages.values()]
-    files.append(assumptions([("case: ", loaded.case)]))
-    return Assumptions(*(sorted(set(chain.from_iterable(keys))) for keys in zip(*files, strict=True)))
 
 
 def _curve_models(case: Case, run: CurveRun) -> CurveModels:
@@ -383,15 +383,6 @@ def _named(loaded: LoadedCase, curve: Curve) -> Iterator[None]:
         raise ComputationFailed(f"{loaded.path}: curve {curve.label!r}: {failure}") from None
 
 
-def _solve(loaded: LoadedCase, curve: Curve, model: AnalyticResult) -> CurveElements:
-    """Solve the finite elements of a curve. Raises BadInput, ComputationFailed."""
-    case, stage = loaded.case, loaded.stages[curve.label]
-    with _named(loaded, curve):
-        if case.model == "three_dimensional":
-            return _solve_solid(stage, model, case)
-        return _solve_force(stage, curve, model, case) if case.drive == "force" else _solve_imposed(stage, model, case)
-
-
 def _solve_force(stage: Stage, curve: Curve, model: AnalyticResult, case: Case) -> CurveElements:
     """Solve three meshes under the force of a model; in a nonlinear case, under the force of exact equilibrium."""
     steps, command, lever = levels(case.resolution), case.commands, stage.chain.link_lengths[2]
@@ -434,17 +425,17 @@ def _in_plane(
     )
 
 
-def _solve_solid(stage: Stage, model: AnalyticResult, case: Case) -> CurveElements:
+def _solve_solid(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
     """Solve three-dimensional finite elements under the force of a model: mid-plane, and stress over the thickness.
 
     The in-plane mesh error is assumed equal with one layer and with more. The error of the layers is bounded by
-    `bands.pose_bounds` with the change from few layers to more, and is zero where symmetry leaves round-off.
+    `RelativeError.of_readings` with the change from few layers to more, and is zero where symmetry leaves round-off.
     """
     response, K = bands.solve_solid(stage, case.resolution, case.layers), model.stiffness
     bounds, lever = bands.solid_levels(stage, case.resolution, case.layers), stage.chain.link_lengths[2]
     many = bounds.planes + (response.compliance - bounds.planes[-1])
     steps, axis, command = np.array(levels(case.resolution)), case.axis, case.commands
-    changes = bands.pose_bounds(bounds.of_layers, bounds.many, K[:, axis], np.eye(3))
+    changes = bounds.of_layers.of_readings(bounds.many, K[:, axis], np.eye(3))
     few, more = (error_matrix(K, C, lever)[:, axis] for C in (bounds.few, bounds.many))
     zero = np.maximum(np.abs(few), np.abs(more)) <= bands.ROUND_OFF
     of_layers = np.where(zero, 0.0, bands.percentages(changes, 1.0, case.direction, lever))
@@ -469,7 +460,7 @@ def _solve_solid(stage: Stage, model: AnalyticResult, case: Case) -> CurveElemen
     )
 
 
-def _solve_imposed(stage: Stage, model: AnalyticResult, case: Case) -> CurveElements:
+def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) -> CurveElements:
     """Solve three meshes with the rotations or strokes that a model computes for the commands."""
     joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
     hinges = commanded_hinges(model.mobility) if case.drive == "joints" else ()
