@@ -15,7 +15,7 @@ from flexfem.plot import style
 from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, panels, titled
 from flexfem.plot.text import scientific, significant
 from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
-from flexfem.questions.identify import Identification
+from flexfem.questions.identify import CAUSES, Identification
 from flexfem.questions.life import Life
 from flexfem.results import ANALYTIC
 from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, STRESS, Direction, unit_for
@@ -25,17 +25,21 @@ MODEL_LINE: Any = {"color": COLOURS[1], "dashes": (5, 2), "linewidth": 1.5}
 STAGE_LINE: Any = {"color": COLOURS[0], "dashes": (1.5, 1.5), "linewidth": 1.7}
 LIMIT_LINE: Any = {"color": GREY, "linewidth": 1.1, "dashes": (7, 2, 1.5, 2)}
 RUN_COLOURS = (COLOURS[2], COLOURS[3], COLOURS[5], COLOURS[6])
+LONGEST_LIFE = 1e14  # cycles; necks with longer lives are counted, not drawn
+REVERSAL = 0.5  # cycles; shorter lives are drawn at it
+LEFT_EDGE = 1e2  # cycles
+HINGE_MARKERS = {"base": "s", "elbow": "o", "platform": "^"}
 
 
 @style.in_house_style
 def experiment_figure(found: Experiment) -> Figure:
     """Draw load over displacement for the three directions and, below, the residuals of the regression lines."""
-    settings, title = found.settings, f"{found.about.name}: stiffness from readings"
     lines = [
-        f"Simulated readings, {settings['fixture']}; stage by {settings['stage']}. Slopes by regression of both "
-        f"readings on the commanded stroke, intervals of {settings['confidence']} by Fieller's theorem. "
+        f"Simulated readings, {found.settings['fixture']}; stage by {found.settings['stage']}. Slopes by regression of "
+        f"both readings on the commanded stroke, intervals of {found.settings['confidence']} by Fieller's theorem. "
         f"{NOT_THE_PAPERS}"
     ]
+    title = f"{found.about.name}: stiffness from readings"
     figure, axes = panels((11.69, 6.4), title, lines, 2, 3, found.about, height_ratios=(1.7, 1.0))
     for k, direction in enumerate(DIRECTIONS):
         titled(plot_push(axes[k], found, direction), "abc"[k], NAMES[direction])
@@ -47,17 +51,14 @@ def experiment_figure(found: Experiment) -> Figure:
 def plot_push(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the readings in one direction, their regression line, and the lines of model and stage; return `ax`."""
     k = DIRECTIONS.index(direction)
-    model, stage, slope, _ = found.slope[k]
-    load, span = found.load[k], np.array([0.0, float(np.max(found.displacement[k]))])
+    (model, stage, slope, _), load, settings = found.slope[k], found.load[k], found.settings
+    span = np.array([0.0, float(np.max(found.displacement[k]))])
     factor = _readings(ax, found, direction, "force" if direction != "theta" else "moment", load)
-    for value, start, label, look in (
-        (model, 0.0, f"model: {found.settings['model']}", MODEL_LINE),
-        (stage, 0.0, found.settings["stage"], STAGE_LINE),
-        (slope, found.intercept[k], "regression line", FIT_LINE),
-    ):
-        ax.plot(factor * span, start + value * span, label=label, **look)
+    ax.plot(factor * span, model * span, label=f"model: {settings['model']}", **MODEL_LINE)
+    ax.plot(factor * span, stage * span, label=settings["stage"], **STAGE_LINE)
+    ax.plot(factor * span, found.intercept[k] + slope * span, label="regression line", **FIT_LINE)
     ends = f"{significant(found.low[k], 5)} to {significant(found.high[k], 5)}" if found.low[k] > 0 else "no interval"
-    text = f"{significant(slope)} {STIFFNESSES[k]}\n{found.settings['confidence']}: {ends}"
+    text = f"{significant(slope)} {STIFFNESSES[k]}\n{settings['confidence']}: {ends}"
     ax.text(0.04, 0.95, text, transform=ax.transAxes, va="top", size=9.0)
     ax.set_ylim(top=1.12 * max(model * span[1], float(np.max(load))))
     return ax
@@ -67,22 +68,20 @@ def plot_remains(ax: Axes, found: Experiment, direction: Direction) -> Axes:
     """Draw the residuals of the readings in one direction, and the limits of the slope's interval; return `ax`."""
     k = DIRECTIONS.index(direction)
     displacement, slope = found.displacement[k], found.at("slope", direction=direction, source="simulated")
-    residual = found.load[k] - found.intercept[k] - slope * displacement
-    factor = _readings(ax, found, direction, "residual", residual)
+    factor = _readings(ax, found, direction, "residual", found.load[k] - found.intercept[k] - slope * displacement)
     ax.axhline(0.0, **FIT_LINE)
-    label, span = "limits of the slope's interval", np.array([0.0, float(np.max(displacement))])
-    for limit in (found.low[k], found.high[k]):
-        if np.isfinite(limit):
-            ax.plot(factor * span, (limit - slope) * (span - np.mean(displacement)), label=label, **LIMIT_LINE)
+    span = np.array([0.0, float(np.max(displacement))])
+    for limit in filter(np.isfinite, (found.low[k], found.high[k])):
+        residual = (limit - slope) * (span - np.mean(displacement))
+        ax.plot(factor * span, residual, label="limits of the slope's interval", **LIMIT_LINE)
     return ax
 
 
 def _readings(ax: Axes, found: Experiment, direction: Direction, name: str, values: Array) -> float:
     """Draw readings in one direction, with the marks of four runs in turn; return the factor of the x unit."""
     k = DIRECTIONS.index(direction)
-    displacement = found.displacement[k]
-    unit = unit_for(direction, float(np.max(displacement)))
-    for run, (at, value) in enumerate(zip(displacement, values, strict=True)):
+    unit = unit_for(direction, float(np.max(found.displacement[k])))
+    for run, (at, value) in enumerate(zip(found.displacement[k], values, strict=True)):
         look: Any = {"marker": MARKERS[run % 4], "color": RUN_COLOURS[run % 4], "markersize": 4.5, "linestyle": "none"}
         label = f"readings, run {run + 1}" if run < 4 else None
         ax.plot(unit.factor * at, value, markerfacecolor="none", label=label, **look)
@@ -114,28 +113,23 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
     ax.contourf(x, y, above, levels=[min(float(np.min(above)), 0.0) - 1.0, limit], colors=[PALE])
     ax.contour(x, y, above, levels=[limit], colors=[INK], linewidths=1.3)
     ax.plot([], [], color=INK, linewidth=1.3, label=f"joint region of {found.settings['confidence']}")
-    best = "best fit" if np.isfinite(found.correlation) else "one of the best fits"
-    marks = [(float(found.offset), found.fixture[0], best)]
-    for k, label in enumerate(found.axes["cause"][1:], start=1):
-        text = f"{label}: {'allowed' if found.allowed[k] else 'excluded'}"
-        marks.append((found.cause_offset[k], found.cause_fixture[k, 0], text))
-    for k, (offset, number, label) in enumerate(marks):
+    labels = ["best fit" if np.isfinite(found.correlation) else "one of the best fits"]
+    labels += [
+        f"{cause}: {'allowed' if each else 'excluded'}" for cause, each in zip(CAUSES, found.allowed, strict=True)
+    ][1:]
+    offsets = [found.offset, *found.cause_offset[1:]]
+    numbers = [found.fixture[0], *found.cause_fixture[1:, 0]]
+    for k, (offset, number, label) in enumerate(zip(offsets, numbers, labels, strict=True)):
         ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
     ax.axvline(0.0, **LIMIT_LINE)
+    ylabel = f"fixture in {name} ({COMPLIANCES[0 if name == 'translation' else 2]})"
     if name == "pole":
         ax.axhline(1.0, label="necks as drawn, pole as described", **LIMIT_LINE)
-    units = {"translation": COMPLIANCES[0], "rotation": COMPLIANCES[2]}
-    ylabel = "compliance of the pole / described one" if name == "pole" else f"fixture in {name} ({units[name]})"
+        ylabel = "compliance of the pole / described one"
     ax.set(xlabel=f"offset of all necks ({MICROMETRE}), positive: wider", ylabel=ylabel)
     ax.set(xlim=(x[0], x[-1]), ylim=(y[0] - 0.02 * np.ptp(y), y[-1]))
     ax.grid()
     return ax
-
-
-LONGEST_LIFE = 1e14  # cycles; necks with longer lives are counted, not drawn
-REVERSAL = 0.5  # cycles; shorter lives are drawn at it
-LEFT_EDGE = 1e2  # cycles
-HINGE_MARKERS = {"base": "s", "elbow": "o", "platform": "^"}
 
 
 @style.in_house_style
@@ -172,7 +166,13 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
     ax.axvline(target, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="required life")
     for k, model in enumerate(found.axes["model"]):
-        _plot_necks(ax, model, lives[k], found.equivalent[k])
+        marks: Any = {"color": COLOURS[2], "linestyle": "none", "markersize": 5.5, "zorder": 3}
+        if model == ANALYTIC:
+            marks |= {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
+        for hinge, name in enumerate(HINGE_NAMES):
+            if np.any(shown := lives[k, :, hinge] < LONGEST_LIFE):
+                points = lives[k, shown, hinge], found.equivalent[k, shown, hinge]
+                ax.plot(*points, marker=HINGE_MARKERS[name], label=f"{name}, {model}", **marks)
     beyond = int(np.sum(found.cycles >= LONGEST_LIFE))
     left_out = f"; {beyond} of {lives.size} points beyond {scientific(LONGEST_LIFE)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
@@ -182,15 +182,3 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     ax.grid(which="major")
     style.legend_beside(ax)
     return ax
-
-
-def _plot_necks(ax: Axes, model: str, cycles: Array, stress: Array) -> None:
-    """Draw the necks of one model whose life is on the axis."""
-    look: Any = {"color": COLOURS[2], "linestyle": "none", "markersize": 5.5, "zorder": 3}
-    if model == ANALYTIC:
-        look |= {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
-    for hinge, name in enumerate(HINGE_NAMES):
-        shown = cycles[:, hinge] < LONGEST_LIFE
-        if np.any(shown):
-            points = cycles[shown, hinge], stress[shown, hinge]
-            ax.plot(*points, marker=HINGE_MARKERS[name], label=f"{name}, {model}", **look)
