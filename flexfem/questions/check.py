@@ -182,20 +182,10 @@ def check(stage: Stage | Mechanism) -> StageReport | MechanismReport:
     >>> found.mobility, found.chains_alike, found.hinges[0].radius_mm, len(found.assumed)
     (6, True, 4.0, 17)
     """
-    return check_mechanism(stage) if isinstance(stage, Mechanism) else check_stage(stage)
+    return _mechanism_report(stage) if isinstance(stage, Mechanism) else _stage_report(stage)
 
 
-def _by_tables(sources: dict[str, str]) -> dict[str, str]:
-    """Return sources without those of keys in a table that has the same source."""
-    return {
-        key: text
-        for key, text in sources.items()
-        if not any(sources.get(key[:k]) == text for k, character in enumerate(key) if character in ".[")
-    }
-
-
-def check_mechanism(mechanism: Mechanism) -> MechanismReport:
-    """Return the report on a mechanism. Raises BadInput for parts that overlap, touch or are held by nothing."""
+def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
     layout, material = mechanism.layout, mechanism.material
     with located(mechanism):
         check_layout(layout)
@@ -209,6 +199,10 @@ def check_mechanism(mechanism: Mechanism) -> MechanismReport:
         "parameters": {key: float(value) for key, value in mechanism.parameters.items()},
         "payload": [{"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia} for load in layout.payloads],
     }
+    held = ["fixed" if b.fixed else f"clamped at {len(b.clamped)}" if b.clamped else "" for b in layout.bodies]
+    bodies = zip(layout.bodies, held, masses, strict=False)
+    sources = {key: text for key, text in mechanism.sources.items() if text}
+    tables = {key: [key[:k] for k, character in enumerate(key) if character in ".["] for key in sources}
     return MechanismReport(
         **of_stage(mechanism),
         model=mechanism.model,
@@ -216,15 +210,7 @@ def check_mechanism(mechanism: Mechanism) -> MechanismReport:
         dimensions={key: value for key, value in stated.items() if value},
         size_mm=(_rounded(extent[0]), _rounded(extent[1])),
         mass_g=sum(masses),
-        bodies=[
-            PlacedBody(
-                body.name,
-                "fixed" if body.fixed else f"clamped at {len(body.clamped)}" if body.clamped else "",
-                mass,
-                len(body.holes),
-            )
-            for body, mass in zip(layout.bodies, masses, strict=False)
-        ],
+        bodies=[PlacedBody(body.name, at, mass, len(body.holes)) for body, at, mass in bodies],
         hinges=[_profile(joint, names) for joint in layout.joints],
         points=[PlacedPoint(name, names[at.body], _place(at.point), at.radius) for name, at in layout.points],
         actuators=[
@@ -240,7 +226,7 @@ def check_mechanism(mechanism: Mechanism) -> MechanismReport:
             )
             for each in layout.actuators
         ],
-        provenance=_by_tables({key: text for key, text in mechanism.sources.items() if text}),
+        provenance={key: text for key, text in sources.items() if text not in map(sources.get, tables[key])},
         warnings=warning.of_plate(material, float(np.max(extent)), "mechanism"),
     )
 
@@ -261,11 +247,21 @@ def _place(z: complex) -> tuple[float, float]:
     return _rounded(z.real), _rounded(z.imag)
 
 
-def check_stage(stage: Stage) -> StageReport:
-    """Return the report on a stage. Raises BadInput for a stage that cannot be made."""
+def _rounded(value: float) -> float:
+    """Remove the round-off by which identical chains differ."""
+    return round(float(value), 9) + 0.0
+
+
+def _stage_report(stage: Stage) -> StageReport:
     check_feasible(stage)
     others = {"name", "model", "hinges", "override", "actuator", "provenance", "frame"}  # reported elsewhere
     left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
+    frames, hinges = stage_frames(stage), list[PlacedHinge]()
+    for (row, k), axis in np.ndenumerate(frames.axes):
+        hinge, (x, y) = stage.hinge(row + 1, HINGE_NAMES[k]), frames.centres[row, k].tolist()
+        place = (row + 1, HINGE_NAMES[k], (x, y), float(np.rad2deg(axis) % 360.0))
+        hinges.append(PlacedHinge(*place, hinge.radius, hinge.neck, hinge.prismatic))
+    sources = {key: text for key, text in stage.sources.items() if text}
     return StageReport(
         **of_stage(stage),
         mobility=stage.mobility,
@@ -273,8 +269,8 @@ def check_stage(stage: Stage) -> StageReport:
         chains_alike=stage.chains_alike,
         hash=stage.hash,
         dimensions=stage.model_dump(mode="json", by_alias=True, exclude=left_out, exclude_none=True),
-        hinges=[_hinge(stage, chain, position) for chain, position in np.ndindex(3, 3)],
-        provenance={key: text for key, text in stage.sources.items() if text and not (of_drive(key) or of_heat(key))},
+        hinges=hinges,
+        provenance={key: text for key, text in sources.items() if not (of_drive(key) or of_heat(key))},
         warnings=warning.of_stage(stage),
         drive=_drive(stage) if stage.actuator else None,
     )
@@ -282,49 +278,32 @@ def check_stage(stage: Stage) -> StageReport:
 
 def _drive(stage: Stage) -> DriveReport:
     """Return the drive; actuators of a file that are identical on several chains are listed once."""
-    actuators = list[PlacedActuator]()
+    found = list[PlacedActuator]()
     for index, chain in np.ndindex(len(stage.actuator), len(CHAINS)):
-        actuator = _actuator(stage, CHAINS[chain], index)
-        same = next((known for known in actuators if actuator._replace(chains=known.chains) == known), None)
-        if same is None:
-            actuators.append(actuator)
+        actuator, drive = actuators_of(stage)[chain][index], drive_of(stage)
+        numbers = np.flatnonzero(drive.differential[:, drive.names.index(f"{actuator.name}, chain {CHAINS[chain]}")])
+        placed = [drive.stacks[k] for k in numbers]
+        one = PlacedActuator(
+            name=actuator.name,
+            chains=[CHAINS[chain]],
+            between=actuator.between,
+            stack=actuator.stack,
+            contacts_mm=[_place(contact.point) for contact in placed],
+            directions_deg=[_rounded(np.angle(contact.direction, deg=True)) % 360.0 for contact in placed],
+            stroke_um=_rounded(1e3 * actuator.rating.stroke),
+            stiffness_n_per_um=_rounded(RATE.factor * actuator.rating.stiffness),
+            blocking_force_n=actuator.rating.blocking_force,
+            stiffness_with_contact_n_per_um=RATE.factor * float(drive.stiffness[numbers[0]]),
+            preload_n=actuator.preload,
+            contact=actuator.contact,
+        )
+        same = [known for known in found if one._replace(chains=known.chains) == known]
+        if same:
+            same[0].chains.extend(one.chains)
         else:
-            same.chains.extend(actuator.chains)
+            found.append(one)
     sources = {key: text for key, text in stage.sources.items() if text and of_drive(key)}
-    return DriveReport(actuators, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
-
-
-def _actuator(stage: Stage, chain: int, index: int) -> PlacedActuator:
-    actuator, drive = actuators_of(stage)[chain - 1][index], drive_of(stage)
-    numbers = np.flatnonzero(drive.differential[:, drive.names.index(f"{actuator.name}, chain {chain}")])
-    placed = [drive.stacks[k] for k in numbers]
-    return PlacedActuator(
-        name=actuator.name,
-        chains=[chain],
-        between=actuator.between,
-        stack=actuator.stack,
-        contacts_mm=[(_rounded(contact.point.real), _rounded(contact.point.imag)) for contact in placed],
-        directions_deg=[_rounded(np.angle(contact.direction, deg=True)) % 360.0 for contact in placed],
-        stroke_um=_rounded(1e3 * actuator.rating.stroke),
-        stiffness_n_per_um=_rounded(RATE.factor * actuator.rating.stiffness),
-        blocking_force_n=actuator.rating.blocking_force,
-        stiffness_with_contact_n_per_um=RATE.factor * float(drive.stiffness[numbers[0]]),
-        preload_n=actuator.preload,
-        contact=actuator.contact,
-    )
-
-
-def _rounded(value: float) -> float:
-    """Remove the round-off by which identical chains differ."""
-    return round(float(value), 9) + 0.0
-
-
-def _hinge(stage: Stage, chain: int, position: int) -> PlacedHinge:
-    name, placed = HINGE_NAMES[position], stage_frames(stage)
-    hinge = stage.hinge(chain + 1, name)
-    x, y = placed.centres[chain, position].tolist()
-    axis = float(np.rad2deg(placed.axes[chain, position]) % 360.0)
-    return PlacedHinge(chain + 1, name, (x, y), axis, hinge.radius, hinge.neck, hinge.prismatic)
+    return DriveReport(found, stage.drive_hash, sources, **stage.drive_assumptions._asdict())
 
 
 class KnownFormula(NamedTuple):
