@@ -246,7 +246,7 @@ def rows(kind: str, given: argparse.Namespace) -> Iterator[tuple[str, float, flo
         yield name, *of_ports(network(mechanism, elastic)), frequency / (2 * math.pi)
     for name, layers in (("flexfem plane stress", 0), (f"flexfem {given.layers} layers", given.layers)):
         size = (given.resolution, 0) if not layers else (4, layers)
-        frequency = plate_modes(factorised(mechanism, *size), 1).modes.frequencies[0]
+        frequency = plate_modes(factorised(mechanism, *size), 1).frequencies[0]
         yield name, *of_ports(elements(mechanism, *size)), frequency / (2 * math.pi)
     if importlib.util.find_spec("ngsolve"):
         for size in given.sizes:

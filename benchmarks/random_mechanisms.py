@@ -153,8 +153,8 @@ def quantities(mechanism: flexfem.Mechanism, label: str) -> list[Array]:
         lowest = plates.modes(layout, parts.bodies, hinges=parts.hinges)[:1]
     else:
         model, response = model_of(mechanism, RESOLUTION), elements(mechanism, RESOLUTION)
-        weight, warm = ports.weight_of(model, pull).motions, ports.warmed(model, *heat).motions
-        lowest = ports.plate_modes(model, 1).modes.frequencies[:1]
+        weight, warm = model.weighed(model.mass, pull).motions, ports.warmed(model, *heat).motions
+        lowest = ports.plate_modes(model, 1).frequencies[:1]
     C, lever = response.compliance, np.array([1.0, 1.0, layout.lever])
     if np.max(np.abs(C - C.T)) > 1e-9 * np.max(np.abs(C)) or np.linalg.eigvalsh(C).min() < -1e-9 * np.abs(C).max():
         raise ArithmeticError(f"the compliance of {label} is not symmetric and positive")

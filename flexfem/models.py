@@ -15,7 +15,7 @@ from flexfem.analytic.model import analyse as analyse_stage
 from flexfem.analytic.paper import apply
 from flexfem.arguments import forces, poses
 from flexfem.arrays import Array, inverse
-from flexfem.fem.fields import load_case, neck_stresses
+from flexfem.fem.fields import neck_stresses, plane_stress
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
 from flexfem.files.toml import PathLike
@@ -109,9 +109,7 @@ class ElementModel(PlatformModel):
 
     def stress(self, force: ArrayLike) -> Array:
         """Return the von Mises stress (..., n), MPa, at every node under loads (..., 3)."""
-        loads = forces("force", force)
-        stress = [load_case(self.stage, self.mesh, self.solved, load).stress for load in loads.reshape(-1, 3)]
-        return np.reshape(stress, (*loads.shape[:-1], len(self.mesh.nodes)))
+        return plane_stress(self.stage, self.mesh, self.displacement(force))
 
     def neck_stress(self, pose: ArrayLike) -> Array:
         """See `PlatformModel`."""

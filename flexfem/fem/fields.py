@@ -3,35 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexfem.arrays import Array
+from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import Response, StaticSolution, clamped_nodes
-from flexfem.fem.structure import out_of_plane_ratio_of, plate_of, sheet_of
+from flexfem.fem.response import Response, clamped_nodes
+from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.bodies import BODIES
-from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, stage_frames, turned
+from flexfem.mechanism.designs import chain_rotation, stage_frames
 from flexfem.mechanism.stage import Stage
 
 RIGID = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies count as rigid
 CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its corners is singular
-
-
-class LoadCase(NamedTuple):
-    """Response to a load on the platform: pose (3,) mm, mm, rad; field (n, 2) mm; reaction (3,) N, N, N mm; energy
-    N mm; stress (n,) von Mises, MPa; neck_stress (3 chains, 3 hinges), largest in each notch, MPa."""
-
-    pose: Array
-    field: Array
-    reaction: Array
-    energy: float
-    stress: Array
-    neck_stress: Array
+LARGEST = 4_000_000  # stress components computed at once
 
 
 def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
@@ -39,33 +28,15 @@ def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
     return von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
 
 
-def load_case(stage: Stage, mesh: StageMesh, response: Response | StaticSolution, force: Array) -> LoadCase:
-    """Superpose the plane unit responses for a load (3,), N, N and N mm, at the platform centre."""
-    field = np.tensordot(force, response.fields, axes=1)
-    stress = plane_stress(stage, mesh, field)
-    return LoadCase(
-        pose=response.compliance @ force,
-        field=field,
-        reaction=force @ response.reactions,
-        energy=float(force @ response.energy @ force / 2),
-        stress=stress,
-        neck_stress=neck_maxima(stage, mesh, stress),
-    )
-
-
 def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
     """Largest nodal value (3 chains, 3 hinges) within a notch radius of each neck's centre."""
     return np.array([[np.max(values[near]) for near in _near_necks(stage, mesh, chain)] for chain in range(3)])
 
 
-def _near_necks(stage: Stage, mesh: StageMesh, chain: int, frame: int = 0) -> list[NDArray[np.bool_]]:
-    """Mask (n,) of the nodes within a notch radius of the centre of each neck of a chain; chains from 0.
-
-    frame : chain in whose frame the nodes are given.
-    """
-    centres = turned(stage_frames(stage).centres[chain], -frame * CHAIN_TURN)
-    notches = zip(centres, stage.array("radius")[chain], strict=True)
-    return [np.hypot(*(mesh.nodes - centre).T) <= radius for centre, radius in notches]
+def _near_necks(stage: Stage, mesh: StageMesh, chain: int) -> list[Index]:
+    """Nodes within a notch radius of the centre of each neck of a chain; chains from 0."""
+    notches = zip(stage_frames(stage).centres[chain], stage.array("radius")[chain], strict=True)
+    return [np.flatnonzero(np.hypot(*(mesh.nodes - centre).T) <= radius) for centre, radius in notches]
 
 
 class NeckStress(NamedTuple):
@@ -78,34 +49,41 @@ class NeckStress(NamedTuple):
 def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
     """Largest von Mises stress in each notch under loads (k, 3), N, N, N mm; also over the thickness when extruded.
 
-    As in `load_case`, stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
+    Stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
     """
-    highest, height = np.zeros((2, len(loads), 3, 3))
-    ratio, layers = out_of_plane_ratio_of(stage), response.extrusion
-    for (chain, hinge), stress in notch_fields(stage, response, loads):
-        largest = von_mises(stress, ratio).max(axis=1)
-        if layers is not None:
-            height[:, chain, hinge] = layers.heights[largest.argmax(axis=1)]
-            largest = largest.max(axis=1)
-        highest[:, chain, hinge] = largest
-    return NeckStress(highest, height)
+    ratio, heights = out_of_plane_ratio_of(stage), response.structure.line.heights
+    each = [highest_stress(stress, turned, ratio) for turned, stress in _notches(stage, response, loads)]
+    by_height = np.reshape(each, (3, 3, len(loads), len(heights)))
+    highest, height = by_height.max(axis=-1), heights[by_height.argmax(axis=-1)]
+    return NeckStress(np.moveaxis(highest, 2, 0), np.moveaxis(height, 2, 0))
+
+
+def highest_stress(stress: Array, loads: Array, ratio: float) -> Array:
+    """Highest von Mises stress (n, m), MPa, at every height, under multiples (n, c) of cases of stress (c, p, ...)."""
+    parts, size = [], max(1, LARGEST // stress[0].size)
+    for start in range(0, max(1, len(loads)), size):
+        parts.append(von_mises(np.tensordot(loads[start : start + size], stress, axes=1), ratio).max(axis=1))
+    highest = np.concatenate(parts)
+    return highest if highest.ndim == 2 else highest[:, None]
 
 
 def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[tuple[int, int], Array]]:
     """Yield chain and hinge of every notch, from 0, and the stress, MPa, at its nodes under loads (k, 3).
 
-    The stress is (k, c, 2, 2); with layers (k, c, m, 3, 3). Its axes are those of the first chain that the sector of
-    the notch represents.
+    The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of chain 1 if one sector represents all.
     """
-    plate = plate_of(stage) if response.extrusion is None else sheet_of(stage)
-    for first, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
-        near = np.array(_near_necks(stage, sector.mesh, first, first))
-        chosen = np.flatnonzero(np.any(near, axis=0))
-        units = nodal_stress(sector.mesh, plate, fields, chosen, response.extrusion)
-        for chain in range(first, 3, len(response.sectors)):
-            rotated = loads @ chain_rotation(chain - first)  # into the frame of the first chain
-            for hinge, close in enumerate(near[:, chosen]):
-                yield (chain, hinge), np.tensordot(rotated, units[:, close], axes=1)
+    for number, (turned, stress) in enumerate(_notches(stage, response, loads)):
+        yield divmod(number, 3), np.tensordot(turned, stress, axes=1)
+
+
+def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield loads (k, 3), turned to the chain that represents a notch, and the stresses of the cases at its nodes."""
+    cyclic, mesh = len(response.sectors) == 1, response.structure.mesh
+    near = [nodes for chain in range(1 if cyclic else 3) for nodes in _near_necks(stage, mesh, chain)]
+    stresses = replace(response, regions=tuple(near)).stresses
+    for chain in range(3 if cyclic else 1):
+        for stress in stresses:
+            yield loads @ chain_rotation(chain), stress
 
 
 def base_rotations(stage: Stage, response: Response) -> Array:
@@ -113,14 +91,14 @@ def base_rotations(stage: Stage, response: Response) -> Array:
 
     A body rotates as the rigid motion that best fits its nodes from one to two notch radii from the neck centre.
     """
-    rows = []
-    for chain, (sector, fields) in enumerate(zip(response.sectors, response.sector_fields, strict=True)):
-        mesh, plane = sector.mesh, fields if response.extrusion is None else fields[:, :, 0, :2]
-        centre = turned(stage_frames(stage).centres[chain, 0], -chain * CHAIN_TURN)
-        distance = np.hypot(*(mesh.nodes - centre).T) / stage.hinge(chain + 1, "base").radius
+    mesh, fields, rows = response.structure.mesh, response.nodal, []
+    plane = fields if response.structure.layers is None else fields[:, :, 0, :2]
+    for chain in range(1 if len(response.sectors) == 1 else 3):
+        distance = np.hypot(*(mesh.nodes - stage_frames(stage).centres[chain, 0]).T)
+        distance /= stage.hinge(chain + 1, "base").radius
         rotations = []
         for body in ("pad", "link 1"):
-            chosen = np.unique(mesh.triangles[mesh.bodies == BODIES.index(body)])
+            chosen = np.unique(mesh.triangles[mesh.bodies == 4 * chain + BODIES.index(body)])
             chosen = chosen[(distance[chosen] >= RIGID[0]) & (distance[chosen] <= RIGID[1])]
             arm = mesh.nodes[chosen] - mesh.nodes[chosen].mean(axis=0)
             rotations.append((plane[:, chosen, 1] @ arm[:, 0] - plane[:, chosen, 0] @ arm[:, 1]) / np.sum(arm**2))
@@ -130,7 +108,7 @@ def base_rotations(stage: Stage, response: Response) -> Array:
 
 def envelope(response: Response) -> float:
     """Diameter, mm, of the circle about the platform centre that encloses the stage."""
-    return 2 * max(float(np.max(np.hypot(*sector.mesh.nodes.T))) for sector in response.sectors)
+    return 2 * float(np.max(np.hypot(*response.structure.mesh.nodes.T)))
 
 
 def edge_maxima(mesh: StageMesh, values: Array) -> Array:

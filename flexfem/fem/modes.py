@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
+from flexfem.arrays import AnyArray, Array
+from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.factor import Solve
 from flexfem.fem.mesh import Sector, StageMesh, joined
+from flexfem.fem.response import factorised_stage
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
-from flexfem.fem.symmetry import Space, factorise_stage, full_space, whole_fields
+from flexfem.fem.symmetry import Space, full_space, whole_fields
 from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.refused import ComputationFailed
 
@@ -46,11 +47,10 @@ class VibratingStructure(NamedTuple):
 class Modes(NamedTuple):
     """Natural frequencies (k,), rad/s, ascending, and modes of unit modal mass, mm and rad per root of a tonne mm^2.
 
-    shapes : (1, size, k), unknowns of the whole; or (3, size, k), of the sector of each chain in its own frame.
+    shapes : (size, k), unknowns of the whole.
     participation : (k, 3), factors of base motions along the pose: squares are the effective modal masses.
     total : (3, 3), tonne, tonne mm, tonne mm^2, mass matrix of the whole as one rigid body, with clamped faces.
-    mesh, sector_nodes : the whole stage, and the indices of the sector nodes of each chain in it.
-    unknowns : number of equations of the whole.
+    structure : the whole.
     """
 
     frequencies: Array
@@ -58,9 +58,10 @@ class Modes(NamedTuple):
     participation: Array
     total: Array
     structure: Structure
-    mesh: StageMesh
-    sector_nodes: list[Index]
-    unknowns: int
+
+    @property
+    def mesh(self) -> StageMesh:
+        return self.structure.mesh
 
     @property
     def layers(self) -> Layers:
@@ -70,33 +71,20 @@ class Modes(NamedTuple):
 
     def field(self, number: int) -> Array:
         """Displacements (n, 2) of all nodes of `mesh` in a mode, numbered from 0; with layers (n, m, 3)."""
-        parts = self.structure.fields(self.shapes[..., number].T)
-        if len(parts) == 1:
-            return np.asarray(parts[0])
-        return np.asarray(whole_fields(len(self.mesh.nodes), self.sector_nodes, [part[None] for part in parts])[0])
+        return np.asarray(self.structure.fields(self.shapes[:, number : number + 1])[0])
 
 
 def vibrating_structure(
-    structure: Structure,
-    density: float,
-    carried: Array | None = None,
-    stack_loads: Array | None = None,
-    stack_stiffness: Array | None = None,
-    degree: int = MASS_QUADRATURE,
-    space: Space | None = None,
-    attached: tuple[Array, Array] | None = None,
+    mass: Mass, stack_loads: Array | None = None, stack_stiffness: Array | None = None, space: Space | None = None
 ) -> VibratingStructure:
-    """Assemble the mass and factorise the stiffness.
+    """Factorise the stiffness of a structure with engaged stacks, unless a `space` of motions is given.
 
-    density : tonne/mm^3.   carried : (3, 3), mass matrix of hub and payload.
     stack_loads, stack_stiffness : of engaged stacks, (size, n) and (n,), N/mm.
-    degree : of the quadrature of the mass, by default exact.
-    space : factorised space of motions; None for all.   attached : rigid masses, as in `Mass`.
     Raises ComputationFailed when the stiffness is singular: a part is not held.
     """
-    space, P = space or full_space(structure), np.zeros((structure.size, 0)) if stack_loads is None else stack_loads
+    space = space or full_space(mass.structure)
+    P = np.zeros((mass.structure.size, 0)) if stack_loads is None else stack_loads
     k = np.zeros(P.shape[1]) if stack_stiffness is None else stack_stiffness
-    mass = mass_of(structure, density, carried, degree)._replace(attached=attached)
     return VibratingStructure(mass, space._replace(solve=_with_stacks(space.solve, P, k)), P, k)
 
 
@@ -111,8 +99,7 @@ def _with_stacks(solve: Solve, P: Array, k: Array) -> Solve:
 
 def modes(vibrating: VibratingStructure, count: int) -> Modes:
     """Return the lowest `count` modes, by ascending frequency. Raises ComputationFailed when they do not converge."""
-    squares, motion = _ritz(vibrating.space, vibrating, count)
-    return _ordered_modes(squares, motion[None], vibrating.structure, [], vibrating.mass, count, len(motion))
+    return _ordered_modes(*_ritz(vibrating.space, vibrating, count), vibrating.mass, count)
 
 
 def stage_modes(
@@ -130,21 +117,24 @@ def stage_modes(
     degree : of the quadrature of the stiffness in the plane.
     Raises ComputationFailed as `modes` and `Structure.lower`.
     """
-    stage = factorise_stage(sectors, plate, layers, degree)
-    share = carried / 3 if stage.cyclic else carried
-    vibrating = vibrating_structure(stage.structure, density, share, space=stage.spaces[0])
+    stage = factorised_stage(sectors, plate, layers, degree)
+    mass = mass_of(stage.structure, density, carried / 3 if stage.cyclic else carried)
+    vibrating = vibrating_structure(mass, space=stage.spaces[0])
     if not stage.cyclic:
         return modes(vibrating, count)
     single, motion = _ritz(stage.spaces[0], vibrating, count)
     double, pairs = _ritz(stage.spaces[1], vibrating, -(-count // 2))
     real, imaginary = np.split(pairs * np.sqrt(2 / 3), 2, axis=1)
-    shapes = [
+    parts = [
         np.concatenate([motion / np.sqrt(3), c * real - s * imaginary, s * real + c * imaginary], axis=1)
         for c, s in ((np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)) for chain in range(3))
     ]
-    squares, (mesh, sector_nodes) = np.concatenate([single, double, double]), joined(sectors)
-    whole = mass_of(structure(mesh, plate, layers), density, carried)
-    return _ordered_modes(squares, np.array(shapes), stage.structure, sector_nodes, whole, count, stage.unknowns)
+    mesh, sector_nodes = joined(sectors)
+    whole = structure(mesh, plate, layers)
+    shapes = whole.loads(whole_fields(len(mesh.nodes), sector_nodes, [stage.structure.fields(part) for part in parts]))
+    shapes[-3:] = parts[0][-3:]
+    squares = np.concatenate([single, double, double])
+    return _ordered_modes(squares, shapes, mass_of(whole, density, carried), count)
 
 
 def _ritz(space: Space, vibrating: VibratingStructure, count: int) -> tuple[Array, Array]:
@@ -188,36 +178,22 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
     return values[order], vectors[:, order]
 
 
-def _ordered_modes(
-    squares: Array, shapes: Array, structure: Structure, nodes: list[Index], mass: Mass, count: int, unknowns: int
-) -> Modes:
+def _ordered_modes(squares: Array, shapes: Array, mass: Mass, count: int) -> Modes:
     """Return the first `count` modes by ascending frequency, with pairs aligned with x and y and signs normalised.
 
     Alignment precedes the selection, because it needs both modes of a pair.
     """
-    order = np.argsort(squares)
-    squares, shapes = squares[order], shapes[..., order]
-    rigid = mass.structure.rigid_fields()
-    base = mass.forces(rigid).reshape(3, -1)
-    total = rigid.reshape(3, -1) @ base.T + mass.carried
-    found = Modes(np.sqrt(squares), shapes, np.empty((0, 3)), total, structure, mass.structure.mesh, nodes, unknowns)
-    participation = np.array([base @ found.field(k).ravel() for k in range(len(squares))])
-    if structure.poses:
-        participation = participation + shapes[0, -3:].T @ mass.carried
-    if mass.attached is not None:
-        inertia, at = mass.attached
-        moved = inertia[:, None] * (at.T @ structure.rigid_unknowns(structure.free))
-        found = found._replace(total=total + moved.T @ (moved / inertia[:, None]))
-        participation = participation + shapes[0].T @ at @ moved
-    Q = _aligned(squares, participation[:, structure.vector_first])
+    order, whole = np.argsort(squares), mass.structure
+    squares, shapes = squares[order], shapes[:, order]
+    rigid, bodies = whole.rigid_fields(), mass.at.T @ whole.rigid
+    base, moved = mass.forces(rigid), mass.carried @ bodies
+    total = rigid.reshape(3, -1) @ base.reshape(3, -1).T + bodies.T @ moved
+    participation = shapes.T @ (whole.loads(base) + mass.at @ moved)
+    Q = _aligned(squares, participation[:, whole.vector_first])
     shapes = shapes @ Q
-    flat = shapes.reshape(-1, shapes.shape[-1])
-    signs = np.where(flat[np.argmax(np.abs(flat), axis=0), np.arange(flat.shape[1])] < 0, -1.0, 1.0)
-    return found._replace(
-        frequencies=found.frequencies[:count],
-        shapes=(shapes * signs)[..., :count],
-        participation=((Q.T @ participation) * signs[:, None])[:count],
-    )
+    signs = np.where(shapes[np.argmax(np.abs(shapes), axis=0), np.arange(shapes.shape[1])] < 0, -1.0, 1.0)
+    participation = ((Q.T @ participation) * signs[:, None])[:count]
+    return Modes(np.sqrt(squares[:count]), (shapes * signs)[:, :count], participation, total, whole)
 
 
 def _aligned(squares: Array, participation: Array) -> Array:

@@ -6,26 +6,25 @@ A load acts at a contact as a body force over a part of a body, and the motion o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, nodal_stress, von_mises
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
+from flexfem.fem.fields import highest_stress
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
-from flexfem.fem.response import free_displacement, refined_solution, resultants_of
-from flexfem.fem.structure import NONE, Structure, mass_of, structure
-from flexfem.fem.symmetry import Space, full_space
+from flexfem.fem.response import HEAT_CASES, Factorised, Response, free_displacement, resultants_of
+from flexfem.fem.structure import NONE, Mass, Structure, mass_of, structure
+from flexfem.fem.symmetry import full_space
 from flexfem.mechanism.layout import Joint, Layout, Patch
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
 SLIVER = 1e-9  # of a part of a body that is no more than a point: its second moment, per that about a remote point
-LARGEST = 4_000_000  # stress components computed at once
 
 
 def plate_of_layout(layout: Layout, layers: Layers | None = None) -> Plate:
@@ -104,115 +103,48 @@ def _subdivided() -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True)
-class PlateModel:
-    """A factorised plate with all loads that act on it.
+class PlateModel(Factorised):
+    """A factorised plate with all loads that act on it; `structure` has the bodies that are not fixed.
 
-    mesh : the whole.   structure : the bodies that are not fixed, with the nodes of the whole.
-    held : nodes that do not move.
+    layout : the mechanism.   mesh : the whole, whose nodes are those of `structure`.
+    port_forces : nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included.
     """
 
-    layout: Layout
-    mesh: StageMesh
-    structure: Structure
-    held: Index
-    space: Space
-
-    @property
-    def lifting(self) -> bool:
-        """Whether the motion is out of the plane."""
-        return bool(self.structure.line.fixed)
+    layout: Layout = field(kw_only=True)
+    mesh: StageMesh = field(kw_only=True)
+    port_forces: Array = field(kw_only=True)
 
     @cached_property
-    def port_forces(self) -> Array:
-        """Nodal forces (k, n, ...), N, of unit loads on the ports, those on held nodes included.
+    def mass(self) -> Mass:
+        """Mass of the plate, its payloads and actuators.
 
-        Out of the plane they are those of the output only: a force along z and moments about x and y.
+        A body on the plate moves along x and y and rotates; out of the plane it moves along z and rotates about x and
+        y, where a payload is a flat body, which has half of its moment of inertia.
         """
-        if self.lifting:
-            return self._through(contact_forces(self.mesh, self.layout.ports[0].parts[0][0], True))
-        return self._through(forces_on_ports(self.layout, self.mesh))
-
-    @cached_property
-    def attached(self) -> tuple[Array, Array]:
-        """Masses and moments of inertia (r,) of payloads and actuators, tonne and tonne mm^2, and forces (r, n, ...).
-
-        Three follow each other: along x, along y, and of the rotation; out of the plane along z, and of the rotations
-        about x and y, where a payload is a flat body, which has half of its moment of inertia.
-        """
+        lifting = bool(self.structure.line.fixed)
         bodies = [(load.contact, load.mass, load.inertia) for load in self.layout.payloads]
         bodies += [(at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts]
-        carried = [(patch, mass, inertia) for patch, mass, inertia in bodies if mass > 0 or inertia > 0]
-        forces = [contact_forces(self.mesh, patch, self.lifting) for patch, _, _ in carried]
-        plane = np.concatenate([np.zeros((0, len(self.mesh.nodes), 1 if self.lifting else 2)), *forces])
-        flat = [(m, j / 2, j / 2) if self.lifting else (m, m, j) for _, m, j in carried]
-        return np.ravel(np.array(flat, dtype=float)), self._through(plane)
-
-    def _through(self, plane: Array) -> Array:
-        """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k, n, ...)."""
-        line = self.structure.line
-        if line.axes == 2:
-            return plane
-        share = line.values @ line.weights / line.weights.sum()
-        return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (2, 0) if self.lifting else (0, 1)])
-
-    def solve_twice(self, loads: Array) -> Array:
-        """Unknowns (size, k) under loads (size, k), less the round-off of one solve."""
-        motion = self.space.solve(loads)
-        forces = self.structure.forces(self.structure.fields(motion))
-        return motion + self.space.solve(loads - self.structure.loads(forces))
-
-    def response(self, forces: Array, prescribed: Array | None = None, free: Array | None = None) -> PlateResponse:
-        """Solve for forces (c, n, ...), and displacements of held nodes with a free expansion, (c, n, ...)."""
-        loads = self.structure.loads(forces)
-        solution = refined_solution(self.structure, self.space.solve, loads, prescribed, held=self.held)
-        fields = solution.fields if free is None else solution.fields + free
-        held = forces[:, self.held].reshape(len(forces), -1) @ self.structure.rigid_fields(self.held).reshape(3, -1).T
-        motions = self.port_forces.reshape(len(self.port_forces), -1) @ fields.reshape(len(fields), -1).T
-        return PlateResponse(self, motions, fields, solution.fields, solution.reactions - held)
+        bodies = [body for body in bodies if any(body[1:])]
+        inertia = [(m, j / 2, j / 2) if lifting else (m, m, j) for _, m, j in bodies]
+        forces = [_through(self.structure, contact_forces(self.mesh, patch, lifting)) for patch, _, _ in bodies]
+        loads = [np.zeros((self.structure.size, 0)), *map(self.structure.loads, forces)]
+        return mass_of(self.structure, self.layout.density, np.diag(np.ravel(inertia)), at=np.hstack(loads))
 
 
-@dataclass(frozen=True)
-class PlateResponse:
-    """Response of a plate to c cases.
+def _through(structure: Structure, plane: Array) -> Array:
+    """Spread forces (k, n, 2) in the plane, or (k, n, 1) along z, evenly through the thickness: (k, n, ...)."""
+    line = structure.line
+    if line.axes == 2:
+        return plane
+    share = line.values @ line.weights / line.weights.sum()
+    return np.pad(plane[:, :, None] * share[:, None], [*[(0, 0)] * 3, (0, 1) if plane.shape[2] == 2 else (2, 0)])
 
-    motions : (k, c), displacements conjugate to the ports, mm and rad; the compliance, if the cases are unit loads on
-        the ports.
-    fields : (c, n, 2), mm, displacements of all nodes of the mesh; with layers (c, n, m, 3).
-    elastic : as `fields`, less the free expansion.
-    reactions : (c, 3), resultant that holds fixed bodies and clamped edges, about the origin, N and N mm.
-    """
 
-    model: PlateModel
-    motions: Array
-    fields: Array
-    elastic: Array
-    reactions: Array
-
-    @property
-    def compliance(self) -> Array:
-        """The motions under unit loads on the ports, symmetric."""
-        return (self.motions + self.motions.T) / 2
-
-    @property
-    def unknowns(self) -> int:
-        return self.model.structure.size
-
-    @cached_property
-    def _at_hinges(self) -> tuple[Array, Index]:
-        """Stresses (c, p, d, d), MPa, at the nodes of the triangles of all hinges, and the first node of each hinge."""
-        whole, layout = self.model.structure, self.model.layout
-        regions = (
-            whole.mesh.triangles[whole.mesh.bodies == part + len(layout.bodies)] for part in range(len(layout.joints))
-        )
-        nodes = [np.unique(region) for region in regions]
-        pairs = zip(nodes, layout.joints, strict=True)
-        nodes = [at[~_at_fixed_end(layout, joint, whole.mesh.nodes[at])] for at, joint in pairs]
-        depth = 1 if whole.layers is None else len(whole.layers.heights)
-        used, at = np.unique(np.concatenate([NONE, *nodes]), return_inverse=True)
-        stress = nodal_stress(whole.mesh, whole.plate, self.elastic, used, whole.layers)
-        stress = stress.reshape(len(stress), len(used), depth, *stress.shape[-2:])[:, at]
-        starts = depth * np.cumsum([0, *map(len, nodes)])[:-1]
-        return stress.reshape(len(stress), -1, *stress.shape[-2:]), starts
+def _hinge_nodes(layout: Layout, mesh: StageMesh) -> tuple[Index, ...]:
+    """Nodes of the triangles of every hinge, without those of `_at_fixed_end`."""
+    parts = [np.unique(mesh.triangles[mesh.bodies == part + len(layout.bodies)]) for part in range(len(layout.joints))]
+    pairs = zip(parts, layout.joints, strict=True)
+    return tuple(nodes[~_at_fixed_end(layout, joint, mesh.nodes[nodes])] for nodes, joint in pairs)
 
 
 def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool_]:
@@ -226,42 +158,47 @@ def _at_fixed_end(layout: Layout, joint: Joint, nodes: Array) -> NDArray[np.bool
     return np.asarray(high & np.where(x < 0, *fixed))
 
 
-def hinge_stress(response: PlateResponse, loads: Array) -> Array:
+def hinge_stress(response: Response, loads: Array) -> Array:
     """Highest von Mises stress (..., h), MPa, at every hinge under loads (..., c), multiples of the cases.
 
     It is the highest at the nodes of the triangles of the hinge, without those of `_at_fixed_end`. At a sharp root,
     without a fillet, the stress is singular: it grows without limit as the mesh is refined.
     """
-    if not response.model.layout.joints:
-        return np.zeros((*np.shape(loads)[:-1], 0))
-    (stress, starts), flat = response._at_hinges, np.reshape(loads, (-1, len(response.elastic)))
-    ratio, size = response.model.layout.out_of_plane, max(1, LARGEST // max(1, stress[0].size))
-    parts = [
-        np.maximum.reduceat(von_mises(np.tensordot(flat[start : start + size], stress, axes=1), ratio), starts, axis=1)
-        for start in range(0, len(flat), size)
-    ]
-    return np.concatenate([np.zeros((0, len(starts))), *parts]).reshape(*np.shape(loads)[:-1], len(starts))
+    flat = np.reshape(loads, (-1, len(response.nodal)))
+    highest = [highest_stress(stress, flat, response.ratio).max(axis=1) for stress in response.stresses]
+    return np.reshape(np.transpose(highest), (*np.shape(loads)[:-1], len(highest)))
 
 
-def together(*responses: PlateResponse) -> PlateResponse:
+def together(*responses: Response) -> Response:
     """Return the response of one model to the cases of several, so that loads and stresses can combine them."""
-    parts = zip(*((each.motions.T, each.fields, each.elastic, each.reactions) for each in responses), strict=True)
-    motions, fields, elastic, reactions = (np.concatenate(part) for part in parts)
-    return PlateResponse(responses[0].model, motions.T, fields, elastic, reactions)
+    motions, nodal = np.hstack([each.motions for each in responses]), np.concatenate([each.nodal for each in responses])
+    return replace(responses[0], motions=motions, nodal=nodal)
 
 
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
-    """Factorise a plate, plane or extruded.
+    """Factorise a plate, plane or extruded; with antisymmetric layers, the only port is the output out of the plane.
 
     Raises ComputationFailed when a part is not held, or for too many unknowns.
     """
-    held, moving = held_nodes(layout, mesh), ~_is_fixed(layout, mesh)
+    moving = ~_is_fixed(layout, mesh)
     part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
-    whole = structure(part, plate_of_layout(layout, layers), layers, held=held)
-    return PlateModel(layout, mesh, whole, held, full_space(whole))
+    whole = structure(part, plate_of_layout(layout, layers), layers, held=held_nodes(layout, mesh))
+    lifting = whole.line.fixed
+    plane = contact_forces(mesh, layout.ports[0].parts[0][0], True) if lifting else forces_on_ports(layout, mesh)
+    forces = _through(whole, plane)
+    return PlateModel(
+        whole,
+        (full_space(whole),),
+        whole.loads(forces),
+        regions=_hinge_nodes(layout, part),
+        ratio=layout.out_of_plane,
+        layout=layout,
+        mesh=mesh,
+        port_forces=forces,
+    )
 
 
-def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateResponse:
+def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> Response:
     """Solve for unit loads on the ports of a layout, in their order.
 
     Parameters
@@ -271,67 +208,40 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
 
     Raises ComputationFailed as `plate_model`, `contact_forces`, and when forces or energy do not balance.
     """
-    model = plate_model(layout, mesh, layers)
-    return model.response(model.port_forces)
+    return plate_model(layout, mesh, layers).response()
 
 
-def weight_of(model: PlateModel, accelerations: Array) -> PlateResponse:
-    """Solve for the weight of bodies, payloads and actuators in fields (c, 2), mm/s^2, or (c, 1) out of the plane."""
-    axes, (inertia, attached) = accelerations.shape[1], model.attached
-    unit = mass_of(model.structure, model.layout.density).forces(model.structure.rigid_fields()[:axes])
-    for axis in range(axes):
-        unit[axis] += np.tensordot(inertia[axis::3], attached[axis::3], axes=1)
-    return model.response(np.tensordot(accelerations, unit, axes=1))
-
-
-def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> PlateResponse:
-    """Solve for one kelvin, and one kelvin per mm along x and along y, with expansions of plate and ground, 1/K.
+def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> Response:
+    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K.
 
     The ground expands about the origin as a free body of its own material; motions include this.
     """
-    free = free_displacement(model.mesh.nodes, model.structure.layers)[[2, 0, 1]]
-    prescribed = np.zeros_like(free)
-    prescribed[:, model.held] = (ground_expansion - expansion) * free[:, model.held]
-    response = model.response(np.zeros_like(free), prescribed, expansion * free)
-    parts = [
-        (k, patch.point, wrench)
-        for k, port in enumerate(model.layout.ports)
-        for patch, wrench in port.parts
-        if patch.body < 0
-    ]
-    for port, at, wrench in parts:  # on the ground outside the plate
-        moved = free_displacement(np.array([[at.real, at.imag]]))[[2, 0, 1], 0]
-        response.motions[port] += ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
-    return response
+    response = model.warmed().under((ground_expansion - expansion) * HEAT_CASES)
+    free = expansion * np.tensordot(HEAT_CASES, free_displacement(model.mesh.nodes, model.structure.layers), axes=1)
+    forces = model.port_forces.reshape(len(model.port_forces), -1)
+    motions = forces @ (response.nodal + free).reshape(len(free), -1).T
+    for k, port in enumerate(model.layout.ports):
+        for at, wrench in ((patch.point, wrench) for patch, wrench in port.parts if patch.body < 0):
+            moved = HEAT_CASES @ free_displacement(np.array([[at.real, at.imag]]))[:, 0]  # outside the plate
+            motions[k] += ground_expansion * np.column_stack([moved, [0.0, at.imag, -at.real]]) @ wrench
+    return replace(response, motions=motions)
 
 
-class VibratingPlate(NamedTuple):
-    """Modes of a plate, and the displacements (count, k) of its ports in the modes of unit modal mass."""
-
-    modes: Modes
-    ports: Array
-
-
-def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> VibratingPlate:
+def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:
     """Return the lowest `count` modes with payloads and the masses of actuators, whose stiffness acts if `engaged`.
 
     With antisymmetric layers they are out of the plane, where the stiffness of actuators does not act.
     Raises ComputationFailed when they do not converge.
     """
-    inertia, attached = model.attached
-    loads, springs = model.structure.loads(model.port_forces), model.layout.stiffness_of_actuators * engaged
-    springs = springs[:0] if model.lifting else springs
-    stacks = loads[:, loads.shape[1] - len(springs) :]
-    at = (inertia[inertia > 0], model.structure.loads(attached[inertia > 0])) if len(inertia) else None
+    springs, structure, space = model.layout.stiffness_of_actuators * engaged, model.structure, model.spaces[0]
+    springs = springs[:0] if structure.line.fixed else springs
+    stacks = model.ports[:, model.ports.shape[1] - len(springs) :]
 
-    def found(space: Space) -> Modes:
-        density = model.layout.density
-        return modes(
-            vibrating_structure(model.structure, density, None, stacks, springs, MASS_QUADRATURE, space, at), count
-        )
+    def twice(loads: Array) -> Array:
+        motion = space.solve(loads)
+        return motion + space.solve(loads - structure.loads(structure.forces(structure.fields(motion))))
 
     try:
-        lowest = found(model.space)
+        return modes(vibrating_structure(model.mass, stacks, springs, space), count)
     except ComputationFailed:  # round-off of necks of some hundredths of a millimetre
-        lowest = found(model.space._replace(solve=model.solve_twice))
-    return VibratingPlate(lowest, lowest.shapes[0].T @ loads)
+        return modes(vibrating_structure(model.mass, stacks, springs, space._replace(solve=twice)), count)

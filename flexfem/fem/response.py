@@ -1,4 +1,4 @@
-"""Static response of a structure to loads on its rigid hub, to stack forces, and to displacements of the ground.
+"""Static response of a structure: loads on a rigid hub, stacks or ports, weight, heat, and displacements of the ground.
 
 One factorisation serves all cases; iterative refinement uses residuals from displacement differences within elements,
 and balances are checked. The force of a stack on a link is a body force over its station, and the opening of a stack
@@ -14,19 +14,18 @@ frame less that of the material. A gradient through the thickness is antisymmetr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Layers, Plate, integration, nodal_stress
-from flexfem.fem.factor import Solve
-from flexfem.fem.mesh import Sector, StageMesh, nodes_on, welded
+from flexfem.fem.mesh import Sector, StageMesh, joined, nodes_on
 from flexfem.fem.structure import NONE, Mass, Structure, structure
-from flexfem.fem.symmetry import chain_values, factorise_stage, whole_fields
+from flexfem.fem.symmetry import Space, chain_values, full_space, harmonic_spaces, whole_fields
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.contacts import Push, Stack, body_forces
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
@@ -36,103 +35,126 @@ BALANCE = 1e-9  # relative tolerance of reactions against loads and of energy ag
 MOST_SOLVES = 12  # in iterative refinement; three suffice for necks of some um and more
 REFINED = 0.1 * BALANCE  # ends refinement: energy and work differ by the error of the compliance
 FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
+HEAT_CASES = np.eye(3)[
+    [2, 0, 1]
+]  # one kelvin, then one per mm along x and along y, of the cases of `Factorised.warmed`
 
 
-class StaticSolution(NamedTuple):
-    """Static solution of k cases, of one of three identical sectors or of the whole.
+@dataclass(frozen=True)
+class Factorised:
+    """A factorised structure, the whole or one of three identical sectors of a stage, and its ports.
 
-    motion : (size, k), unknowns.   fields : (k, n, ...), displacements, mm, of all nodes.
-    pads : (k, pads, 3), force and moment of the ground on each pad of the whole, about the platform centre.
-    energy : (k, k), N mm, `u_i' K u_j` of the whole.
+    spaces : that of the whole, or those of harmonics 0 and 1 of the sector.
+    ports : (size, k), unit loads on the unknowns: of the three directions of the hub, of stacks, or of contacts.
+    sectors : of a stage that is given by them; one represents three.
+    regions : nodes of each region whose stress is needed.   ratio : of stresses in the plane, see `von_mises`.
     """
 
-    motion: Array
-    fields: Array
-    pads: Array
-    energy: Array
+    structure: Structure
+    spaces: tuple[Space, ...]
+    ports: Array
+    sectors: tuple[Sector, ...] = ()
+    regions: tuple[Index, ...] = ()
+    ratio: float = 0.0
 
     @property
-    def compliance(self) -> Array:
-        """The pose (3, k)."""
-        return self.motion[-3:]
+    def cyclic(self) -> bool:
+        """Whether one sector represents three."""
+        return len(self.sectors) == 1
 
     @property
-    def reactions(self) -> Array:
-        """Resultants (k, 3) of the ground on all clamped edges."""
-        return np.asarray(self.pads.sum(axis=1))
+    def pads(self) -> list[Index]:
+        """Clamped nodes of each part of the ground."""
+        if self.cyclic:
+            return [nodes_on(self.structure.mesh, "ground")]
+        if self.structure.poses:
+            return clamped_nodes(self.structure.mesh)
+        return [np.setdiff1d(np.arange(len(self.structure.mesh.nodes)), self.structure.free)]
 
-    @property
-    def unknowns(self) -> int:
-        return len(self.motion)
+    def solve(self, loads: Array) -> Array:
+        """Unknowns (size, k) under loads (size, k); a sector takes three, which rotate by sectors as x, y, theta do."""
+        if not self.cyclic:
+            return self.spaces[0].solution(loads)
+        return np.hstack([self.spaces[1].solution(loads[:, :2]), self.spaces[0].solution(loads[:, 2:])])
+
+    def response(self, loads: Array | None = None, prescribed: Array | None = None) -> Response:
+        """Solve and refine until forces and energy balance. Raises ComputationFailed when they do not.
+
+        loads : (size, c), on the unknowns, a third of those of the whole if `cyclic`; None for unit loads on the ports.
+        prescribed : (c, n, ...), displacements of clamped nodes, zero elsewhere, instead of loads.
+        """
+        structure, cyclic = self.structure, self.cyclic
+        if prescribed is not None:
+            loads = np.zeros((structure.size, len(prescribed)))
+        elif loads is None:
+            loads = self.ports / (3 if cyclic else 1)
+        count, points, order = loads.shape[1], structure.mesh.nodes, structure.vector_first
+        rotations = [chain_rotation(chain) for chain in range(3)] if cyclic else [np.eye(count)]
+        scale = np.ones(3)
+        scale[order[2:] if order[0] == 0 else order[:2]] = 1 / np.max(np.abs(points))  # moments
+        rigid = structure.rigid_fields().reshape(3, len(points), -1)
+        pads = [(pad, rigid[:, pad]) for pad in self.pads]
+
+        def of_chains(values: Array) -> list[Array]:
+            """Resultants (c, 3) of every chain from those of one."""
+            inverse = np.argsort(order)
+            return [(R @ values[:, order] @ R.T)[:, inverse] for R in rotations] if cyclic else [values]
+
+        def summed(values: Array) -> Array:
+            """Products (c, c) of cases of the whole from those of one chain."""
+            return np.asarray(np.sum([R @ values @ R.T for R in rotations], axis=0))
+
+        loaded = np.sum(of_chains(loads.T @ structure.rigid), axis=0)
+        on_nodes = np.sum(np.abs(loads[: structure.size - structure.poses]), axis=0)  # loads may have no resultant
+        offset = np.zeros((count, len(points), *structure.shape)) if prescribed is None else prescribed
+        residual = loads if prescribed is None else loads - structure.loads(structure.forces(prescribed))
+        motion = np.zeros_like(loads)
+        for _ in range(MOST_SOLVES):
+            motion = motion + self.solve(residual)
+            nodal = offset + structure.fields(motion)
+            forces = structure.forces(nodal)
+            residual, flat = loads - structure.loads(forces), forces.reshape(count, -1)
+            at_nodes = forces.reshape(count, len(points), -1)
+            resultants = [np.tensordot(at_nodes[:, pad], unit, axes=((1, 2), (1, 2))) for pad, unit in pads]
+            reactions = np.stack([part for pad in resultants for part in of_chains(pad)], axis=1)
+            energy = summed(nodal.reshape(count, -1) @ flat.T)
+            work = summed(motion.T @ loads + offset.reshape(count, -1) @ flat.T)
+            imbalance = _imbalance(reactions * scale, loaded * scale, energy, work, on_nodes)
+            if max(imbalance.values()) <= REFINED:
+                break
+        if prescribed is not None:  # resultants may vanish
+            imbalance = _imbalance(reactions * scale, loaded * scale, energy, work, np.max(np.abs(flat), axis=1))
+        for name, worst in imbalance.items():
+            if not worst <= BALANCE:
+                raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
+        motions = self.ports.T @ motion
+        return Response(structure, motions, nodal, reactions, energy, self.sectors, self.regions, self.ratio)
+
+    def weighed(self, mass: Mass, accelerations: Array) -> Response:
+        """Solve for the weight in c fields, (c, j), mm/s^2, along the first j components of the pose."""
+        along = np.pad(accelerations, [(0, 0), (0, 3 - accelerations.shape[1])])
+        forces = mass.forces(np.tensordot(along, self.structure.rigid_fields(), axes=1))
+        carried = np.tile(along.T, (mass.at.shape[1] // 3, 1))
+        return self.response(self.structure.loads(forces) + mass.at @ (mass.carried @ carried))
+
+    def warmed(self) -> Response:
+        """Solve for temperature cases per unit of the expansion of the frame less that of the material.
+
+        The cases are gradients along x and y, then a uniform change; with antisymmetric layers two empty ones, then a
+        gradient along z, the pose being z and the rotations about x and y. Displacements are relative to free material.
+        """
+        structure, clamped = self.structure, np.concatenate(self.pads)
+        fields = np.zeros((3, len(structure.mesh.nodes), *structure.shape))
+        fields[:, clamped] = free_displacement(structure.mesh.nodes[clamped], structure.layers)
+        return self.response(prescribed=fields)
 
 
-def refined_solution(
-    structure: Structure,
-    solve: Solve,
-    loads: Array,
-    prescribed: Array | None = None,
-    cyclic: bool = False,
-    held: Index | None = None,
-) -> StaticSolution:
-    """Solve and refine until forces and energy balance. Raises ComputationFailed when they do not.
-
-    solve : inverse of the stiffness, loads (size, k) -> unknowns (size, k).
-    loads : (size, k), on the unknowns; a third of those of the whole if `cyclic`.
-    prescribed : (k, n, ...), displacements of clamped nodes, zero elsewhere; None for all zero.
-    cyclic : the structure is one of three identical sectors, whose 3 cases rotate as the vector x, y, theta.
-    held : clamped nodes, as one pad, of a structure that may be under loads without a resultant; None for a stage.
-    """
-    rotations = [chain_rotation(chain) for chain in range(3)] if cyclic else [np.eye(loads.shape[1])]
-    scale = np.ones(3)
-    points, order = structure.mesh.nodes, structure.vector_first
-    scale[order[2:] if order[0] == 0 else order[:2]] = 1 / np.max(np.abs(points))  # moments
-    pads = [nodes_on(structure.mesh, "ground")] if cyclic else [held] if held is not None else []
-    pads = pads or clamped_nodes(structure.mesh)
-    nodal = 0.0 if held is None else np.sum(np.abs(loads), axis=0)
-    rigid, motion = [structure.rigid_fields(nodes).reshape(3, -1).T for nodes in pads], np.zeros_like(loads)
-    offset = np.zeros((loads.shape[1], len(points), *structure.shape)) if prescribed is None else prescribed
-
-    def of_chains(values: Array) -> list[Array]:
-        """Resultants (k, 3) of every chain from those of one."""
-        inverse = np.argsort(order)
-        return [(R @ values[:, order] @ R.T)[:, inverse] for R in rotations] if cyclic else [values]
-
-    def summed(values: Array) -> Array:
-        """Products (k, k) of cases of the whole from those of one chain."""
-        return np.asarray(np.sum([R @ values @ R.T for R in rotations], axis=0))
-
-    applied = loads.T @ np.concatenate([structure.rigid_unknowns(structure.free), np.eye(structure.poses, 3)])
-    loaded = np.sum(of_chains(applied), axis=0) * scale
-    residual = loads if prescribed is None else loads - structure.loads(structure.forces(prescribed))
-    for _ in range(MOST_SOLVES):
-        motion = motion + solve(residual)
-        fields = offset + structure.fields(motion)
-        forces = structure.forces(fields)
-        residual, flat = loads - structure.loads(forces), forces.reshape(len(forces), -1)
-        reactions = [forces[:, n].reshape(len(forces), -1) @ unit for n, unit in zip(pads, rigid, strict=True)]
-        energy = summed(fields.reshape(len(fields), -1) @ flat.T)
-        solution = StaticSolution(motion, fields, np.stack([r for pad in reactions for r in of_chains(pad)], 1), energy)
-        work = summed(motion.T @ loads + offset.reshape(len(offset), -1) @ flat.T)
-        imbalance = _imbalance(solution, work, loaded, scale, nodal)
-        if max(imbalance.values()) <= REFINED:
-            break
-    if prescribed is not None:  # resultants may vanish, so nodal forces count as well
-        imbalance = _imbalance(solution, work, loaded, scale, nodal + np.max(np.abs(flat), axis=1))
-    for name, worst in imbalance.items():
-        if not worst <= BALANCE:
-            raise ComputationFailed(f"solution refused: {name} differ by {worst:.2g}, expected at most {BALANCE:g}")
-    return solution
-
-
-def _imbalance(
-    solution: StaticSolution, work: Array, loaded: Array, scale: Array, nodal: Array | float = 0.0
-) -> dict[str, float]:
-    """Imbalance of reactions and loads, relative to the largest of them and `nodal` (k,), N, and of energy and work."""
-    tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(solution.energy)))
-    pads = solution.pads * scale
-    largest = np.maximum(np.maximum(np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1)), nodal)
+def _imbalance(pads: Array, loaded: Array, energy: Array, work: Array, largest: Array) -> dict[str, float]:
+    """Imbalance of reactions (c, pads, 3) and loads, per the largest of them and nodal forces, and of energy."""
+    tiny, size = np.finfo(float).tiny, np.sqrt(np.abs(np.diag(energy)))
+    largest = np.max([np.max(np.abs(pads), axis=(1, 2)), np.max(np.abs(loaded), axis=1), largest], axis=0)
     forces = np.max(np.abs(pads.sum(axis=1) + loaded), axis=1) / np.maximum(largest, tiny)
-    energies = np.abs(solution.energy - work) / np.maximum(np.outer(size, size), tiny)
+    energies = np.abs(energy - work) / np.maximum(np.outer(size, size), tiny)
     return {"reactions and load": float(np.max(forces)), "strain energy and work": float(np.max(energies))}
 
 
@@ -146,106 +168,134 @@ def clamped_nodes(mesh: StageMesh) -> list[Index]:
 
 @dataclass(frozen=True)
 class Response:
-    """Response of a stage to three cases that rotate from chain to chain as x, y, theta do: loads or temperatures.
+    """Response of a structure to c cases; of a sector three, which rotate from chain to chain as x, y, theta do.
 
-    compliance : (3, 3), column j the pose in case j, mm and rad; per N and N mm for unit loads.
-    sectors, sector_fields : one or three sectors and the displacements (3 cases, n, 2), mm, of their nodes, with
-        layers (3, n, m, 3); both are in the frame of chain 1, the cases in that of the stage.
-    reactions : (3, 3), row j the resultant of the ground on the clamped edges about the origin in case j, N and N mm.
-    energy : (3, 3), N mm, `u_i' K u_j`.   unknowns : of the whole stage.   extrusion : None in the plane.
+    motions : (k, c), of the ports in every case, mm and rad.
+    nodal : (c, n, ...), displacements, mm, of the nodes of `structure`, which may be a sector in the frame of chain 1;
+        less the free expansion.
+    pads : (c, pads, 3), force and moment of the ground on each pad of the whole, about the origin, N and N mm.
+    energy : (c, c), N mm, `u_i' K u_j` of the whole.   sectors, regions, ratio : as of `Factorised`.
     """
 
-    compliance: Array
-    sectors: tuple[Sector, ...]
-    sector_fields: tuple[Array, ...]
-    reactions: Array
+    structure: Structure
+    motions: Array
+    nodal: Array
+    pads: Array
     energy: Array
-    unknowns: int
-    extrusion: Layers | None = None
+    sectors: tuple[Sector, ...] = ()
+    regions: tuple[Index, ...] = ()
+    ratio: float = 0.0
+
+    @property
+    def compliance(self) -> Array:
+        """The motions under unit loads on the ports, symmetric: mm and rad per N and N mm."""
+        return (self.motions + self.motions.T) / 2
+
+    @property
+    def reactions(self) -> Array:
+        """Resultants (c, 3) of the ground about the origin."""
+        return np.asarray(self.pads.sum(axis=1))
 
     @property
     def layers(self) -> Layers:
-        """The layers of an extruded stage."""
-        assert self.extrusion is not None
-        return self.extrusion
+        """The layers of an extruded structure."""
+        assert self.structure.layers is not None
+        return self.structure.layers
 
-    @property
-    def triangles(self) -> int:
-        """Number of triangles of the whole stage."""
-        return sum(len(sector.mesh.triangles) for sector in self.sectors) * 3 // len(self.sectors)
+    @cached_property
+    def whole(self) -> Response:
+        """The response on the mesh of the whole."""
+        if len(self.sectors) != 1:
+            return self
+        mesh, sector_nodes = joined(self.sectors)
+        part, nodal = self.structure, whole_fields(len(mesh.nodes), sector_nodes, chain_values([self.nodal]))
+        whole = structure(mesh, part.plate, part.layers, part.degree)
+        return replace(self, structure=whole, nodal=nodal, sectors=())
 
     @property
     def mesh(self) -> StageMesh:
-        return self._welded[0]
+        """The mesh of the whole."""
+        return self.whole.structure.mesh
 
-    @cached_property
+    @property
     def fields(self) -> Array:
-        """Displacements (3 cases, n, 2), mm, of all nodes of `mesh`; with layers (3, n, m, 3)."""
-        mesh, sector_nodes = self._welded
-        return whole_fields(len(mesh.nodes), sector_nodes, chain_values(self.sector_fields))
+        """Displacements (c, n, 2), mm, of all nodes of `mesh`; with layers (c, n, m, 3)."""
+        return self.whole.nodal
+
+    @property
+    def triangles(self) -> int:
+        """Number of triangles of the whole."""
+        return len(self.mesh.triangles)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of equations of the whole."""
+        return self.whole.structure.size
+
+    def under(self, loads: Array) -> Response:
+        """Response of the whole to combinations (n, c) of the cases."""
+        whole = self.whole
+        motions, energy = whole.motions @ loads.T, loads @ whole.energy @ loads.T
+        nodal, pads = (np.tensordot(loads, part, axes=1) for part in (whole.nodal, whole.pads))
+        return replace(whole, motions=motions, nodal=nodal, pads=pads, energy=energy)
 
     @cached_property
-    def _welded(self) -> tuple[StageMesh, list[Index]]:
-        return welded(self.sectors)
+    def stresses(self) -> list[Array]:
+        """Stress (c, p, 2, 2), MPa, of the cases at the nodes of every region; with layers (c, p, m, 3, 3)."""
+        if not self.regions:
+            return []
+        of, used = self.structure, np.unique(np.concatenate(self.regions))
+        stress = nodal_stress(of.mesh, of.plate, self.nodal, used, of.layers)
+        return [stress[:, np.searchsorted(used, nodes)] for nodes in self.regions]
+
+
+def factorised_whole(structure: Structure, ports: Array | None = None, **others: Any) -> Factorised:
+    """Factorise a whole structure with loads on its ports, by default those on its hub.
+
+    Raises ComputationFailed as `Structure.lower`, or when a part is not held.
+    """
+    ports = np.eye(structure.size, 3, 3 - structure.size) if ports is None else ports
+    return Factorised(structure, (full_space(structure),), ports, **others)
+
+
+def factorised_stage(
+    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
+) -> Factorised:
+    """Factorise a stage given by one sector or three; `degree` is that of the quadrature in the plane.
+
+    Raises ComputationFailed as `factorised_whole`.
+    """
+    if len(sectors) == 3:
+        return factorised_whole(structure(joined(sectors)[0], plate, layers, degree), sectors=sectors)
+    (sector,) = sectors
+    part = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
+    return Factorised(part, harmonic_spaces(part, len(sector.ahead)), np.eye(part.size, 3, 3 - part.size), sectors)
 
 
 def unit_response(
-    sectors: tuple[Sector, ...],
-    plate: Plate,
-    layers: Layers | None = None,
-    degree: int | None = None,
-    prescribed: Callable[[Structure], Array] | None = None,
+    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
 ) -> Response:
-    """Solve for unit loads on the rigid hub with the ground clamped; `degree` is that of the quadrature in the plane.
-
-    prescribed : instead of loads, displacements (3, n, ...) of the clamped nodes of a structure.
-    Raises ComputationFailed as `refined_solution` and `Structure.lower`.
-    """
-    stage = factorise_stage(sectors, plate, layers, degree)
-    loads, on_ground = _unit_loads(stage.structure) / (3 if stage.cyclic else 1), None
-    if prescribed is not None:
-        loads, on_ground = np.zeros_like(loads), prescribed(stage.structure)
-    solution = refined_solution(stage.structure, stage.solve, loads, on_ground, stage.cyclic)
-    fields = stage.sector_fields(solution.fields)
-    return Response(solution.compliance, sectors, fields, solution.reactions, solution.energy, stage.unknowns, layers)
+    """Solve a stage for unit loads on the rigid hub with the ground clamped. Raises ComputationFailed."""
+    return factorised_stage(sectors, plate, layers, degree).response()
 
 
-def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> StaticSolution:
+def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) -> Response:
     """Solve as `unit_response` on a whole mesh; the compliance is the pose block of `(T' K T)^-1`, hence symmetric."""
-    whole = structure(mesh, plate, degree=degree)
-    return refined_solution(whole, whole.factorised(), _unit_loads(whole))
+    return factorised_whole(structure(mesh, plate, degree=degree)).response()
 
 
-def weight_response(mass: Mass, acceleration: Array) -> StaticSolution:
-    """Solve for a structure under its weight; `acceleration` (3,) along the components of the pose, mm/s^2."""
-    structure = mass.structure
-    loads = structure.loads(mass.forces(np.tensordot(acceleration, structure.rigid_fields(), axes=1)[None]))
-    loads[-3:, 0] += mass.carried @ acceleration
-    return refined_solution(structure, structure.factorised(), loads)
+def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
+    """Solve for unit loads on the hub and for one newton of each of n stacks, with the ground clamped.
 
-
-def _unit_loads(structure: Structure) -> Array:
-    return np.eye(structure.size, 3, 3 - structure.size)
-
-
-class DrivenResponse(NamedTuple):
-    """Response to unit loads on the platform and to one newton of each of n stacks.
-
-    compliance : (3 + n, 3 + n), pose and openings of the stacks, mm and rad, per N and N mm.
-    fields : (3 + n, nodes, 2), mm, displacement of every node.
+    The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
     """
-
-    compliance: Array
-    fields: Array
-
-
-def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> DrivenResponse:
-    """Solve for unit loads on the hub and for one newton of each stack, with the ground clamped."""
     whole = structure(mesh, plate)
-    loads = stack_loads(whole, stacks)
-    solution = refined_solution(whole, whole.factorised(), loads)
-    compliance = loads.T @ solution.motion
-    return DrivenResponse((compliance + compliance.T) / 2, solution.fields)
+    return factorised_whole(whole, stack_loads(whole, stacks)).response()
+
+
+def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> Response:
+    """Solve a stage in the plane for `HEAT_CASES` with expansions, 1/K. Raises ComputationFailed."""
+    return factorised_whole(structure(mesh, plate)).warmed().under((frame_expansion - stage_expansion) * HEAT_CASES)
 
 
 def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
@@ -304,57 +354,9 @@ def resultants_of(nodes: Array, forces: Array) -> Array:
     return np.stack([fx.sum(axis=1), fy.sum(axis=1), fy @ x - fx @ y])
 
 
-class HeatResponse(NamedTuple):
-    """Response of a plane structure to one kelvin, and to one kelvin per mm along x and along y: three cases.
-
-    pose : (3, 3 cases), mm and rad.   fields : (3 cases, n, 2), mm.   stress : (3 cases, n, 2, 2), MPa, at the nodes.
-    reactions : (3 cases, 3 chains, 3), N and N mm, of the ground on each pad about the platform centre.
-    """
-
-    pose: Array
-    fields: Array
-    stress: Array
-    reactions: Array
-
-
-def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> HeatResponse:
-    """Solve for the three cases with expansions, 1/K, in the plane. Raises ComputationFailed as `refined_solution`."""
-    solution, order = thermal_solution(mesh, plate), [2, 0, 1]
-    mismatch = frame_expansion - stage_expansion
-    elastic = mismatch * solution.fields[order]
-    fields = elastic + stage_expansion * free_displacement(mesh.nodes)[order]
-    stress = nodal_stress(mesh, plate, elastic)
-    return HeatResponse(mismatch * solution.compliance[:, order], fields, stress, mismatch * solution.pads[order])
-
-
 def free_displacement(points: Array, layers: Layers | None = None) -> Array:
-    """Displacements (3 cases of `thermal_response`, n, 2) or (3, n, m, 3), mm, per expansion, of a free body."""
+    """Displacements (3 cases of `Factorised.warmed`, n, 2) or (3, n, m, 3), mm, per expansion, of a free body."""
     r = points if layers is None else np.stack(np.broadcast_arrays(*points.T[:, :, None], layers.heights), axis=-1)
     axes = r.shape[-1]
     along = [r[..., a, None] * r - np.eye(axes)[a] * np.sum(r**2, axis=-1, keepdims=True) / 2 for a in range(axes)]
     return np.stack([0 * r, 0 * r, along[2]] if layers and layers.fixed else [along[0], along[1], r])
-
-
-def thermal_response(sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None) -> Response:
-    """Solve for temperature cases per unit of the expansion of the frame less that of the material.
-
-    The cases are gradients along x and y, then a uniform change; with antisymmetric layers two empty ones, then a
-    gradient along z, the pose being z and the rotations about x and y. Displacements are relative to free material.
-
-    Raises ComputationFailed as `refined_solution` and `Structure.lower`.
-    """
-    return unit_response(sectors, plate, layers, prescribed=_prescribed)
-
-
-def thermal_solution(mesh: StageMesh, plate: Plate, layers: Layers | None = None) -> StaticSolution:
-    """Solve as `thermal_response` on any mesh with clamped faces and a hub."""
-    whole = structure(mesh, plate, layers)
-    return refined_solution(whole, whole.factorised(), np.zeros((whole.size, 3)), _prescribed(whole))
-
-
-def _prescribed(structure: Structure) -> Array:
-    """Displacements (3 cases, n, ...) of the clamped faces, as free expansion; zero at all other nodes."""
-    ground = nodes_on(structure.mesh, "ground")
-    fields = np.zeros((3, len(structure.mesh.nodes), *structure.shape))
-    fields[:, ground] = free_displacement(structure.mesh.nodes[ground], structure.layers)
-    return fields

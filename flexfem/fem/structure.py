@@ -132,6 +132,11 @@ class Structure:
         rigid = self.line.rigid(self.mesh.nodes[nodes]).reshape(len(nodes), components, 3)
         return rigid[:, self.line.free_components].reshape(-1, 3)
 
+    @property
+    def rigid(self) -> Array:
+        """Unknowns (size, 3) of a motion of the whole as a rigid body, per unit pose."""
+        return np.concatenate([self.rigid_unknowns(self.free), np.eye(self.poses, 3)])
+
     @cached_property
     def T(self) -> sp.csr_array:
         """Matrix from the unknowns to the displacements of all nodes."""
@@ -243,18 +248,18 @@ class Mass(NamedTuple):
     """Consistent mass matrix of a structure, a Kronecker product of a plane factor and one through the thickness.
 
     areal : (n, n), tonne/mm^2, `rho int phi_i phi_j dA`.   line : (m, m), mm, `int psi_k psi_l dz`.
-    carried : (3, 3), mass matrix of the bodies that the hub carries, for its pose.
-    attached : (r,), masses or moments of inertia, and the loads (size, r) conjugate to their motion.
+    carried : (r, r), mass matrix of rigid bodies on the structure, of three freedoms each.
+    at : (size, r), loads conjugate to the motions of these freedoms; those of the hub are its pose.
     """
 
     structure: Structure
     areal: sp.csr_array
     line: Array
     carried: Array
-    attached: tuple[Array, Array] | None = None
+    at: Array
 
     def forces(self, fields: Array) -> Array:
-        """Inertial forces (k, n, *shape), N, of accelerations, mm/s^2, without the mass carried by the hub."""
+        """Inertial forces (k, n, *shape), N, of accelerations, mm/s^2, without the mass of rigid bodies."""
         forces = np.empty_like(fields)
         for force, field in zip(forces, fields, strict=True):
             plane = (self.areal @ field.reshape(len(field), -1)).reshape(len(field), len(self.line), -1)
@@ -264,16 +269,20 @@ class Mass(NamedTuple):
     def loads(self, motion: Array) -> Array:
         """Product of the mass matrix and accelerations (size, k) of the unknowns."""
         loads = self.structure.loads(self.forces(self.structure.fields(motion)))
-        if self.structure.poses:
-            loads[-3:] += self.carried @ motion[-3:]
-        if self.attached is not None:
-            inertia, at = self.attached
-            loads += at @ (inertia[:, None] * (at.T @ motion))
-        return loads
+        return np.asarray(loads + self.at @ (self.carried @ (self.at.T @ motion)))
 
 
-def mass_of(structure: Structure, density: float, carried: Array | None = None, degree: int = MASS_QUADRATURE) -> Mass:
-    """Return the consistent mass of a structure, by default exact on curved triangles; density in tonne/mm^3."""
+def mass_of(
+    structure: Structure,
+    density: float,
+    carried: Array | None = None,
+    degree: int = MASS_QUADRATURE,
+    at: Array | None = None,
+) -> Mass:
+    """Return the consistent mass of a structure, by default exact on curved triangles; density in tonne/mm^3.
+
+    carried, at : as of `Mass`, by default of the hub, without mass.
+    """
     number = len(structure.mesh.nodes)
     areal = sp.csr_array((number, number))
     for batch in integration(structure.mesh, degree):
@@ -281,4 +290,5 @@ def mass_of(structure: Structure, density: float, carried: Array | None = None, 
         entries = (np.repeat(batch.triangles, 6, axis=1).ravel(), np.tile(batch.triangles, (1, 6)).ravel())
         areal = areal + sp.coo_array((values.ravel(), entries), shape=(number, number)).tocsr()
     line = (structure.line.values * structure.line.weights) @ structure.line.values.T
-    return Mass(structure, areal, line, np.zeros((3, 3)) if carried is None else carried)
+    at = np.eye(structure.size, structure.poses, structure.poses - structure.size) if at is None else at
+    return Mass(structure, areal, line, np.zeros((at.shape[1],) * 2) if carried is None else carried, at)

@@ -17,10 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.elements import Layers, Plate
 from flexfem.fem.factor import Condensed, condense, dense
-from flexfem.fem.mesh import Sector, joined
-from flexfem.fem.structure import Structure, structure
+from flexfem.fem.structure import Structure
 from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation
 
 
@@ -47,62 +45,18 @@ def full_space(structure: Structure) -> Space:
     return Space(structure.size, float, np.asarray, np.asarray, structure.factorised())
 
 
-class FactorisedStage(NamedTuple):
-    """A factorised stage: one of three identical sectors, or the whole.
+def harmonic_spaces(sector: Structure, nodes: int) -> tuple[Space, Space]:
+    """Condense a sector, whose unknowns are ordered interior, cut behind, cut ahead, pose: harmonics 0 and 1.
 
-    sector_nodes : indices of the sector nodes of each chain in the whole; empty for one sector.
-    spaces : of harmonics 0 and 1 of one sector, whose unknowns are ordered interior, cut behind, cut ahead, pose; or
-        that of the whole.
-    unknowns : number of equations of the whole.
+    nodes : number of nodes of a cut in the plane. Raises ComputationFailed as `Structure.lower`, or when a part is not
+    held.
     """
-
-    structure: Structure
-    sector_nodes: list[Index]
-    spaces: tuple[Space, ...]
-    unknowns: int
-
-    @property
-    def cyclic(self) -> bool:
-        """Whether one sector represents three."""
-        return not self.sector_nodes
-
-    def solve(self, loads: Array) -> Array:
-        """Unknowns (m, k) under loads (m, k); a sector takes three, which rotate by sectors as x, y, theta do."""
-        if not self.cyclic:
-            return self.spaces[0].solution(loads)
-        return np.hstack([self.spaces[1].solution(loads[:, :2]), self.spaces[0].solution(loads[:, 2:])])
-
-    def sector_fields(self, fields: Array) -> tuple[Array, ...]:
-        """Fields (k, n, ...) of the sectors, each in the frame of chain 1, from those of the structure."""
-        if self.cyclic:
-            return (fields,)
-        return tuple(rotated_fields(fields[:, numbers], -chain) for chain, numbers in enumerate(self.sector_nodes))
-
-
-def factorise_stage(
-    sectors: tuple[Sector, ...], plate: Plate, layers: Layers | None = None, degree: int | None = None
-) -> FactorisedStage:
-    """Factorise a stage given by one sector or three.
-
-    Raises ComputationFailed as `Structure.lower`, or when a part is not held.
-    """
-    if len(sectors) == 3:
-        mesh, sector_nodes = joined(sectors)
-        whole = structure(mesh, plate, layers, degree)
-        return FactorisedStage(whole, sector_nodes, (full_space(whole),), whole.size)
-    (sector,) = sectors
-    part = structure(sector.mesh, plate, layers, degree, last=np.concatenate([sector.behind, sector.ahead]))
-    cut = len(sector.ahead) * part.block
-    condensed = condense(part.lower(), 2 * cut + 3, part.block)
-    spaces = tuple(_harmonic_space(part, condensed, len(sector.ahead), harmonic) for harmonic in (0, 1))
-    return FactorisedStage(part, [], spaces, 3 * (part.size - cut) - 6)
+    condensed = condense(sector.lower(), 2 * nodes * sector.block + 3, sector.block)
+    return _harmonic_space(sector, condensed, nodes, 0), _harmonic_space(sector, condensed, nodes, 1)
 
 
 def _harmonic_space(structure: Structure, condensed: Condensed, nodes: int, harmonic: int) -> Space:
-    """Space of a harmonic; coordinates are the unknowns inside a sector and on its cut behind, then a pose coordinate.
-
-    nodes : number of nodes of a cut in the plane.
-    """
+    """Space of a harmonic; coordinates: unknowns inside a sector and on its cut behind, then a pose coordinate."""
     T = _cut_constraint(structure, nodes, harmonic)
     inner, solve_boundary = structure.size - len(T), dense(T.conj().T @ condensed.schur @ T)
 

@@ -141,7 +141,7 @@ def solved_design(
         found = found._replace(drives=element_ranges(stage, response.mesh))
     if warm:
         expansions = (coefficient.item() for coefficient in in_plane(lower(stage)))
-        found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).pose[None]))
+        found = found._replace(drift=rates_of(heat_response(response.mesh, plate_of(stage), *expansions).motions[None]))
     if predicted is None:
         return found
     return found._replace(errors=_errors(stage, resolution, limit, predicted, response, bands))

@@ -13,7 +13,7 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
 from flexfem.arrays import Array
-from flexfem.fem.fields import load_case
+from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
@@ -114,9 +114,9 @@ def budget(
         outside[2], outside_band[2] = shares[-1] + outside[1], band[-1] + outside_band[1]
         settings["three dimensions"] = f"{SOLID[0]} triangles, {SOLID[1]} layers"
     texts = warnings.of_result(stage, paper)
-    for direction, force in zip(DIRECTIONS, K.T * commands[:, None], strict=True):  # (18)
-        highest = float(np.max(load_case(stage, meshes[-1].mesh, meshes[-1], force).neck_stress))
-        texts += warnings.of_yield(highest, stage.material.yield_strength, f"command in {direction}")
+    highest = neck_stresses(stage, meshes[-1], K.T * commands[:, None]).highest.max(axis=(1, 2))  # (18)
+    for direction, stress in zip(DIRECTIONS, highest.tolist(), strict=True):
+        texts += warnings.of_yield(stress, stage.material.yield_strength, f"command in {direction}")
     values, bands = (
         {name: np.diagonal(array, axis1=1, axis2=2) for name, array in (("share", planar), ("solid", solid))}
         for planar, solid in ((shares, outside), (band, outside_band))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from flexfem.fem.ports import PlateResponse
 from flexfem.fem.response import Response
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -84,7 +83,7 @@ def converge(
     usual = MECHANISM_RESOLUTIONS if isinstance(stage, Mechanism) else RESOLUTIONS
     steps = refinements(usual if resolutions is None else resolutions)
 
-    def solve(level: int) -> Response | PlateResponse:
+    def solve(level: int) -> Response:
         return plates.solved(stage, level) if isinstance(stage, Mechanism) else solved(stage, level)
 
     meshes = on_meshes(steps, solve, progress)

@@ -257,16 +257,17 @@ def commanding(chosen: ModelChoice) -> Commanding:
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
     """Return finite elements of a driven stage. Raises BadInput without actuators, ComputationFailed."""
     drive, mesh = drive_of(stage), build_mesh(stage, resolution)
-    C, fields = driven_response(mesh, plate_of(stage), _with_friction(drive))
-    n = 3 + len(drive.stacks)
-    return DrivenElements(stage, mesh, fields[:n], driven(C[:n, :n], drive), C[:n, n:])
+    found, n = driven_response(mesh, plate_of(stage), _with_friction(drive)), 3 + len(drive.stacks)
+    C = found.compliance
+    return DrivenElements(stage, mesh, found.nodal[:n], driven(C[:n, :n], drive), C[:n, n:])
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     """Return the ranges of a drive, n = 1, by finite elements; neck stress from their wrenches as in the model."""
     drive, plate = drive_of(stage).at(None), plate_of(stage)
-    C, fields = driven_response(mesh, plate, drive.stacks)
-    return drive_ranges(lower(stage), driven(C[None], drive), neck_wrenches(mesh, plate, fields)[None], drive)
+    found = driven_response(mesh, plate, drive.stacks)
+    necks = neck_wrenches(mesh, plate, found.nodal)
+    return drive_ranges(lower(stage), driven(found.compliance[None], drive), necks[None], drive)
 
 
 def engaged_stiffness(system: Driven) -> Array:

@@ -18,8 +18,8 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima
 from flexfem.fem.mesh import welded
-from flexfem.fem.ports import hinge_stress, weight_of
-from flexfem.fem.response import weight_response
+from flexfem.fem.ports import hinge_stress
+from flexfem.fem.response import factorised_whole
 from flexfem.fem.structure import layers_of, mass_of, out_of_plane_ratio_of, plate_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.mechanism import Mechanism
@@ -140,11 +140,12 @@ def _of_mechanism(
         return {"pose": motions[:points].reshape(-1, 3), "stress": plates.stress_by(mechanism, wrenches[..., 0])}
 
     def of_size(resolution: int, layers: int) -> dict[str, Any]:
-        found = weight_of(plates.factorised(mechanism, resolution, layers), g[None])
+        model = plates.factorised(mechanism, resolution, layers)
+        found = model.weighed(model.mass, g[None])
         values = {"pose": found.motions[:points].reshape(-1, 3), "stress": hinge_stress(found, np.ones(1))}
         if layers:
             model = plates.factorised(mechanism, resolution, layers, lifting=True)
-            values["sag"] = weight_of(model, np.array([[-GRAVITY]])).motions[:, 0]
+            values["sag"] = model.weighed(model.mass, np.array([[-GRAVITY]])).motions[:, 0]
         return values
 
     return plates.by_models(mesh, models, of_network, of_size, progress)
@@ -175,7 +176,8 @@ def _by_elements(stage: Stage, load: Payload, g: Array, level: int, layers: int 
     in_depth = layers_of(stage, layers, antisymmetric=True) if solid else None
     plate = sheet_of(stage) if solid else plate_of(stage)
     platform = (carried_out_of_plane if solid else carried)(stage, load)
-    mass = mass_of(structure(mesh, plate, in_depth), stage.material.density * DENSITY, platform)
-    response = weight_response(mass, np.array([g[0], 0.0 if solid else g[1], 0.0]))
-    stress = von_mises(nodal_stress(mesh, plate, response.fields[0], layers=in_depth), out_of_plane_ratio_of(stage))
-    return response.compliance[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)
+    whole = structure(mesh, plate, in_depth)
+    mass = mass_of(whole, stage.material.density * DENSITY, platform)
+    response = factorised_whole(whole).weighed(mass, g[None, : 1 if solid else 2])
+    stress = von_mises(nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), out_of_plane_ratio_of(stage))
+    return response.motions[:, 0], neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)

@@ -22,7 +22,7 @@ from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.mesh import StageMesh, build_mesh, nodes_on
 from flexfem.fem.ports import hinge_stress, warmed
-from flexfem.fem.response import HeatResponse, Response, free_displacement, heat_response, thermal_response
+from flexfem.fem.response import HEAT_CASES, Response, factorised_stage, free_displacement, heat_response
 from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
@@ -252,29 +252,30 @@ def _in_plane(
 ) -> tuple[ModelAnswer, WarmFields]:
     """Return the three cases by plane finite elements on three meshes."""
 
-    def solve(level: int) -> tuple[StageMesh, HeatResponse, list[Array], list[Array]]:
+    def solve(level: int) -> tuple[StageMesh, Response, list[Array], list[Array]]:
         mesh = build_mesh(stage, level)
         response = heat_response(mesh, plate_of(stage), expansion.stage, expansion.frame)
         temperature = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
-        ratio = out_of_plane_ratio_of(stage)
-        stresses = [von_mises(response.stress[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
+        ratio, nodal = out_of_plane_ratio_of(stage), nodal_stress(mesh, plate_of(stage), response.nodal)
+        stresses = [von_mises(nodal[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
         return mesh, response, stresses, [edge_maxima(mesh, stress) for stress in stresses]
 
     steps, meshes = np.array(levels(resolution), dtype=float), on_meshes(levels(resolution), solve, progress)
     (mesh, finest, stresses, _), edges = meshes[-1], np.array([solution[-1] for solution in meshes])
-    poses = np.array([solution[1].pose for solution in meshes])
+    poses = np.array([solution[1].motions for solution in meshes])
     values = {
-        "pose": finest.pose.T,
+        "pose": finest.motions.T,
         "stress": np.array([neck_maxima(stage, mesh, stress) for stress in stresses]),
-        "reaction": finest.reactions,
+        "reaction": finest.pads,
         "edges": edges[-1],
     }
     bands = {
         "pose": pose_bands(steps, poses, stage.chain.link_lengths[2]).T,
         "edges": np.array([highest_band(steps, edges[:, k], corner_bands) for k in range(3)]),
     }
+    free = expansion.stage * np.tensordot(HEAT_CASES, free_displacement(mesh.nodes), axes=1)
     drawn = {
-        case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, finest.fields[k], stresses[k])
+        case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, finest.nodal[k] + free[k], stresses[k])
         for k, case in enumerate(CASES)
     }
     return ModelAnswer(values, bands), WarmFields(drawn, mesh.edges["ground"])
@@ -296,9 +297,11 @@ def _in_three_dimensions(
         scale = np.array([1.0, lever if antisymmetric else 1.0, lever])[:, None]
 
         def solve(level: int, number: int) -> Response:
-            return thermal_response(setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric))
+            return factorised_stage(
+                setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric)
+            ).warmed()
 
-        band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).compliance, *mesh)
+        band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).motions, *mesh)
         return solve(*mesh), abs(difference) * band / scale
 
     (even, pose_band), (odd, tilt_band) = on_meshes((False, True), solve_half, progress)
@@ -308,17 +311,17 @@ def _in_three_dimensions(
     loads = difference * np.eye(3)
     solid = ModelAnswer(
         {
-            "pose": difference * even.compliance.T[order],
+            "pose": difference * even.motions.T[order],
             "stress": [
                 *neck_stresses(stage, even, loads[order]).highest,
                 *neck_stresses(stage, odd, loads[2:]).highest,
             ],
             "edges": [_clamped_stress(stage, response, field) for response, _, field in cases],
-            "tilt": difference * odd.compliance[:, 2],
+            "tilt": difference * odd.motions[:, 2],
         },
         {"pose": pose_band.T[order], "tilt": tilt_band[:, 2]},
     )
-    sheet = ModelAnswer({"pose": heat_response(even.mesh, plate, of_stage, of_frame).pose.T})
+    sheet = ModelAnswer({"pose": heat_response(even.mesh, plate, of_stage, of_frame).motions.T})
 
     def fields() -> dict[str, Array]:
         arrays = dict[str, Array]()

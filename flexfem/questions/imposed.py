@@ -15,7 +15,7 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
 from flexfem.fem.mesh import StageMesh, build_mesh
-from flexfem.fem.response import DrivenResponse, driven_response
+from flexfem.fem.response import Response, driven_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.tables import once
 from flexfem.mechanism.contacts import Stack, hinge_couples
@@ -55,7 +55,7 @@ class ImposedElements(NamedTuple):
     """Response of finite elements to unit loads of platform and stacks, with their mesh."""
 
     mesh: StageMesh
-    response: DrivenResponse
+    response: Response
 
 
 def commanded_hinges(mobility: int) -> tuple[int, ...]:

@@ -24,7 +24,7 @@ from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.ports import plate_modes
 from flexfem.fem.response import stack_loads
-from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
+from flexfem.fem.structure import layers_of, mass_of, plate_of, sheet_of, structure
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism import bodies
 from flexfem.mechanism.bodies import Payload
@@ -362,10 +362,10 @@ def _of_mechanism(
         """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
         parts = list[tuple[Array, Array]]()
         for lifting in (False, True)[: 2 if layers else 1]:
-            found = plate_modes(plates.factorised(mechanism, resolution, layers, lifting), count + 1, engaged)
-            shapes[:] = [found.modes]
-            motion = found.ports[:, :3] * np.where([False, lifting, True], layout.lever, 1.0)
-            parts.append((found.modes.frequencies, _shares_of_motion(found.modes.frequencies, motion)))
+            model = plates.factorised(mechanism, resolution, layers, lifting)
+            shapes[:] = [found := plate_modes(model, count + 1, engaged)]
+            motion = found.shapes.T @ model.ports[:, :3] * np.where([False, lifting, True], layout.lever, 1.0)
+            parts.append((found.frequencies, _shares_of_motion(found.frequencies, motion)))
         frequency, share = (np.concatenate([each[:count] for each in part]) for part in zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
@@ -483,7 +483,8 @@ def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive
     plate, loads, springs = structure(mesh, plate_of(stage)), None, None
     if drive is not None:
         loads, springs = stack_loads(plate, drive.stacks)[:, 3:], drive.stiffness
-    return vibrating_structure(plate, stage.material.density * DENSITY, bodies.carried(stage, payload), loads, springs)
+    mass = mass_of(plate, stage.material.density * DENSITY, bodies.carried(stage, payload))
+    return vibrating_structure(mass, loads, springs)
 
 
 def _in_plane(
@@ -563,12 +564,13 @@ def _in_three_dimensions(
 
 def _in_plane_stress(stage: Stage, solid: ModesOfStructure, carried: Array, count: int) -> Array:
     """Return frequencies (k,) in plane stress on the same mesh of the modes shaped like the mid-plane, or nan."""
-    sheet = vibrating_structure(structure(solid.mesh, sheet_of(stage)), stage.material.density * DENSITY, carried)
+    mass = mass_of(structure(solid.mesh, sheet_of(stage)), stage.material.density * DENSITY, carried)
+    sheet = vibrating_structure(mass)
     modes = modes_of(sheet, count)
     fields = np.transpose([solid.field(k)[sheet.structure.free, 0, :2].ravel() for k in range(count)])
-    mid_plane = np.vstack([fields, solid.shapes[0, -3:]])
+    mid_plane = np.vstack([fields, solid.shapes[-3:]])
     inertia = sheet.mass.loads(mid_plane)
-    overlap = np.abs(modes.shapes[0].T @ inertia) / np.sqrt(np.sum(mid_plane * inertia, axis=0))
+    overlap = np.abs(modes.shapes.T @ inertia) / np.sqrt(np.sum(mid_plane * inertia, axis=0))
     return np.where(np.max(overlap, axis=0) > SAME_SHAPE, modes.frequencies[np.argmax(overlap, axis=0)], np.nan)
 
 
@@ -610,7 +612,7 @@ def _reduce(body: VibratingStructure, modes: ModesOfStructure, ratio: float, dri
         loads = np.hstack([loads, body.stack_loads @ (body.stack_stiffness[:, None] * drive.differential)])
         names += [f"stroke {name}" for name in drive.names]
         units += [str(LENGTH)] * len(drive.names)
-    at_rest, shapes = body.space.solve(loads), modes.shapes[0]
+    at_rest, shapes = body.space.solve(loads), modes.shapes
     drives, poses = shapes.T @ loads, shapes[-3:]
     residual = at_rest[-3:] - (poses / modes.frequencies**2) @ drives
     reduced = _craig_bampton(body, at_rest[:, :3], loads, len(modes.frequencies))

@@ -19,7 +19,8 @@ from flexfem.fem.elements import Layers, mirrored
 from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
-from flexfem.fem.ports import PlateModel, PlateResponse, hinge_stress, plate_model
+from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
+from flexfem.fem.response import Response
 from flexfem.files.tables import once
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -88,16 +89,14 @@ def factorised(mechanism: Mechanism, resolution: int, layers: int = 0, lifting: 
 
 
 @once
-def solved(mechanism: Mechanism, resolution: int) -> PlateResponse:
+def solved(mechanism: Mechanism, resolution: int) -> Response:
     """Solve plane finite elements for unit loads on all ports."""
-    model = model_of(mechanism, resolution)
-    return model.response(model.port_forces)
+    return model_of(mechanism, resolution).response()
 
 
-def solid_response(mechanism: Mechanism, resolution: int, layers: int) -> PlateResponse:
+def solid_response(mechanism: Mechanism, resolution: int, layers: int) -> Response:
     """Solve finite elements in three dimensions for unit loads on all ports."""
-    model = factorised(mechanism, resolution, layers)
-    return model.response(model.port_forces)
+    return factorised(mechanism, resolution, layers).response()
 
 
 @once

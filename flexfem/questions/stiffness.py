@@ -11,7 +11,7 @@ from flexfem import arguments
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
-from flexfem.fem.fields import load_case, neck_stresses
+from flexfem.fem.fields import neck_stresses, plane_stress
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.structure import sheet_of
 from flexfem.hinges.formulas import FORMULAS
@@ -300,7 +300,7 @@ def _fields_of_mechanism(mechanism: Mechanism, mesh: Mesh, force: Array) -> Mesh
     def made() -> dict[str, Array]:
         solid = layers and plates.solid_response(mechanism, level, mesh.layers)
         response = solid or plates.solved(mechanism, level)
-        field, whole = np.tensordot(force, response.fields[:3], axes=1), response.model.structure
+        field, whole = np.tensordot(force, response.fields[:3], axes=1), response.structure
         moving, stress = np.unique(whole.mesh.triangles), np.zeros(field.shape[:-1])  # fixed bodies have none
         found = nodal_stress(whole.mesh, whole.plate, field, moving, whole.layers)
         stress[moving] = von_mises(found, mechanism.layout.out_of_plane).reshape(stress[moving].shape)
@@ -332,11 +332,12 @@ def _in_plane(
     }
     force, fields = load_for(values["stiffness"]), None
     if force is not None:
-        case = load_case(stage, responses[-1].mesh, responses[-1], force)
-        values.update(force=force, pose=C @ force, neck_stress=case.neck_stress)
-        values.update(reaction=case.reaction, energy=case.energy)
+        finest, case = responses[-1], responses[-1].under(force[None])
+        values.update(force=force, pose=C @ force, energy=case.energy[0, 0] / 2)
+        values.update(reaction=case.reactions[0], neck_stress=neck_stresses(stage, finest, force[None]).highest[0])
         value_bands["pose"] = bands @ np.abs(force)
-        fields = MeshFields(responses[-1].mesh, lambda: {"displacement": case.field, "von_mises": case.stress})
+        field, mesh = case.nodal[0], finest.mesh
+        fields = MeshFields(mesh, lambda: {"displacement": field, "von_mises": plane_stress(stage, mesh, field)})
     return ModelAnswer(values, value_bands), fields
 
 

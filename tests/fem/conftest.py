@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from flexfem.fem.mesh import StageMesh, build_mesh, mapped
-from flexfem.fem.response import StaticSolution, platform_response
+from flexfem.fem.response import Response, platform_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.stage import Stage, load_stage
 
@@ -24,7 +24,7 @@ class Solved(NamedTuple):
 
     stage: Stage
     mesh: StageMesh
-    response: StaticSolution
+    response: Response
 
 
 def solved(stage, resolution=RESOLUTION):

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.fem.fields import base_rotations, envelope, load_case, neck_stresses
-from flexfem.fem.mesh import StageMesh, mesh_sectors, welded
-from flexfem.fem.response import Response, StaticSolution, platform_response, unit_response
+from flexfem.fem.fields import base_rotations, envelope, neck_stresses
+from flexfem.fem.mesh import StageMesh, joined, mesh_sectors
+from flexfem.fem.response import Response, platform_response, unit_response
 from flexfem.fem.structure import Structure, plate_of
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.actuators import HINGE_NAMES
@@ -31,12 +31,12 @@ class Both(NamedTuple):
     stage: Stage
     response: Response
     mesh: StageMesh
-    whole: StaticSolution
+    whole: Response
 
 
 def in_both_ways(stage):
     sectors = mesh_sectors(stage, COARSE)
-    mesh, _ = welded(sectors)
+    mesh, _ = joined(sectors)
     plate = plate_of(stage)
     return Both(stage, unit_response(sectors, plate), mesh, platform_response(mesh, plate))
 
@@ -74,7 +74,7 @@ def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both):
 
 def test_neck_stresses_are_those_of_the_whole_stage(both):
     found = neck_stresses(both.stage, both.response, LOADS).highest
-    expected = [load_case(both.stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
+    expected = neck_stresses(both.stage, both.whole, LOADS).highest
     np.testing.assert_allclose(found, expected, rtol=1e-7)  # differences of displacements, over a small triangle
 
 
@@ -94,14 +94,12 @@ def test_a_platform_turned_by_one_chain_shows_the_next_chain_the_same_load(pair)
 def test_base_rotation_of_a_rigidly_turned_link_is_its_angle_against_the_pad(pair):
     """Displacements of rigid rotations of link 1 and of the pad, others in every chain."""
     both, links, pads = pair["unlike"], (1.7e-3, 1.1e-3, -0.6e-3), (-0.4e-3, 0.2e-3, 0.3e-3)
-    fields = []
-    for sector, link, pad in zip(both.response.sectors, links, pads, strict=True):
-        field = np.zeros((3, len(sector.mesh.nodes), 2))
-        for angle, body in ((pad, sector.mesh.bodies == 0), (link, sector.mesh.bodies >= 1)):
-            moved = np.unique(sector.mesh.triangles[body])
-            field[1, moved] = angle * np.stack([-sector.mesh.nodes[moved, 1], sector.mesh.nodes[moved, 0]], axis=-1)
-        fields.append(field)
-    turns = base_rotations(both.stage, replace(both.response, sector_fields=tuple(fields)))
+    mesh, fields = both.mesh, np.zeros((3, len(both.mesh.nodes), 2))
+    for chain, (link, pad) in enumerate(zip(links, pads, strict=True)):
+        for angle, body in ((pad, mesh.bodies == 4 * chain), (link, mesh.bodies == 4 * chain + 1)):
+            moved = np.unique(mesh.triangles[body])
+            fields[1, moved] = angle * np.stack([-mesh.nodes[moved, 1], mesh.nodes[moved, 0]], axis=-1)
+    turns = base_rotations(both.stage, replace(both.response, nodal=fields))
     np.testing.assert_allclose(turns[1], [2.1e-3, 0.9e-3, -0.9e-3], rtol=1e-12)
     assert np.all(turns[[0, 2]] == 0.0)
 
@@ -134,7 +132,7 @@ def test_a_stage_that_is_not_held_is_refused(pair):
 def test_plane_strain_changes_neck_stress_as_in_the_whole_stage(name, pair):
     stage = pair[name].stage.model_copy(update={"model": "plane_strain"})
     both = in_both_ways(stage)
-    expected = [load_case(stage, both.mesh, both.whole, load).neck_stress for load in LOADS]
+    expected = neck_stresses(stage, both.whole, LOADS).highest
     np.testing.assert_allclose(neck_stresses(stage, both.response, LOADS).highest, expected, rtol=1e-10)
 
 
@@ -143,7 +141,7 @@ def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike):
     thin = {name: getattr(alike.stage.hinges, name).model_copy(update={"neck": 0.02}) for name in HINGE_NAMES}
     stage = alike.stage.model_copy(update={"hinges": alike.stage.hinges.model_copy(update=thin), "override": ()})
     response = unit_response(mesh_sectors(stage, COARSE), plate_of(stage))
-    (sector,), fields = response.sectors, chain_values(response.sector_fields)
+    (sector,), fields = response.sectors, chain_values([response.nodal])
     for chain in range(3):
         ahead, behind = fields[chain][:, sector.ahead], turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)
         np.testing.assert_allclose(ahead, behind, rtol=0, atol=OPEN * np.max(np.abs(ahead)))

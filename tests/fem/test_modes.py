@@ -28,7 +28,7 @@ PLATE, DENSITY = Plate(youngs_modulus=68e3, poissons_ratio=0.29, thickness=3.7),
 @pytest.fixture(scope="module")
 def membrane():
     mesh = tapered(2)
-    return vibrating_structure(structure(mesh, PLATE, held=nodes_on(mesh, "left")), DENSITY)
+    return vibrating_structure(mass_of(structure(mesh, PLATE, held=nodes_on(mesh, "left")), DENSITY))
 
 
 def dense(mesh, held):

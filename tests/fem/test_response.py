@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,9 @@ import pytest
 import flexfem.fem.response
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
-from flexfem.fem.fields import load_case, neck_maxima
+from flexfem.fem.fields import neck_maxima, neck_stresses
 from flexfem.fem.mesh import ordered
-from flexfem.fem.response import neck_wrenches, platform_response, refined_solution
+from flexfem.fem.response import factorised_whole, neck_wrenches, platform_response
 from flexfem.fem.structure import NONE, plate_of, structure
 from flexfem.mechanism.designs import chain_rotation, stage_frames, turned
 from flexfem.mechanism.stage import load_stage
@@ -78,10 +79,11 @@ def test_equations_are_the_stiffness_seen_from_the_unknowns():
 def test_energy_that_is_not_the_work_to_a_billionth_is_refused(off, refused, monkeypatch):
     """A solver that is off by so much, and no refinement."""
     of = structure(bar(3.1, 1.3, 4, 3), Plate(68.3e3, 0.29, 9.7))
-    exact, loads = factorise(of.lower()), np.eye(of.size, 3, 3 - of.size)
+    model, exact = factorised_whole(of), factorise(of.lower())
+    space = model.spaces[0]._replace(solve=lambda b: (1 + off) * exact(b))
     monkeypatch.setattr(flexfem.fem.response, "MOST_SOLVES", 1)
     with pytest.raises(ComputationFailed, match="refused") if refused else nullcontext():
-        refined_solution(of, lambda b: (1 + off) * exact(b), loads)
+        replace(model, spaces=(space,)).response()
 
 
 def test_reactions_that_do_not_balance_are_refused(monkeypatch):
@@ -98,19 +100,16 @@ def test_a_loose_body_is_refused(alike):
         platform_response(floating, plate_of(alike.stage))
 
 
-def test_load_case_moves_by_the_compliance_and_stores_half_the_work(unlike):
-    case = load_case(unlike.stage, unlike.mesh, unlike.response, LOAD)
-    np.testing.assert_allclose(case.pose, unlike.response.compliance @ LOAD, rtol=ROUND_OFF)
-    assert case.energy == pytest.approx(float(LOAD @ case.pose) / 2, rel=10 * BALANCE)
-    np.testing.assert_allclose(case.reaction, -LOAD, rtol=0, atol=100 * BALANCE)  # of 41 N mm
+def test_a_stage_under_a_load_moves_by_the_compliance_and_stores_half_the_work(unlike):
+    found = unlike.response.under(LOAD[None])
+    np.testing.assert_allclose(found.motions[:, 0], unlike.response.compliance @ LOAD, rtol=10 * BALANCE)
+    assert found.energy[0, 0] == pytest.approx(float(LOAD @ found.motions[:, 0]), rel=10 * BALANCE)
+    np.testing.assert_allclose(found.reactions[0], -LOAD, rtol=0, atol=100 * BALANCE)  # of 41 N mm
 
 
 def test_a_force_turned_by_120_degrees_stresses_the_next_chain(alike):
     force = np.array([1.3, -0.7, 0.0])
-    here, there = (
-        load_case(alike.stage, alike.mesh, alike.response, load).neck_stress
-        for load in (force, chain_rotation(1) @ force)
-    )
+    here, there = neck_stresses(alike.stage, alike.response, np.array([force, chain_rotation(1) @ force])).highest
     np.testing.assert_allclose(np.roll(here, 1, axis=0), there, rtol=1e-11)
     assert not np.allclose(here, there, rtol=0.05)
 
@@ -139,14 +138,15 @@ def section_loads(stage, mesh, field, chain):
 def test_neck_stress_is_near_that_of_bending_and_tension(alike, load):
     """A notch of t/R = 0.14 concentrates `6 M/(b h^2) + N/(b h)` by a few percent; the coarse mesh adds some."""
     stage = alike.stage
-    case = load_case(stage, alike.mesh, alike.response, np.array(load))
+    field = alike.response.under(np.array([load])).nodal[0]
+    necks = neck_stresses(stage, alike.response, np.array([load])).highest[0]
     hinge, b = stage.hinge(1, "base"), stage.thickness
     x = np.linspace(-0.9, 0.9, 181) * hinge.radius
     h = hinge.neck + 2 * hinge.radius - 2 * np.sqrt(hinge.radius**2 - x**2)  # below (3)
     for chain in range(3):
-        axial, shear, moment = section_loads(stage, alike.mesh, case.field, chain)
+        axial, shear, moment = section_loads(stage, alike.mesh, field, chain)
         nominal = np.max(6 * abs(moment - shear * x) / (b * h**2) + abs(axial) / (b * h))
-        assert 0.97 < case.neck_stress[chain, 0] / nominal < 1.12
+        assert 0.97 < necks[chain, 0] / nominal < 1.12
 
 
 def test_platform_compliance_converges_with_order_three_or_more():

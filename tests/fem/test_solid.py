@@ -139,8 +139,7 @@ def test_the_highest_stress_of_a_neck_is_where_it_is(rises, height, generic_mesh
     stage, sectors, _ = generic_mesh
     plate, layers = Plate(E, NU, B), mirrored(B, 1, 0.47)
     solved, z = unit_response(sectors, plate, layers, FULL), layers.heights
-    fields = tuple(np.zeros_like(field) for field in solved.sector_fields)
-    for field in fields:
-        field[..., 2] = 1e-4 * (z**2 if rises else 2 * 4.85 * z - z**2)
-    found = neck_stresses(stage, replace(solved, sector_fields=fields), LOADS)
+    field = np.zeros_like(solved.nodal)
+    field[..., 2] = 1e-4 * (z**2 if rises else 2 * 4.85 * z - z**2)
+    found = neck_stresses(stage, replace(solved, nodal=field), LOADS)
     np.testing.assert_allclose(found.height, height, atol=1e-12)

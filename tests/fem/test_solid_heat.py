@@ -7,7 +7,7 @@ import pytest
 
 from flexfem.fem.elements import Plate, mirrored, nodal_stress
 from flexfem.fem.mesh import joined
-from flexfem.fem.response import free_displacement, heat_response, thermal_response, thermal_solution, unit_response
+from flexfem.fem.response import factorised_stage, factorised_whole, free_displacement, heat_response, unit_response
 from flexfem.fem.structure import structure
 
 from ..validation.fields import on_chords
@@ -46,11 +46,11 @@ def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y():
     Straight it is over the platform, its end; the frame is 40^2 / 2 mm below there, per K/mm through the thickness.
     """
     plate, layers, mesh = Plate(E, 0.0, 2.1), mirrored(2.1, 1, 0.5), bar(40.0, 3.0, 6, 2)
-    z, tilt_x, tilt_y = thermal_solution(mesh, plate, layers.antisymmetric).compliance[:, 2]
+    z, tilt_x, tilt_y = factorised_whole(structure(mesh, plate, layers.antisymmetric)).warmed().motions[:, 2]
     assert tilt_y == pytest.approx(-40.0, rel=1e-8)
     assert tilt_x == pytest.approx(0.0, abs=0.1), "but for the diagonals of the mesh in the warped face"
     assert z == pytest.approx(800.0, rel=2e-3), "but for the warp of the clamped face, of its size squared"
-    along_x, along_y, even = thermal_solution(mesh, plate, layers).compliance.T
+    along_x, along_y, even = factorised_whole(structure(mesh, plate, layers)).warmed().motions.T
     assert even[[0, 2]] == pytest.approx([-40.0, 0.0], rel=1e-8, abs=1e-7)
     assert along_x[0] == pytest.approx(800.0, rel=2e-3)
     assert along_y[1:] == pytest.approx([800.0, 40.0], rel=2e-3)
@@ -63,9 +63,9 @@ def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness):
     mesh = joined((sector,) * 3)[0]
     mesh = on_chords(mesh._replace(nodes=mesh.nodes + 0.9 * np.sin(0.1 * mesh.nodes[:, ::-1])))
     plate = Plate(E, 0.0, thickness)
-    plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).pose[:, [1, 2, 0]]
+    plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).motions[:, [1, 2, 0]]
     mean = np.diag([1.0, 1.0, 0.0]) * -(thickness**2) / 24
-    found = thermal_solution(mesh, plate, mirrored(thickness, 1, 0.3)).compliance
+    found = factorised_whole(structure(mesh, plate, mirrored(thickness, 1, 0.3))).warmed().motions
     np.testing.assert_allclose(-8.2e-6 * (found - mean), plane, atol=1e-8 * np.max(np.abs(plane)))
 
 
@@ -73,24 +73,24 @@ def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness):
 def test_one_third_warms_as_the_whole(antisymmetric):
     sector, layers = third(3, 3, TWIST), mirrored(B, 1, 0.8)
     half = layers.antisymmetric if antisymmetric else layers
-    one, whole = (thermal_response((sector,) * n, PLATE, half) for n in (1, 3))
+    one, whole = (factorised_stage((sector,) * n, PLATE, half).warmed() for n in (1, 3))
     used = [2] if antisymmetric else [0, 1, 2]
-    np.testing.assert_allclose(one.compliance, whole.compliance, atol=1e-8 * np.max(np.abs(whole.compliance)))
+    np.testing.assert_allclose(one.motions, whole.motions, atol=1e-8 * np.max(np.abs(whole.motions)))
     np.testing.assert_allclose(np.diag(one.energy)[used], np.diag(whole.energy)[used], rtol=1e-8)
     np.testing.assert_allclose(one.fields, whole.fields, atol=1e-7 * np.max(np.abs(whole.fields)))
-    assert one.unknowns == whole.unknowns and np.max(np.abs(one.compliance)) > 1e-3
+    assert one.unknowns == whole.unknowns and np.max(np.abs(one.motions)) > 1e-3
 
 
 def test_the_pose_is_the_work_of_the_reactions_to_unit_loads():
     """Betti, by the solution under loads: on what the frame does beyond the metal, written out here."""
     sector, layers = third(3, 2, TWIST), mirrored(B, 1, 0.8)
-    unit, found = unit_response((sector,) * 3, PLATE, layers), thermal_response((sector,) * 3, PLATE, layers)
+    unit, found = unit_response((sector,) * 3, PLATE, layers), factorised_stage((sector,) * 3, PLATE, layers).warmed()
     mesh = unit.mesh
     forces = structure(mesh, PLATE, layers).forces(unit.fields)
     ground = np.unique(mesh.edges["ground"])
     x, y, z = np.broadcast_arrays(*mesh.nodes[ground].T[:, :, None], layers.heights)
     moved = [[(x**2 - y**2 - z**2) / 2, x * y, x * z], [x * y, (y**2 - x**2 - z**2) / 2, y * z], [x, y, z]]
     work = np.einsum("jnmd,kdnm->jk", forces[:, ground], np.array(moved))
-    np.testing.assert_allclose(found.compliance, -work, atol=1e-7 * np.max(np.abs(work)))
+    np.testing.assert_allclose(found.motions, -work, atol=1e-7 * np.max(np.abs(work)))
     held = structure(found.mesh, PLATE, layers).forces(found.fields)
     np.testing.assert_allclose(np.diag(found.energy), np.einsum("knmd,knmd->k", found.fields, held), rtol=1e-8)

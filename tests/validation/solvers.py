@@ -15,7 +15,7 @@ from flexfem.fem.fields import neck_maxima
 from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors, welded
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
 from flexfem.fem.response import platform_response, unit_response
-from flexfem.fem.structure import layers_of, plate_of, sheet_of, structure
+from flexfem.fem.structure import layers_of, mass_of, plate_of, sheet_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.units import DENSITY, UNITS
@@ -102,7 +102,8 @@ def against_ngsolve(sheet: Sheet, theirs: ngsolve.Solved) -> dict[str, float]:
     wanted = np.array([theirs.curved.coefficients(field[:, None]) for field in ours.fields])
     stress = [nodal_stress(mesh, plate, field) for field in ours.fields], theirs.nodal_stress(mesh)
     necks = [np.array([neck_maxima(stage, mesh, von_mises(nodal)) for nodal in each]) for each in stress]
-    of = vibrating_structure(structure(mesh, plate, degree=FULL), sheet.density, carried(stage, Payload()), degree=FULL)
+    mass = mass_of(structure(mesh, plate, degree=FULL), sheet.density, carried(stage, Payload()), FULL)
+    of = vibrating_structure(mass)
     hertz = modes(of, COUNT).frequencies * HERTZ
     return {
         "pose": pose_difference(ours.compliance, compliance, sheet.lever),

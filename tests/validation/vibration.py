@@ -13,7 +13,7 @@ from flexfem.arrays import Array
 from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.mesh import Sector, StageMesh, by_radius, mapped, nodes_on
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
-from flexfem.fem.structure import structure
+from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.designs import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle
@@ -32,7 +32,7 @@ def tapered(cells: int) -> StageMesh:
 def clamped(mesh: StageMesh, plate: Plate, density: float, count: int) -> Modes:
     """Lowest modes of a mesh whose left side is clamped."""
     held = structure(mesh, plate, held=nodes_on(mesh, "left"))
-    return modes(vibrating_structure(held, density), count)
+    return modes(vibrating_structure(mass_of(held, density)), count)
 
 
 @problem(
@@ -95,7 +95,7 @@ def bent_beam() -> list[Finding]:
     """Two frequencies of bending in the plane, in the symmetric half, and two out of it, in the antisymmetric one."""
     mesh, layers, rows = cantilever(60, 1, LENGTH, HEIGHT), mirrored(THICKNESS, 1, THICKNESS), []
     for which, half, depth in (("in", layers, HEIGHT), ("out of", layers.antisymmetric, THICKNESS)):
-        found = modes(vibrating_structure(structure(mesh, Plate(E, 0.0, THICKNESS), half), DENSITY), 2)
+        found = modes(vibrating_structure(mass_of(structure(mesh, Plate(E, 0.0, THICKNESS), half), DENSITY)), 2)
         for k, root in enumerate(BEAM_ROOTS):
             target, ours = bending_hertz(root, LENGTH, depth), float(found.frequencies[k] / (2 * math.pi))
             what = f"cantilever, frequency {k + 1} of bending {which} the plane (Hz)"
