@@ -77,7 +77,6 @@ def run_study(
     workers: int | None = None,
     shard: str = "1/1",
     retry: bool = False,
-    scheduler: str | None = None,
 ) -> dict[str, Any]:
     """Compute the unfinished designs of a study; a run that was stopped or killed continues where it was.
 
@@ -88,13 +87,12 @@ def run_study(
     workers : number of processes on this machine, by default one a processor.
     shard : `I/N`, compute only the I-th of N shares.
     retry : also repeat designs that failed or ran out of time.
-    scheduler : address of a Dask scheduler, whose workers compute instead and share the folder.
 
     Returns the same as `study_status`, for this share. Raises BadInput or ComputationFailed as `flexfem study run`;
     written parts are kept in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
-    compute(parts, workers, share, retry, scheduler)
+    compute(parts, workers, share, retry)
     return status_facts(parts, share)
 
 
@@ -103,18 +101,15 @@ def compute(
     workers: int | None,
     share: slice,
     retry: bool,
-    scheduler: str | None = None,
     watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
 ) -> None:
     """Compute the open parts of a share, with at most one worker a part."""
-    if scheduler is not None and workers is not None:
-        raise BadInput("workers with a scheduler, expected one of them: the scheduler has its own workers")
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     if not all(parts.path(chunk).exists() for chunk in parts.chunks(share)):
         require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
-    with Workers(max(1, min(count, len(parts.chunks(share)))), scheduler) as pool:
+    with Workers(max(1, min(count, len(parts.chunks(share))))) as pool:
         run.run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
 
 
@@ -159,7 +154,7 @@ def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = 
 def findings_of(parts: Parts, partial: bool = False) -> StudyFindings:
     """Return the findings of a study from its parts, as `study_findings`."""
     collected = collect(parts, table_path(parts), partial)
-    source = Source(parts.loaded, read_table(collected.path), nominal(parts.loaded), parts.factor_warnings)
+    source = Source(parts.loaded, read_table(collected.path), nominal(parts.loaded))
     return StudyFindings(collected, source, findings(source))
 
 
@@ -188,7 +183,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "refused": by_status["refused"],
         "failed": sum(by_status[status] for status in run.RETRIED),
         "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
-        "warnings": [*parts.factor_warnings, *counted_warnings(_reasons(counts, "ok"))],
+        "warnings": counted_warnings(_reasons(counts, "ok")),
         "open": designs - by_status.total(),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),

@@ -36,7 +36,6 @@ def run(
     study: StudyFile,
     workers: Workers = None,
     shard: Annotated[str, typer.Option(metavar="I/N", help="Compute share I of N, for job arrays.")] = "1/1",
-    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask cluster.")] = None,
     output: Output = REPORTS,
     retry: Annotated[bool, typer.Option("--retry", help="Repeat designs that failed or timed out.")] = False,
     json: Json = False,
@@ -46,16 +45,14 @@ def run(
 
     share = studies.shard_of(shard)
     parts = studies.parts_of(study, output)
-    _warn(parts.factor_warnings)  # before a run that may take days, and not again after it
     with _resumable(parts) as watch:
-        studies.compute(parts, workers, share, retry, scheduler, watch, _note)
+        studies.compute(parts, workers, share, retry, watch, _note)
     facts = studies.status_facts(parts, share)
-    later = [text for text in facts["warnings"] if text not in parts.factor_warnings]
     output = parts.folder.parents[1]
     where = [] if output.absolute() == REPORTS.absolute() else ["--output", str(output)]
     command = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
     facts |= {"shard": shard, "next": shlex.join(["flexfem", "study", *command, facts["file"], *where])}
-    show(facts, json, lambda shown: print_status(shown | {"warnings": later}))
+    show(facts, json, print_status)
     raise typer.Exit(1 if facts["open"] or (facts["failed"] and not facts["ok"]) else 0)
 
 
@@ -173,7 +170,7 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
 
     table, source, found = studies.study_findings(study, output, partial)
     written = write_study_figures(found, table.path.parent)
-    warnings = [*source.factor_warnings, *source.table.warnings]
+    warnings = source.table.warnings
     findings = {name: studies.facts_of(finding) for name, finding in found.items()}
     show_written([table.path, *written], json, warnings=warnings, findings=findings)
     _warn(warnings)

@@ -92,7 +92,7 @@ class Store:
 
 
 def _name_of(inputs: Any) -> str:
-    return f"{digest([inputs, dict(versions_of(True))])[:32]}.json"
+    return f"{digest([inputs, dict(versions_of())])[:32]}.json"
 
 
 def solved(loaded: LoadedStudy, stage: Stage | Mechanism) -> Row:

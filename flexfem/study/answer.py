@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from itertools import compress, pairwise
+from itertools import pairwise
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -29,7 +29,6 @@ from flexfem.analytic.responses import (
 from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.mesher import Limit, MeshTimeout
-from flexfem.files.expressions import names_in
 from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
@@ -46,9 +45,9 @@ from flexfem.questions.driven import drive_ranges, driven
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import Rows, failed_row, row_of, sizes_of, values_of
+from flexfem.study.columns import Rows, failed_row, row_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, plate_of, refusals_of, sample, stage_of
-from flexfem.study.plan import Study, expanded_names
+from flexfem.study.plan import Study
 from flexfem.units import DENSITY
 
 
@@ -293,9 +292,6 @@ def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
     ]
 
 
-ROUND_OFF = 1e-10  # relative change of an output; a smaller one is no effect of a factor
-
-
 def nominal(loaded: LoadedStudy) -> dict[str, float]:
     """Return outputs and factor values of the base stage by column; no outputs where they cannot be computed."""
     study = loaded.study.model_copy(update={"bands": False, "constraint": ()})
@@ -314,51 +310,3 @@ def base_factor_values(loaded: LoadedStudy) -> dict[str, float]:
     """Return the factor values of the base stage by column, file units, without factors whose keys differ there."""
     values = {c.name: {keys()[path].value_in(loaded.base) for path in c.keys} for c in loaded.columns}
     return {name: value for name, (value, *others) in values.items() if not others and value is not None}
-
-
-def factor_warnings(loaded: LoadedStudy) -> list[str]:
-    """Return warnings on factors that change no output shown or constrained, or no output at all if none is.
-
-    The analytic model compares designs that differ in one factor only. Studies by finite elements are not checked,
-    because each of their designs has its own mesh.
-    """
-    study = loaded.study
-    if study.model != "analytic" or study.on_mechanism:
-        return []
-    figured = {name for figure in study.figure for name, _ in figure.columns.values()}
-    constrained = {name for constraint in study.constraint for name in names_in(constraint.value)}
-    used = expanded_names(figured | constrained, study.output)
-    shown = [name for name in loaded.outputs if name in used] or list(loaded.outputs)
-    warnings = []
-    for name, changed in _changes(loaded).items():
-        if not changed & set(shown):
-            others = f"; it changes {', '.join(sorted(changed))} alone" if changed else ""
-            warnings.append(f"factor {name} changes none of {', '.join(shown)} in this model{others}")
-    return warnings
-
-
-def _changes(loaded: LoadedStudy) -> dict[str, set[str]]:
-    """Return the outputs that each factor changes, by column, without factors for which no two results can be compared.
-
-    In the first and the middle design of the sample, each factor in turn takes its least and its greatest value.
-    """
-    drawn = sample(loaded, 0, min(loaded.count, 1000))
-    bases = drawn[[0, len(drawn) // 2]][: 1 if loaded.study.links else 2]  # elastic links take 0.1 s a design
-    k = len(loaded.columns)
-    varied = np.repeat(bases[:, None], 2 * k, axis=1).reshape(len(bases), k, 2, k)
-    varied[:, range(k), :, range(k)] = np.stack([drawn.min(axis=0), drawn.max(axis=0)], axis=1)[:, None]
-    unchecked = loaded.study.model_copy(update={"check": "closed_form", "constraint": ()})
-    outputs = answer_designs(replace(loaded, study=unchecked), np.vstack([bases, varied.reshape(-1, k)])).values
-    before, after = outputs[: len(bases), None, None], outputs[len(bases) :].reshape(len(bases), k, 2, -1)
-    size = np.abs(before)
-    for name, scale in sizes_of(dict(zip(loaded.outputs, np.moveaxis(before, -1, 0), strict=True))).items():
-        if name in loaded.outputs:
-            size[..., loaded.outputs.index(name)] = scale
-    computed = np.isfinite(before).all(axis=-1) & np.isfinite(after).all(axis=-1)
-    compared = computed & (varied != bases[:, None, None]).any(axis=-1)
-    changed = ((np.abs(after - before) > ROUND_OFF * size) & compared[..., None]).any(axis=(0, 2))
-    return {
-        column.name: set(compress(loaded.outputs, changed[index]))
-        for index, column in enumerate(loaded.columns)
-        if compared[:, index].any()
-    }

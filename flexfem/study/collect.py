@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -22,11 +21,12 @@ from flexfem.files.writing import replacing
 from flexfem.refused import BadInput
 from flexfem.study.columns import DRIFTS, FEASIBLE, STIFFNESSES, sizes_of
 from flexfem.study.loaded import LoadedStudy, judge
-from flexfem.study.run import ABOUT, PARQUET, READING, TEXTS, Parts, read_part, survey
+from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, opened, read_part, survey
 
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least number of designs in a row group of Parquet
 OK = "ok"
+DAMAGED = "a damaged Parquet file; flexfem study collect writes it again"
 
 
 class Collected(NamedTuple):
@@ -71,23 +71,12 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     with replacing(path, ".tmp") as temporary, temporary.open("wb") as file:
         csv = path.suffix == ".csv"
         with pyarrow.csv.CSVWriter(file, schema) if csv else pq.ParquetWriter(file, schema, **PARQUET) as writer:
-            for group in _groups(parts, list(found.counts)):
-                writer.write_table(_with_derived(loaded, group).replace_schema_metadata(metadata))
+            chunks, several = list(found.counts), -(-GROUP // parts.size)
+            for group in (chunks[start : start + several] for start in range(0, len(chunks), several)):
+                tables = (read_part(parts.path(chunk)).replace_schema_metadata(None) for chunk in group)
+                joined = _with_derived(loaded, pa.concat_tables(tables).combine_chunks())
+                writer.write_table(joined.replace_schema_metadata(metadata))
     return Collected(path, designs, loaded.count - designs)
-
-
-def _groups(parts: Parts, chunks: list[range]) -> Iterator[Any]:
-    """Yield the tables of parts, with small ones joined."""
-    tables, designs = list[Any](), 0
-    for chunk in chunks:
-        try:
-            tables.append(read_part(parts.path(chunk)).replace_schema_metadata(None))
-        except FileNotFoundError:
-            raise BadInput(f"{parts.path(chunk)}: removed meanwhile, expected to stay during collection") from None
-        designs += len(tables[-1])
-        if designs >= GROUP or chunk == chunks[-1]:
-            yield pa.concat_tables(tables).combine_chunks()
-            tables, designs = [], 0
 
 
 def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:
@@ -168,7 +157,7 @@ class _Stored(dict[str, Array]):
         self._path, self._names = path, frozenset(names)
 
     def __missing__(self, name: str) -> Array:
-        with _opened(self._path) as file:
+        with opened(self._path, DAMAGED) as file:
             return np.asarray(file.read([name], use_threads=False)[name].to_numpy(), dtype=np.float64)
 
     def __contains__(self, name: object) -> bool:
@@ -177,25 +166,9 @@ class _Stored(dict[str, Array]):
 
 def read_table(path: Path) -> StudyTable:
     """Read a Parquet table that `collect` wrote. Raises BadInput when it is damaged."""
-    with _opened(path) as file:
+    with opened(path, DAMAGED, read_dictionary=TEXTS) as file:
         names = file.schema_arrow.names
         table = file.read([name for name in ("design", *TEXTS, FEASIBLE) if name in names], use_threads=False)
-    texts = list[AnyArray]()
-    for name in TEXTS:
-        column = table[name].unify_dictionaries().combine_chunks()
-        texts.append(np.array(column.dictionary.to_pylist(), dtype=object)[column.indices.to_numpy()])
-    feasible = None
-    if FEASIBLE in names:
-        feasible = np.asarray(pc.fill_null(table[FEASIBLE], False).to_numpy(), dtype=bool)
-    status, reason = texts
+    status, reason = (table[name].unify_dictionaries().to_numpy() for name in TEXTS)
+    feasible = np.asarray(pc.fill_null(table[FEASIBLE], False).to_numpy(), bool) if FEASIBLE in names else None
     return StudyTable(table["design"].to_numpy(), status, reason, _Stored(path, names), feasible)
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open a Parquet file through Python, because pyarrow opens no file whose name is not UTF-8."""
-    try:
-        with path.open("rb") as content, pq.ParquetFile(content, read_dictionary=TEXTS, **READING) as file:
-            yield file
-    except (OSError, ValueError, pa.ArrowException):
-        raise BadInput(f"{path}: a damaged Parquet file; flexfem study collect writes it again") from None

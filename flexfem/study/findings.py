@@ -75,9 +75,8 @@ class Caption(NamedTuple):
 
 def output(column: str, study: Study | None = None) -> AxisText:
     """Return the name of an output column, with the known error of a stress by finite elements."""
-    name = LABELS.get(column, column)
-    if column in STRESSES and study is not None and study.stress_below:
-        name = f"{name} ({study.stress_below})"
+    below = study.stress_below if study is not None and column in STRESSES else ""
+    name = LABELS.get(column, column) + (f" ({below})" if below else "")
     return AxisText(name, unit_of(column).name, column == "life_cycles")
 
 
@@ -87,7 +86,6 @@ def asked(path: str, mechanism: bool) -> AxisText:
     of_stage, of_mechanism = get_args(get_type_hints(getattr(flexfem, question))["return"])
     kind = of_mechanism if mechanism else of_stage
     quantity = kind.quantities[name.replace(" ", "_")]
-    place = tuple(DIRECTIONS.index(label) if label in DIRECTIONS else 0 for label in labels)
     if len(labels) != len(quantity.over):
         return AxisText(path)
     head, *rest = quantity.meaning.split(", ")
@@ -96,6 +94,7 @@ def asked(path: str, mechanism: bool) -> AxisText:
             head += f" in {'XYθ'[DIRECTIONS.index(label)]}"
         elif axis != "model":
             rest.append(label if label.startswith(axis) else f"{axis} {label}")
+    place = tuple(DIRECTIONS.index(label) if label in DIRECTIONS else 0 for label in labels)
     return AxisText(", ".join([head, *rest]), quantity.unit_at(place).name)
 
 
@@ -109,8 +108,9 @@ def factor(column: Column) -> AxisText:
 def words(key: str) -> str:
     """Return a key path without unit in words: `override.2.elbow.neck` is `neck, chain 2 elbow`."""
     *tables, last = path_of(key)
-    leaf = str(last) if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
-    leaf = WORDS.get(leaf := leaf.replace("_", " "), leaf)
+    leaf = last if isinstance(last, str) else f"{str(tables.pop()).removesuffix('s')} {last + 1}"
+    leaf = leaf.replace("_", " ")
+    leaf = WORDS.get(leaf, leaf)
     match tables:
         case ["override", chain, *part]:
             return f"{leaf}, chain {chain} {' '.join(map(str, part))}"
@@ -125,12 +125,10 @@ def words(key: str) -> str:
 
 def model_words(loaded: LoadedStudy) -> str:
     """Return a description of the model."""
-    study, plane = loaded.study, loaded.base.model
+    study, base = loaded.study, loaded.base
     analytic = "rigid bodies and beam integrals of the hinges"
-    if isinstance(loaded.base, Stage):
-        analytic = (
-            f"{study.formula}, mobility {study.mobility or loaded.base.mobility}{', elastic links' * study.links}"
-        )
+    if isinstance(base, Stage):
+        analytic = f"{study.formula}, mobility {study.mobility or base.mobility}{', elastic links' * study.links}"
     meshed = f"{study.resolution} triangles across every neck"
     layers = f"{study.layers} layer{'s' * (study.layers > 1)}"
     model = {
@@ -139,17 +137,16 @@ def model_words(loaded: LoadedStudy) -> str:
         "three_dimensional": f"Finite elements in three dimensions: {meshed}, {layers} in half the thickness",
         "verify": f"Finite elements ({meshed}) against the analytic model ({analytic})",
     }[study.model]
-    return model if plane == "plane_stress" else f"{model}, {plane.replace('_', ' ')}"
+    return model if base.model == "plane_stress" else f"{model}, {base.model.replace('_', ' ')}"
 
 
 def sampling_words(loaded: LoadedStudy) -> str:
     """Return a description of the sampling."""
+    sampling = loaded.study.sampling
     if loaded.table is not None:
         return f"table {loaded.table.path.name}"
-    sampling = loaded.study.sampling
-    if sampling.seed is None:
-        return sampling.method
-    return f"{sampling.method.replace('_', ' ').title()}, seed {sampling.seed}"
+    seeded = f"{sampling.method.replace('_', ' ').title()}, seed {sampling.seed}"
+    return sampling.method if sampling.seed is None else seeded
 
 
 def counted(counts: Mapping[str, int]) -> str:
@@ -164,27 +161,22 @@ def sentence(text: str) -> str:
 
 @brief
 class Source(NamedTuple):
-    """Data of all figures: the study, its table, and the factors and outputs of the base stage by column.
-
-    `factor_warnings` : sentences on factors that change nothing shown.
-    """
+    """Data of all figures: the study, its table, and the factors and outputs of the base stage by column."""
 
     loaded: LoadedStudy
     table: StudyTable
     nominal: Mapping[str, float]
-    factor_warnings: Sequence[str] = ()
 
     def quantity(self, name: str) -> AxisText:
         """Return name and unit of a column."""
-        columns = {column.name: column for column in self.loaded.columns}
-        derived = {output.name: output for output in self.loaded.study.output}
-        if name in columns:
-            return factor(columns[name])
-        if name in derived:
-            return AxisText(derived[name].label or name, derived[name].unit or "")
-        if name in self.loaded.study.ask:
-            return asked(name, self.loaded.study.on_mechanism)
-        return output(name, self.loaded.study)
+        study = self.loaded.study
+        for column in self.loaded.columns:
+            if column.name == name:
+                return factor(column)
+        for derived in study.output:
+            if derived.name == name:
+                return AxisText(derived.label or name, derived.unit or "")
+        return asked(name, study.on_mechanism) if name in study.ask else output(name, study)
 
     def column(self, name: str) -> Array:
         """Return the numbers (n,) of a column of the table, round-off as 0."""
@@ -192,8 +184,8 @@ class Source(NamedTuple):
 
     def base_value(self, name: str) -> float | None:
         """Return the number of the base stage in a column, round-off as 0; None where it is not known."""
-        value = np.asarray(self.nominal.get(name, np.nan))
-        return float(self._cleared(name, value)) if np.isfinite(value) else None
+        value = float(self._cleared(name, np.asarray(self.nominal.get(name, np.nan))))
+        return value if np.isfinite(value) else None
 
     def _cleared(self, name: str, values: Array) -> Array:
         return np.where(np.abs(values) <= ROUND_OFF * self.table.round_off_sizes.get(name, 0.0), 0.0, values)
@@ -698,7 +690,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
         for k, factor_name in enumerate(factors)
     ]
     head = {"factor": "factor", "quantity": "of the variance of", **parts}
-    caption = source.caption(figure, "Share of variance by factor", line, *map(sentence, source.factor_warnings))
+    caption = source.caption(figure, "Share of variance by factor", line)
     return Sensitivity(caption, shares, factors, FigureTable("Sobol indices with 95 % confidence", head, rows))
 
 

@@ -12,11 +12,11 @@ import os
 import random
 import re
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections import Counter, defaultdict, deque
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -26,7 +26,7 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, factor_warnings, needs_stages
+from flexfem.study.answer import answer, needs_stages
 from flexfem.study.columns import Rows, failed_row
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
@@ -65,12 +65,7 @@ class Parts:
     @cached_property
     def versions(self) -> dict[str, str]:
         """Versions of the software on which results depend."""
-        return dict(versions_of(self.meshed))
-
-    @cached_property
-    def factor_warnings(self) -> list[str]:
-        """Warnings on factors that change no output which the study shows."""
-        return factor_warnings(self.loaded)
+        return dict(versions_of())
 
     @cached_property
     def _key(self) -> str:
@@ -116,25 +111,31 @@ def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
     return pa.Table.from_arrays(columns, schema=parts.schema)
 
 
-def read_part(path: Path, columns: list[str] | None = None) -> Any:
-    """Return the Arrow table of a part. Raises FileNotFoundError, or BadInput where its checksums show damage."""
+@contextmanager
+def opened(path: Path, state: str, **options: Any) -> Iterator[Any]:
+    """Open a Parquet file through Python: pyarrow opens no file whose name is not UTF-8. A damaged one is BadInput."""
     try:
-        with path.open("rb") as content, pq.ParquetFile(content, **READING) as file:
-            return file.read(columns=columns, use_threads=False)
+        with path.open("rb") as content, pq.ParquetFile(content, **READING, **options) as file:
+            yield file
     except FileNotFoundError:
         raise
     except (OSError, ValueError, pa.ArrowException):
-        raise BadInput(f"{path}: a damaged part") from None
+        raise BadInput(f"{path}: {state}") from None
+
+
+def read_part(path: Path, columns: list[str] | None = None) -> Any:
+    """Return the Arrow table of a part. Raises FileNotFoundError, or BadInput where its checksums show damage."""
+    with opened(path, "a damaged part") as file:
+        return file.read(columns=columns, use_threads=False)
 
 
 def counts_of(table: Any) -> Counts:
     """Return the number of designs by status and kind of reason."""
-    counts: Counts = Counter()
-    for (status, reason), n in Counter(zip(*(table[name].to_pylist() for name in TEXTS), strict=True)).items():
-        counts[status, kind_of(reason)] += n
-    return counts
+    status, reasons = (table[name].to_pylist() for name in TEXTS)
+    return Counter(zip(status, map(kind_of, reasons), strict=True))
 
 
+@lru_cache
 def kind_of(reason: str) -> str:
     """Return a reason without the numbers of its design: the text before " = ", else with dots for every number."""
     name, separator, _ = reason.partition(" = ")
@@ -212,28 +213,24 @@ def run_parts(
         say(f"{parts.path(chunk)}: a damaged part, computed again")
     if found.stale:
         say(f"{len(found.stale):,} parts of other inputs or versions in {parts.folder}: see flexfem study clean")
-    again = set(found.damaged)
-    again |= {chunk for chunk, counts in found.counts.items() if retry and any(kind[0] in RETRIED for kind in counts)}
-    todo = deque(chunk for chunk in chunks if chunk not in found.counts or chunk in again)
+    failed = (chunk for chunk, counts in found.counts.items() if any(status in RETRIED for status, _ in counts))
+    again = {*found.damaged, *(failed if retry else ())}
+    todo = deque((chunk, chunk) for chunk in chunks if chunk not in found.counts or chunk in again)
     todo.rotate(random.randrange(len(todo) or 1))  # runs in the same folder start with different parts
     counts: Counts = sum((n for chunk, n in found.counts.items() if chunk not in again), Counter())
-    designs, known = sum(map(len, chunks)), counts.total()
-    pieces, halves = dict[range, dict[int, Any]](), deque[Any]()
+    designs, known, pieces = sum(map(len, chunks)), counts.total(), defaultdict[range, list[Any]](list)
     watch(Progress(designs, known, counts))
     if todo:
         content = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
         write_atomically(parts.folder.parent / FILE, lambda file: file.write(json.dumps(content).encode()), again=True)
 
     def next_task() -> tuple[Any, ...] | None:
-        while not halves and todo:
-            chunk = todo.popleft()
-            try:
-                if chunk in again:
-                    raise FileNotFoundError
-                counts.update(counts_of(read_part(parts.path(chunk), TEXTS)))  # written by another run since
-            except (FileNotFoundError, BadInput):
-                return solve, parts, chunk, chunk
-        return halves.popleft() if halves else None
+        while todo:
+            chunk, piece = todo.popleft()
+            if piece != chunk or chunk in again or not parts.path(chunk).exists():
+                return solve, parts, chunk, piece
+            counts.update(counts_of(read_part(parts.path(chunk), TEXTS)))  # written by another run since
+        return None
 
     def limit(task: tuple[Any, ...]) -> float:
         return len(task[-1]) * (parts.loaded.study.time_limit + SLACK) if parts.meshed else ANALYTIC_LIMIT
@@ -241,16 +238,15 @@ def run_parts(
     for (_, _, chunk, piece), result in workers.results(solve_task, next_task, limit):
         if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
             middle = len(piece) // 2
-            halves += [(solve, parts, chunk, half) for half in (piece[:middle], piece[middle:])]
+            todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
             continue
         if isinstance(result, Failure):
             result = table_of(parts, piece, failed_row(len(parts.loaded.outputs), *result))
         if isinstance(result, pa.Table):
-            tables = pieces.setdefault(chunk, {})
-            tables[piece.start] = result
-            if sum(map(len, tables.values())) < len(chunk):
+            pieces[chunk].append(result)
+            if sum(map(len, pieces[chunk])) < len(chunk):
                 continue
-            result = write_part(parts, chunk, pa.concat_tables(tables[start] for start in sorted(tables)))
+            result = write_part(parts, chunk, pa.concat_tables(pieces.pop(chunk)).sort_by("design"))
         counts.update(result)
         watch(Progress(designs, known, counts))
     return Progress(designs, known, counts)
@@ -265,7 +261,7 @@ def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
 def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
     """In a worker, solve a piece of a chunk: write the part and return its counts where the piece is the whole chunk,
     else return its table; return a `Failure` where solving raises an error."""
-    require_same_versions(parts.versions, parts.meshed)
+    require_same_versions(parts.versions)
     try:
         rows = solve(parts.loaded, piece.start, piece.stop)
     except Exception as error:
@@ -279,13 +275,10 @@ def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:
     """Remove parts of other inputs or versions, and old temporary files; return number and bytes of the parts."""
     stale = survey(parts).stale
     size = sum(path.stat().st_size for path in stale)
-    for path in stale if not dry_run else ():
+    left = [path for path in parts.folder.glob(".part-*.tmp") if time.time() - path.stat().st_mtime > OLD]
+    for path in () if dry_run else (*stale, *left):
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
             raise BadInput(f"{path}: cannot be removed: {error.strerror or error}") from None
-    for path in parts.folder.glob(".part-*.tmp") if not dry_run else ():
-        with suppress(OSError):
-            if time.time() - path.stat().st_mtime > OLD:
-                path.unlink()
     return len(stale), size

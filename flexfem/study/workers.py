@@ -1,8 +1,7 @@
-"""Worker processes on this machine by loky or on a cluster by Dask, and versions of the software they use."""
+"""Worker processes on this machine, and versions of the software that they use."""
 
 from __future__ import annotations
 
-import importlib
 import os
 import signal
 import sys
@@ -24,7 +23,6 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.sources import ONE_THREAD, PACKAGE, manifest, own_hash
 
 LOADING = 300.0  # s, for the first worker to start on a busy machine
-CONNECT = 10.0  # s, for a scheduler to respond
 POLL = 0.25  # s
 HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
@@ -36,27 +34,21 @@ class Failure(NamedTuple):
     reason: str
 
 
+CRASHED = Failure("crashed", "the worker died")
+
+
 class Workers:
-    """A number of processes that compute tasks; processes that die or exceed a limit are replaced.
+    """A number of processes that compute tasks; a process that dies or exceeds a limit is replaced."""
 
-    With the address of a Dask scheduler, its workers compute; they share a folder with this machine. Raises BadInput
-    where no scheduler responds, or a worker has other versions.
-    """
-
-    def __init__(self, count: int, scheduler: str | None = None) -> None:
-        self._count, self._client = count, None if scheduler is None else client_of(scheduler)
-        self._pool: Any = None
-        if self._client is not None:
-            self._count = sum(self._client.nthreads().values())
+    def __init__(self, count: int) -> None:
+        self._count, self._idle, self._ready = count, list[Any](), False
 
     def __enter__(self) -> Workers:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._kill()
-        if self._client is not None:
-            with suppress(Exception):  # the scheduler may have ended
-                self._client.close(timeout=CONNECT)
+        for process in self._idle:
+            _end(process)
 
     def results(
         self,
@@ -78,109 +70,77 @@ class Workers:
 
         Notes
         -----
-        A worker that dies breaks the pool. The tasks that were running are repeated one at a time; a task that breaks
-        the pool alone has crashed.
+        A task whose process dies is repeated once, because the process may have been killed from outside.
         """
-        running: dict[Future[Any], tuple[tuple[Any, ...], float]] = {}
-        suspects, again = deque[tuple[Any, ...]](), deque[tuple[Any, ...]]()
-        while True:
-            while len(running) < (1 if suspects else self._count):
-                task = suspects[0] if suspects else again.popleft() if again else next_task()
-                if task is None:
-                    break
-                running[self._submit(function, task)] = task, time.monotonic() + limit(task)
-            if not running:
-                return
-            finished, broken = list[tuple[tuple[Any, ...], Any]](), list[tuple[Any, ...]]()
-            for future in wait(running, POLL, FIRST_COMPLETED).done:
-                task, _ = running.pop(future)
-                try:
-                    finished.append((task, future.result()))
-                except BrokenProcessPool:
-                    broken.append(task)
-                except (BadInput, ComputationFailed):
-                    raise
-                except Exception as error:
-                    if type(error).__name__ == "KilledWorker":
-                        finished.append((task, Failure("crashed", "the worker died")))
-                        continue
-                    reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
-                    raise ComputationFailed(f"a worker failed: {reason}") from None
-            late = [future for future, (_, end) in running.items() if time.monotonic() > end]
-            for future in late:
-                task, _ = running.pop(future)
-                finished.append((task, Failure("time limit", f"no result in {limit(task):g} s")))
-            if broken or late:
-                lost = [*broken, *(task for task, _ in running.values())]
-                running.clear()
-                self._kill()
-                if late:
-                    again.extend(lost)
-                elif suspects:
-                    finished += [(task, Failure("crashed", "the worker died")) for task in lost]
-                else:
-                    suspects.extend(lost)
-            if suspects and any(task is suspects[0] for task, _ in finished):
-                suspects.popleft()
-            yield from finished
-
-    def _submit(self, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
+        running: dict[Future[Any], tuple[Any, tuple[Any, ...], float]] = {}
+        again, repeated = deque[tuple[Any, ...]](), list[tuple[Any, ...]]()
         try:
-            with signals_held():
-                return (self._pool or self._start()).submit(function, *task)  # type: ignore[no-any-return]
-        except BrokenProcessPool as error:
-            broken = Future[Any]()
-            broken.set_exception(error)
-            return broken
-        except (OSError, RuntimeError) as error:
-            raise ComputationFailed(f"worker processes cannot be started: {one_line(str(error), 200)}") from None
+            while True:
+                while len(running) < self._count and (task := again.popleft() if again else next_task()) is not None:
+                    process = self._idle.pop() if self._idle else self._started()
+                    running[_submitted(process, function, task)] = process, task, time.monotonic() + limit(task)
+                if not running:
+                    return
+                done = wait(running, POLL, FIRST_COMPLETED).done
+                late = {future for future, (*_, end) in running.items() if time.monotonic() > end} - done
+                for future in (*done, *late):
+                    process, task, _ = running[future]
+                    overdue = Failure("time limit", f"no result in {limit(task):g} s")
+                    result = overdue if future in late else _result(future)
+                    del running[future]
+                    if result is overdue or result is CRASHED:
+                        _end(process)
+                    else:
+                        self._idle.append(process)
+                    if result is CRASHED and not any(task is each for each in repeated):
+                        again.append(task)
+                        repeated.append(task)
+                    else:
+                        yield task, result
+        finally:
+            for process, *_ in running.values():
+                _end(process)
 
-    def _start(self) -> Any:
-        """Start the processes, and wait until one of them responds."""
-        if self._client is not None:
-            self._pool = self._client.get_executor(pure=False, retries=0)
-            return self._pool
+    def _started(self) -> Any:
+        """Start a process as a pool of its own, so that its end stops no other; wait until the first one responds."""
         from loky import ProcessPoolExecutor
 
-        about = {"env": ONE_THREAD, "initializer": _begin, "initargs": (os.getpid(),)}
-        self._pool = ProcessPoolExecutor(self._count, timeout=None, **about)
-        try:
-            self._pool.submit(os.getpid).result(LOADING)
-        except (BrokenProcessPool, TimeoutError):
-            self._kill()
-            raise ComputationFailed("worker processes end at their start: is flexfem installed for them?") from None
-        return self._pool
-
-    def _kill(self) -> None:
-        """End all processes and their children."""
-        pool, self._pool = self._pool, None
-        if pool is not None and self._client is not None:
-            with suppress(Exception):  # nannies start new workers
-                self._client.restart(timeout=LOADING)
-        elif pool is not None:
-            pool.shutdown(wait=True, kill_workers=True)
+        process = ProcessPoolExecutor(1, timeout=None, env=ONE_THREAD, initializer=_begin, initargs=(os.getpid(),))
+        if not self._ready and _result(_submitted(process, os.getpid, ()), LOADING) is CRASHED:
+            _end(process)
+            raise ComputationFailed("worker processes end at their start: is flexfem installed for them?")
+        self._ready = True
+        return process
 
 
-def client_of(address: str) -> Any:
-    """Return a client of a Dask scheduler whose workers have the versions of this process. Raises BadInput."""
-    if not isinstance(address, str) or ":" not in address:
-        raise BadInput(f"--scheduler {one_line(str(address), 200)}: expected host:port of a scheduler with workers")
+def _submitted(process: Any, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
     try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise BadInput(f"--scheduler {address}: Dask is not installed, expected flexfem[dask]") from None
+        with signals_held():
+            return process.submit(function, *task)  # type: ignore[no-any-return]
+    except BrokenProcessPool as error:
+        broken = Future[Any]()
+        broken.set_exception(error)
+        return broken
+    except (OSError, RuntimeError) as error:
+        raise ComputationFailed(f"worker processes cannot be started: {one_line(str(error), 200)}") from None
+
+
+def _result(future: Future[Any], seconds: float | None = None) -> Any:
+    """Return the result of a task, or `CRASHED` where its process died or does not respond."""
     try:
-        client: Any = distributed.Client(address, timeout=CONNECT, set_as_default=False)
-        client.wait_for_workers(1, timeout=CONNECT)
-    except (OSError, RuntimeError, ValueError) as error:
-        reason = one_line(str(error), 200) or f"no response in {CONNECT:g} s"
-        raise BadInput(f"--scheduler {address}: expected host:port of a scheduler with workers: {reason}") from None
-    try:
-        client.run(require_same_versions, versions_of(True), True)
-    except BadInput:
-        client.close()
+        return future.result(seconds)
+    except (BrokenProcessPool, TimeoutError):
+        return CRASHED
+    except (BadInput, ComputationFailed):
         raise
-    return client
+    except Exception as error:
+        reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
+        raise ComputationFailed(f"a worker failed: {reason}") from None
+
+
+def _end(process: Any) -> None:
+    """End a process and its children."""
+    process.shutdown(wait=True, kill_workers=True)
 
 
 def _begin(parent: int) -> None:
@@ -214,19 +174,16 @@ def signals_held() -> Iterator[None]:
 
 
 @lru_cache
-def versions_of(meshed: bool) -> Mapping[str, str]:
-    """Return the versions of the software on which results depend, with that of finite elements where `meshed`.
+def versions_of() -> Mapping[str, str]:
+    """Return the versions of the software on which results depend.
 
     These are versions of flexfem and the libraries, a hash of the files of flexfem in a checkout or an editable
     installation, and a hash of the file that the user gives by `--with`.
     """
     versions = {"python": ".".join(map(str, sys.version_info[:2]))}
-    of_elements = ("gmsh", "scikit-fem", "cvxopt", "pypardiso") if meshed else ()
-    for name in ("flexfem", "numpy", "scipy", "shapely", *of_elements):
-        try:
+    for name in ("flexfem", "numpy", "scipy", "shapely", "gmsh", "scikit-fem", "cvxopt", "pypardiso"):
+        with suppress(PackageNotFoundError):
             versions[name] = version(name)
-        except PackageNotFoundError:
-            versions[name] = "none"
     if (PACKAGE.parent / "pyproject.toml").is_file():
         versions["sources"] = digest(dict(manifest()))[:16]
     if own_hash():
@@ -234,12 +191,10 @@ def versions_of(meshed: bool) -> Mapping[str, str]:
     return MappingProxyType(versions)
 
 
-def require_same_versions(expected: Mapping[str, str], meshed: bool) -> None:
+def require_same_versions(expected: Mapping[str, str]) -> None:
     """Raise BadInput in a worker whose versions of flexfem or libraries are not those of the runner."""
-    actual = versions_of(meshed)
-    for name in sorted({*actual, *expected}):
-        if actual.get(name) != expected.get(name):
-            raise BadInput(
-                f"a worker has {name} {actual.get(name, 'none')}, the runner {expected.get(name, 'none')}, "
-                "expected the same versions everywhere"
-            )
+    own = versions_of()
+    for name in {**expected, **own}:
+        if own.get(name) != expected.get(name):
+            said = f"a worker has {name} {own.get(name, 'none')}, the runner {expected.get(name, 'none')}"
+            raise BadInput(f"{said}, expected the same versions everywhere")

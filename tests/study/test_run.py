@@ -163,7 +163,7 @@ def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_thos
     again = Here()
     run_parts(parts_of(load_study(study()), tmp_path, 64), again)  # the first inputs find their own parts
     assert again.asked == []
-    monkeypatch.setattr("flexfem.study.run.versions_of", lambda meshed: {"flexfem": "9.9"})
+    monkeypatch.setattr("flexfem.study.run.versions_of", lambda: {"flexfem": "9.9"})
     newer = parts_of(load_study(study()), tmp_path, 64)
     assert not {newer.path(chunk) for chunk in newer.chunks()} & {first.path(chunk) for chunk in first.chunks()}
     monkeypatch.undo()
@@ -176,12 +176,12 @@ def test_rows_of_other_inputs_or_versions_are_never_taken_and_clean_removes_thos
 
 def test_versions_are_those_of_all_that_decides_results(monkeypatch):
     monkeypatch.setattr(worker_module, "own_hash", lambda: "ab" * 32)
-    own = dict(versions_of.__wrapped__(True))
+    own = dict(versions_of.__wrapped__())
     assert {"flexfem", "numpy", "scipy", "gmsh", "scikit-fem", "sources"} < set(own) and own["with"] == "ab" * 8
     monkeypatch.undo()
-    require_same_versions(versions_of(True), True)
+    require_same_versions(versions_of())
     with pytest.raises(BadInput, match=r"a worker has numpy .*, the runner 1.0, expected the same versions everywhere"):
-        require_same_versions(dict(versions_of(True)) | {"numpy": "1.0"}, True)
+        require_same_versions(dict(versions_of()) | {"numpy": "1.0"})
 
 
 @pytest.mark.parametrize(("method", "kept"), [("sobol", 100), ("monte_carlo", 100), ("latin_hypercube", 0)])
@@ -369,19 +369,3 @@ def test_a_stop_ends_soon_with_one_line_and_leaves_no_process(study, tmp_path, n
     assert "of 200 designs are kept in" in last and all(line.startswith("study: ") for line in before), err
     _, alive = psutil.wait_procs(left, 10.0)
     assert alive == []
-
-
-@pytest.mark.slow
-def test_workers_of_a_dask_scheduler_make_the_same_table_and_none_is_named(study, tmp_path):
-    distributed = pytest.importorskip("distributed")
-    loaded = load_study(study("fe", designs=6))
-    here, there = parts_of(loaded, tmp_path / "here"), parts_of(loaded, tmp_path / "there", 2)
-    run_parts(here, Here())
-    with (
-        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
-        Workers(1, cluster.scheduler_address) as pool,
-    ):
-        run_parts(there, pool)
-    require_same(there, here, 1e-9)
-    with pytest.raises(BadInput, match=r"--scheduler 127.0.0.1:1: expected host:port of a scheduler with workers"):
-        Workers(1, "127.0.0.1:1")

@@ -1,4 +1,4 @@
-"""What a study says of its answers: a formula out of its range, a factor that nothing shown depends on."""
+"""What a study says of its answers: a formula out of its range."""
 
 from __future__ import annotations
 
@@ -10,16 +10,13 @@ from typer.testing import CliRunner
 
 from flexfem.commands.study import app
 from flexfem.studies import status_facts
-from flexfem.study.answer import answer, factor_warnings
+from flexfem.study.answer import answer
 from flexfem.study.loaded import sample
 from flexfem.study.run import parts_of, table_of, write_part
 
 FEW = 'method = "monte_carlo"\ndesigns = 200\nseed = 5'
 NECK = 'key = "hinges.base.neck_mm"\nfrom = 0.3\nto = 0.7'
-WIDTH = 'label = "w"\nkey = "chain.link_width_mm"\nfrom = 8.8\nto = 9.4'
-STRENGTH = 'key = "material.yield_strength_mpa"\nfrom = 300.0\nto = 500.0'
 KXX = '[[figure]]\nkind = "sensitivity"\nvalues = ["kxx_n_per_mm"]'
-SUM = f'[[output]]\nname = "d"\nexpression = "range_x_um + envelope_mm"\n{KXX.replace("kxx_n_per_mm", "d")}'
 SHORT = 'model = "analytic"\nformula = "paros-weisbord-short"'
 
 
@@ -50,30 +47,3 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     (row,) = facts["findings"]["study-sensitivity"]["rows"]
     assert "total" not in row and row["first"] == pytest.approx(1.0, abs=0.1)
     assert "no factor changes it" in facts["findings"]["study-sensitivity-2"]["refused"]
-
-
-@pytest.mark.parametrize(
-    ("head", "tail", "said"),
-    [
-        ("", KXX, ["w changes none of kxx_n_per_mm in this model; it changes envelope_mm alone",
-                   "material.yield_strength_mpa changes none of kxx_n_per_mm in this model; it changes range_theta"]),
-        ('\nformula = "calibrated"', KXX, ["material.yield_strength_mpa changes none of kxx_n_per_mm"]),
-        ("", "", []),  # some output depends on each
-        ("", SUM, []),
-        ("", KXX + '\n[[constraint]]\nvalue = "range_x_um"\nleast = 1', ["w changes none of kxx_n_per_mm, range_x_um"]),
-    ],
-)  # fmt: skip
-def test_a_factor_that_nothing_shown_depends_on_is_named(studies, head: str, tail: str, said: list[str]) -> None:
-    loaded = studies.of(FEW, NECK, WIDTH, STRENGTH, head=f'model = "analytic"{head}', tail=tail)
-    found = factor_warnings(loaded)
-    assert len(found) == len(said) and all(text in one for text, one in zip(said, found, strict=True)), found
-
-
-def test_what_a_table_of_designs_never_varies_is_not_blamed(studies) -> None:
-    names = "hinges.base.neck_mm,w"
-    (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.0\n")
-    factors = 'key = "hinges.base.neck_mm"', 'label = "w"\nkey = "chain.link_width_mm"'
-    table = 'method = "table"\nfile = "d.csv"'
-    assert factor_warnings(studies.of(table, *factors, tail=KXX)) == []
-    (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.1\n")
-    assert ["factor w" in text for text in factor_warnings(studies.of(table, *factors, tail=KXX))] == [True]
