@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -50,17 +50,8 @@ from flexfem.study.loaded import LoadedStudy, designs_of, judge, plate_of, refus
 from flexfem.study.plan import Study
 from flexfem.units import DENSITY
 
-
-class Moments(NamedTuple):
-    """Area moments, mm^2 to mm^4, of n designs: bodies (n, 3 chains, 4 bodies, 4) and hub (n, 4)."""
-
-    bodies: Array
-    hub: Array
-
-
 Stages = Callable[[int], Stage]  # the stage of a design by its index
 Result = TypeVar("Result")
-Parts = TypeVar("Parts", WarmBodies, LinkParts, Moments)  # arrays by name
 
 
 def needs_stages(study: Study) -> bool:
@@ -79,12 +70,12 @@ def _for_stages(stages: Stages, reason: AnyArray, function: Callable[[Stage], Re
     return results
 
 
-def _stacked(loaded: LoadedStudy, stages: Stages, reason: AnyArray, function: Callable[[Stage], Parts]) -> Parts:
+def _stacked(loaded: LoadedStudy, stages: Stages, reason: AnyArray, function: Callable[[Stage], Any]) -> list[Array]:
     """Return the arrays (n, ...) of a function of every stage, with the base stage in place of refused designs."""
-    results, indices = _for_stages(stages, reason, function), range(len(reason))
-    missing = [index for index in indices if index not in results]
-    results |= dict.fromkeys(missing, function(loaded.stage)) if missing else {}
-    return type(results[0])(*map(np.stack, zip(*(results[index] for index in indices), strict=True)))
+    results = _for_stages(stages, reason, function)
+    instead = function(loaded.stage) if len(results) < len(reason) else None
+    rows = (results.get(index, instead) for index in range(len(reason)))
+    return [np.stack(arrays) for arrays in zip(*rows, strict=True)]
 
 
 def payload(loaded: LoadedStudy) -> Payload | None:
@@ -123,37 +114,37 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         return joined(loaded, [_solved_row(loaded, each) for each in values])
     with np.errstate(all="ignore"):  # numbers of impossible designs, which are refused
         designs = designs_of(loaded, values)
-        hinges = hinge_compliances(designs, study.formula)
-        refused = [*_off_limits(loaded, values), *(condition.broken for condition in conditions(designs))]
+        hinges, freedoms = hinge_compliances(designs, study.formula), freedoms_of(study.mobility, designs.prismatic)
         doubtful = unlikely(designs.fatigue[:, 0], designs.yield_strength)
+        refused = [*_off_limits(loaded, values), *(condition.broken for condition in conditions(designs))]
         refused += [*invalid_hinges(designs, study.formula, hinges), Broken(FATIGUE, doubtful)]
         reasons = [np.array(refusal.reason, object) for refusal in refused]
         reason = np.select([refusal.where for refusal in refused], reasons, refusals_of(loaded, values))
-        freedoms = freedoms_of(study.mobility, designs.prismatic)
         stages = cache(lambda index: stage_of(loaded, values[index]))
-        stacked = partial(_stacked, loaded, stages, reason)
+        stacked, model = partial(_stacked, loaded, stages, reason), (hinges, freedoms)
         if study.draws:
             _for_stages(stages, reason, check_feasible)
-        warm = stacked(partial(_warm_bodies, study)) if study.links else None
-        model = hinges, freedoms
+        warm = WarmBodies(*stacked(partial(_warm_bodies, study))) if study.links else None
         found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, _repeated(loaded))
         if study.driven:
             drive = drives_of(loaded.stage, designs, reason, stages)
-            driven_links = stacked(lambda stage: link_parts(stage, drive_of(stage).stacks)) if study.links else None
+            links = (
+                LinkParts(*stacked(lambda stage: link_parts(stage, drive_of(stage).stacks))) if study.links else None
+            )
             drive.stiffness[reason != ""] = np.nan  # makes all results of refused designs nan
-            response = driven_compliance(designs.frames, *model, drive.stacks, driven_links)
-            drives = drive_ranges(designs, driven(response.compliance, drive), response.necks, drive)
-            found = found._replace(drives=drives)
+            response = driven_compliance(designs.frames, *model, drive.stacks, links)
+            found = found._replace(
+                drives=drive_ranges(designs, driven(response.compliance, drive), response.necks, drive)
+            )
         if study.frequencies is not None:
-            moments = stacked(lambda stage: Moments(body_moments(stage), hub_moments(stage)))
-            elastic = stacked(lambda stage: link_parts(stage, body_loads(stage))) if study.links else None
+            moments = stacked(lambda stage: (body_moments(stage), hub_moments(stage)))
+            links = LinkParts(*stacked(lambda stage: link_parts(stage, body_loads(stage)))) if study.links else None
             areal = designs.thickness * designs.density * DENSITY
-            mass = mass_matrix(moments.bodies, moments.hub, areal, payload(loaded) or Payload())
-            frequencies = dynamics_of_designs(designs.frames, *model, mass, elastic).frequencies[:, :LOWEST]
+            mass = mass_matrix(*moments, areal, payload(loaded) or Payload())
+            frequencies = dynamics_of_designs(designs.frames, *model, mass, links).frequencies[:, :LOWEST]
             found = found._replace(frequencies=np.asarray(frequencies))
         if study.drift is not None:
-            pose = drift(designs, *model, *in_plane(designs), warm).pose
-            found = found._replace(drift=rates_of(pose))
+            found = found._replace(drift=rates_of(drift(designs, *model, *in_plane(designs), warm).pose))
         singular = np.isnan(found.stiffness[:, 0, 0])
         if found.drift is not None:
             singular |= np.isnan(found.drift.uniform).any(axis=1)
@@ -297,13 +288,10 @@ def nominal(loaded: LoadedStudy) -> dict[str, float]:
     study = loaded.study.model_copy(update={"bands": False, "constraint": ()})
     base = replace(loaded, study=study, columns=())
     rows = answer_designs(base, np.empty((1, 0)))
-    values = base_factor_values(loaded)
-    if rows.status[0] == "ok":
-        values |= dict(zip(study.outputs, map(float, rows.values[0]), strict=True))
-        columns = {name: np.array([value]) for name, value in values.items()}
-        derived = judge(base, columns, np.array([True])).derived
-        values |= {name: float(value[0]) for name, value in derived.items() if np.isfinite(value[0])}
-    return values
+    columns = {name: np.array([value]) for name, value in base_factor_values(loaded).items()}
+    columns |= dict(zip(study.outputs, rows.values.T, strict=True))
+    columns |= judge(base, columns, rows.status == "ok").derived
+    return {name: float(value) for name, (value,) in columns.items() if np.isfinite(value)}
 
 
 def base_factor_values(loaded: LoadedStudy) -> dict[str, float]:

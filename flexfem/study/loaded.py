@@ -106,8 +106,7 @@ class LoadedStudy:
             content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its kind, even if its numbers are those of the others
         overrides = (o for o in getattr(stage, "override", ()) if o.hinge or study.driven)
-        refusing = [constraint for constraint in study.constraint if study.uses_no_output(constraint.value)]
-        used = expanded_names((name for constraint in refusing for name in names_in(constraint.value)), study.output)
+        used = expanded_names((name for c in study.refusing for name in names_in(c.value)), study.output)
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         of_stage = stage.stated_hash if isinstance(stage, Mechanism) else stage.hash
         content |= {
@@ -119,7 +118,7 @@ class LoadedStudy:
                 [name, paths, factor.model_dump(mode="json", exclude={"key", "keys", "label"})]
                 for name, paths, factor in self.columns
             ],
-            "refused": [[c.value, c.least, c.most, c.title] for c in refusing]
+            "refused": [[c.value, c.least, c.most, c.title] for c in study.refusing]
             + [[output.name, output.expression] for output in study.output if output.name in used]
             + [[name, keys()[name].value_in(stage)] for name in numbers],
         }
@@ -281,14 +280,15 @@ def _table(path: Path, version: tuple[int, ...], names: tuple[str, ...]) -> tupl
         kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
     for name in names:
+        column, expected = f"{where}: column {shown(name)}", "expected one for each factor"
         if name not in present:
             close = suggestion(name, present) or f", found {one_line(', '.join(present), 160)}"
-            raise BadInput(f"{where}: column {shown(name)} is missing, expected one for each factor{close}")
+            raise BadInput(f"{column} is missing, {expected}{close}")
         if present.count(name) > 1:
-            raise BadInput(f"{where}: column {shown(name)} appears twice, expected one for each factor")
+            raise BadInput(f"{column} appears twice, {expected}")
         kind = table[name].type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-            raise BadInput(f"{where}: column {shown(name)} of type {kind}, expected numbers")
+            raise BadInput(f"{column} of type {kind}, expected numbers")
     values = [table[name].cast(pa.float64(), safe=False).to_numpy() for name in names]  # empty cells are nan
     return hashlib.sha256(content).hexdigest(), np.column_stack(values)
 
@@ -298,36 +298,38 @@ def sample(loaded: LoadedStudy, start: int, stop: int) -> Array:
 
     The last factor of a grid varies fastest. A sample of an `EXTENSIBLE` method begins with every smaller one.
     """
-    factors = [column.factor for column in loaded.columns]
+    factors, sampling = [column.factor for column in loaded.columns], loaded.study.sampling
     start, stop = max(start, 0), min(stop, loaded.count)
     if loaded.table is not None:
         sha256, values = _read(loaded.table.path, loaded.columns)
         if sha256 != loaded.table.digest:
             raise BadInput(f"{place_of(loaded.table.path)}: changed since the study was read: run again")
         return values[start:stop]
-    if loaded.study.sampling.method == "grid":
+    if sampling.method == "grid":
         points = [grid_points(factor) for factor in factors]
         places = np.unravel_index(np.arange(start, stop), [len(values) for values in points])
         return np.stack([values[place] for values, place in zip(points, places, strict=True)], axis=-1)
-    quantiles = correlated(loaded, np.clip(_quantiles(loaded, start, stop), INSIDE, 1.0 - INSIDE))
-    return np.stack([at_quantile(factor, u) for factor, u in zip(factors, quantiles.T, strict=True)], axis=-1)
+    if sampling.method == "latin_hypercube":
+        return _values_at(loaded, _latin_hypercube(sampling.seed, len(factors), loaded.count)[start:stop])
+    draw = {"monte_carlo": monte_carlo, "sobol": _sobol, "saltelli": _saltelli}[sampling.method]
+    return _values_at(loaded, draw(sampling.seed or 0, len(factors), start, stop))
 
 
-def correlated(loaded: LoadedStudy, quantiles: Array) -> Array:
-    """Return quantiles (n, columns) with the rank correlations of the study, from independent ones between 0 and 1.
+def _values_at(loaded: LoadedStudy, quantiles: Array) -> Array:
+    """Return the factor values (n, columns) at independent quantiles (n, columns), with the correlations of the study.
 
     A Gaussian copula (R. B. Nelsen, An Introduction to Copulas, 2nd ed., Springer 2006): normal deviates `L z` with
     `L L' = R` of `plan.normal_correlation`; every factor keeps its own distribution.
     """
-    names = [column.name for column in loaded.columns]
-    pairs = loaded.study.correlation
+    names, pairs = [column.name for column in loaded.columns], loaded.study.correlation
     dependent = sorted({names.index(name) for pair in pairs for name in pair.factors})
-    if not dependent or not len(quantiles):
-        return quantiles
-    L = np.linalg.cholesky(normal_correlation([names[index] for index in dependent], pairs))
-    result = quantiles.copy()
-    result[:, dependent] = ndtr(ndtri(quantiles[:, dependent]) @ L.T)
-    return np.clip(result, INSIDE, 1.0 - INSIDE)
+    result = np.clip(quantiles, INSIDE, 1.0 - INSIDE)
+    if dependent and len(result):
+        L = np.linalg.cholesky(normal_correlation([names[index] for index in dependent], pairs))
+        result[:, dependent] = np.clip(ndtr(ndtri(result[:, dependent]) @ L.T), INSIDE, 1.0 - INSIDE)
+    return np.stack(
+        [at_quantile(column.factor, u) for column, u in zip(loaded.columns, result.T, strict=True)], axis=-1
+    )
 
 
 def grid_points(factor: Factor) -> Array:
@@ -365,20 +367,6 @@ def monte_carlo(seed: int, columns: int, start: int, stop: int) -> Array:
     return np.concatenate([np.empty((0, columns)), *drawn])[start % BLOCK :][: stop - start]
 
 
-def _quantiles(loaded: LoadedStudy, start: int, stop: int) -> Array:
-    """Return the quantiles (stop - start, columns) of a sample, 0 <= u < 1."""
-    sampling, columns = loaded.study.sampling, len(loaded.columns)
-    assert sampling.seed is not None
-    match sampling.method:
-        case "monte_carlo":
-            return monte_carlo(sampling.seed, columns, start, stop)
-        case "sobol":
-            return _sobol(sampling.seed, columns, start, stop)
-        case "saltelli":
-            return _saltelli(sampling.seed, columns, start, stop)
-    return _latin_hypercube(sampling.seed, columns, loaded.count)[start:stop]
-
-
 @lru_cache(maxsize=1)
 def _engine(seed: int, columns: int) -> Any:
     """Return a scrambled Sobol sequence, cached with its position because most parts are drawn in their order."""
@@ -411,7 +399,7 @@ def _saltelli(seed: int, columns: int, start: int, stop: int) -> Array:
 
 
 @lru_cache(maxsize=1)
-def _latin_hypercube(seed: int, columns: int, designs: int) -> Array:
+def _latin_hypercube(seed: int | None, columns: int, designs: int) -> Array:
     from scipy.stats import qmc
 
     return np.asarray(qmc.LatinHypercube(columns, rng=np.random.default_rng(seed)).random(designs))
@@ -456,7 +444,12 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
         expected = key.number.expected(value)
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
-        _set(changes, loaded.stage, key, key.number.inside(value))
+        table, current = _changed(changes, loaded.stage, key)
+        number = key.number.inside(value)
+        if key.element is not None:  # the other elements of the array are those of the stage
+            members = list(table.get(key.attribute) or getattr(current, key.attribute))
+            members[key.element] = number
+        table[key.attribute] = number if key.element is None else members
     return Stage(**loaded.stage.merged(changes) | {"provenance": {}})
 
 
@@ -464,17 +457,6 @@ def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
     """Return every key that a column sets with the index of the column, keys of one chain after those of all three."""
     settings = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
     return sorted(settings, key=lambda setting: setting[0].table[:1] == ("override",))
-
-
-def _set(changes: dict[str, Any], stage: Stage, key: Key, value: float) -> None:
-    """Set a number in changes as `Stage.replace` takes them; the other elements of an array are those of the stage."""
-    table, current = _changed(changes, stage, key)
-    if key.element is None:
-        table[key.attribute] = value
-    else:
-        members = list(table.get(key.attribute) or getattr(current, key.attribute))
-        members[key.element] = value
-        table[key.attribute] = members
 
 
 def _changed(changes: dict[str, Any], stage: Stage, key: Key) -> tuple[dict[str, Any], Any]:
@@ -520,12 +502,13 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
 
     Constraints on factors and keys only are evaluated here, before designs are solved.
     """
-    study, reason = loaded.study, np.full(len(values), "", dtype=object)
-    known = {column.name: values[:, index] for index, column in enumerate(loaded.columns)}
-    for output in filter(lambda output: study.uses_no_output(output.expression), study.output):
-        known[output.name] = evaluated(loaded, output.expression, known, len(values))
-    for constraint in filter(lambda constraint: study.uses_no_output(constraint.value), study.constraint):
-        value = evaluated(loaded, constraint.value, known, len(values))
+    study, size, reason = loaded.study, len(values), np.full(len(values), "", dtype=object)
+    known = dict(zip((column.name for column in loaded.columns), values.T, strict=True))
+    for output in study.output:
+        if study.uses_no_output(output.expression):
+            known[output.name] = evaluated(loaded, output.expression, known, size)
+    for constraint in study.refusing:
+        value = evaluated(loaded, constraint.value, known, size)
         for index in np.flatnonzero(constraint.broken(value) & (reason == "")):
             reason[index] = f"constraint {constraint.title} = {value[index]:.6g}, expected {constraint.expected}"
     return reason

@@ -587,6 +587,11 @@ class Study(Sourced):
         return expanded_names(names_in(expression), self.output).isdisjoint(self.outputs)
 
     @property
+    def refusing(self) -> list[Constraint]:
+        """Constraints on factors and keys only, which refuse a design before it is solved."""
+        return [constraint for constraint in self.constraint if self.uses_no_output(constraint.value)]
+
+    @property
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn to check that they do not overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
