@@ -22,7 +22,7 @@ from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
-from flexfem.study.loaded import LoadedStudy, mechanism_of, stage_of
+from flexfem.study.loaded import LoadedStudy, plate_of
 from flexfem.study.plan import Figure, Study, expanded_names
 from flexfem.units import DIRECTIONS, unit_of, without_unit
 
@@ -298,8 +298,8 @@ class Distribution(NamedTuple):
 
 
 class Indices(NamedTuple):
-    """Sobol indices (k,) of one quantity in the order of the factors, and half-widths of their confidence intervals;
-    total indices where the sampling gives them."""
+    """Sobol indices (k,) of one quantity by factor, and half-widths of their confidence intervals; total indices where
+    the sampling gives them."""
 
     first: Array
     first_band: Array
@@ -381,13 +381,13 @@ def findings(source: Source) -> dict[str, Record | Refused]:
     for figure in loaded.study.figure:
         stem = "-".join(part for part in (loaded.stem, figure.kind, figure.value) if part)
         used[stem] += 1
+        name = stem if used[stem] == 1 else f"{stem}-{used[stem]}"
         try:
-            for name, _ in figure.columns.values():
-                _require_drawable(source, figure.kind, name)
-            record: Record | Refused = makers[figure.kind](source, figure)
+            for column, _ in figure.columns.values():
+                _require_drawable(source, figure.kind, column)
+            records[name] = makers[figure.kind](source, figure)
         except BadInput as error:
-            record = Refused(str(error))
-        records[stem if used[stem] == 1 else f"{stem}-{used[stem]}"] = record
+            records[name] = Refused(str(error))
     return records
 
 
@@ -406,7 +406,7 @@ def _require_drawable(source: Source, kind: str, name: str) -> None:
 def map_of(source: Source, figure: Figure) -> StudyMap:
     """Return the map of an output over two factors, averaged over other factors that vary. Raises BadInput."""
     x, y, value = (name or "" for name in (figure.x, figure.y, figure.value))
-    x_axis, y_axis, value_axis = (source.quantity(name) for name in (x, y, value))
+    x_axis, y_axis, value_axis = map(source.quantity, (x, y, value))
     cells, lines = cells_of(source, (x, y), value), list[str]()
     if not np.isfinite(cells.values).any():
         raise source.refusal("map", value, "no shown design satisfies all constraints, expected some")
@@ -419,12 +419,11 @@ def map_of(source: Source, figure: Figure) -> StudyMap:
     band = value.replace("error_", "band_")
     if band != value and band in source.table.columns:
         (bands,) = source.table.with_results(band)
-        median, largest = np.median(bands), bands.max()
-        lines.append(f"Mesh band of the error: median {median:.2g}, largest {largest:.2g} percentage points.")
-    numbers = np.column_stack([cells.values, cells.points])
-    ends = (("least", np.nanargmin(cells.values)), ("most", np.nanargmax(cells.values)))
-    rows = [(word, *numbers[place].tolist()) for word, place in ends]
-    head = {"end": "", **{name: source.quantity(name).label for name in (value, x, y)}}
+        median, largest = f"median {np.median(bands):.2g}", f"largest {bands.max():.2g} percentage points"
+        lines.append(f"Mesh band of the error: {median}, {largest}.")
+    ends = {"least": np.nanargmin(cells.values), "most": np.nanargmax(cells.values)}
+    rows = [(word, float(cells.values[at]), *cells.points[at].tolist()) for word, at in ends.items()]
+    head = {"end": "", value: value_axis.label, x: x_axis.label, y: y_axis.label}
     table = FigureTable("Extremes of the map", head, rows)
     marks = (*TRUSTED, *(-mark for mark in TRUSTED)) if value.startswith(("error_", "cross_")) else ()
     caption = source.caption(figure, f"{value_axis.name} over {x_axis.name} and {y_axis.name}", *lines)
@@ -493,15 +492,16 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # designs that were drawn before they were solved can be drawn
     front = drawable_front(points, larger, stages_at, attempts)
-    best, log = points[front.places], {column.name for column in loaded.columns if column.factor.scale == "log"}
-    along = np.stack([np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)], 1)
-    axes = [(source.quantity(name), values) for name, values in zip((x, y), points.T, strict=True)]
-    x_axis, y_axis = (axis._replace(log=axis.log or is_wide(values)) for axis, values in axes)
-    names = list(dict.fromkeys([x, y, *(column.name for column in loaded.columns)]))
-    selected = spread(along, figure.drawn)
-    numbers = {name: source.column(name)[rows[front.places]] for name in names}
+    best, power = points[front.places], power_of(points[front.places])
+    gain = _gain(source, figure, rows, front.undrawable, stages_at)
+    log = {column.name for column in loaded.columns if column.factor.scale == "log"}
+    along = [np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)]
+    names = dict.fromkeys([x, y, *(column.name for column in loaded.columns)])
+    axes = {name: source.quantity(name) for name in names}
+    numbers = {name: source.column(name)[rows[front.places]].tolist() for name in names}
+    selected = spread(np.column_stack(along), figure.drawn)
     chosen = [
-        Chosen(front.places[k], stage, [(source.quantity(name), float(values[k])) for name, values in numbers.items()])
+        Chosen(front.places[k], stage, [(axis, numbers[name][k]) for name, axis in axes.items()])
         for k, stage in zip(selected, stages_at(front.places[selected]), strict=True)
         if stage is not None
     ]
@@ -510,17 +510,16 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     left_out = [f"not drawn: {counted(excluded)}"] if any(excluded.values()) else []
     if attempts and front.unchecked:
         left_out.append(f"{front.unchecked} on the front were not checked by drawing")
-    power, gain = power_of(best), _gain(source, figure, rows, front.undrawable, stages_at)
+    x_axis, y_axis = (axes[name]._replace(log=axes[name].log or is_wide(points[:, k])) for k, name in enumerate((x, y)))
     lines = list[str]()
     if power is not None:
         lines.append(f"On the front, {y_axis.name} varies as {x_axis.name} to the power {power:.3g} (least squares).")
     if gain is not None:
         best_of = f"The best design that is no larger and no worse in {x_axis.name} than the base stage"
         lines.append(f"{best_of} has {gain:.3g} times its {y_axis.name}.")
-    head = {"design": "design", **{name: source.quantity(name).label for name in names}}
+    head = {"design": "design", **{name: axis.label for name, axis in axes.items()}}
     designs = map(str, table.design[rows[front.places]])
-    columns = [values.tolist() for values in numbers.values()]
-    listed = FigureTable("Designs of the front", head, list(zip(designs, *columns, strict=True)))
+    listed = FigureTable("Designs of the front", head, [*zip(designs, *numbers.values(), strict=True)])
     caption = source.caption(figure, f"{y_axis.name} against {x_axis.name}", *lines)
     better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
     return ParetoFront(
@@ -579,13 +578,9 @@ def spread(points: Array, count: int) -> Index:
 def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
     """Return the stage or mechanism of factor values (columns,), None where it cannot be made."""
     with suppress(BadInput, ValidationError):
-        if isinstance(loaded.base, Mechanism):
-            mechanism = mechanism_of(loaded, loaded.base, values)
-            check_layout(mechanism.layout)
-            return mechanism
-        stage = stage_of(loaded, values)
-        check_feasible(stage)
-        return stage
+        plate = plate_of(loaded, values)
+        check_layout(plate.layout) if isinstance(plate, Mechanism) else check_feasible(plate)
+        return plate
     return None
 
 
@@ -620,18 +615,18 @@ def _gain(
 def distribution_of(source: Source, figure: Figure) -> Distribution:
     """Return the scatter of outputs, with percentiles whose confidence intervals assume independent draws."""
     loaded, table, scatters, rows = source.loaded, source.table, [], list[Sequence[str | float]]()
-    saltelli = loaded.study.sampling.method == "saltelli"  # its rows from one Sobol point are one draw
-    draws = table.design[table.ok] // (len(loaded.columns) + 2) if saltelli else None
+    method = loaded.study.sampling.method
+    draws = table.design[table.ok] // (len(loaded.columns) + 2)  # rows of Saltelli's scheme from one Sobol point
     for name in figure.values or ():
         values, axis, base = source.column(name)[table.ok], source.quantity(name), source.base_value(name)
-        scatters.append(Scatter(axis, values, percentiles(values, MARKED, draws), base))
-        rows += [(axis.name, axis.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in scatters[-1].percentiles]
-        if base is not None:
-            rows.append((axis.name, axis.unit, "base stage", base, np.nan, np.nan))
+        found = percentiles(values, MARKED, draws if method == "saltelli" else None)
+        scatters.append(Scatter(axis, values, found, base))
+        rows += [(axis.name, axis.unit, f"{p:g}{SPACE}%", *ends) for p, *ends in found]
+        rows += [] if base is None else [(axis.name, axis.unit, "base stage", base, np.nan, np.nan)]
     line = "In brackets and shaded: distribution-free 95 % confidence intervals of the percentiles."
-    if loaded.table is not None:
+    if method == "table":
         line += " They are valid if the designs of the table are independent draws."
-    elif loaded.study.sampling.method != "monte_carlo":
+    elif method != "monte_carlo":
         line += " They assume independent draws; for these evenly spread designs they are usually too wide."
     head = {"quantity": "value", "unit": "unit", "percent": "percentile", "value": "", "low": "from", "high": "to"}
     listed = FigureTable("Percentiles with 95 % confidence intervals", head, rows)
@@ -672,8 +667,10 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     """Return the Sobol indices of several outputs for every factor. Raises BadInput."""
     loaded = source.loaded
     shares = [Share(source.quantity(name), sensitivity(source, name)) for name in figure.values or ()]
-    line = "Sobol indices; whiskers: 95 % confidence."
-    if loaded.study.sampling.method != "saltelli":
+    line, parts = "Sobol indices; whiskers: 95 % confidence.", {"first": "first order: alone", "first_band": "±"}
+    if loaded.study.sampling.method == "saltelli":
+        parts |= {"total": "total: with its interactions", "total_band": "±"}
+    else:
         line = (
             "First-order Sobol indices from one plain sample, by regression on each factor alone; whiskers: 95 % "
             'confidence. Total indices need method = "saltelli".'
@@ -681,17 +678,14 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
         if loaded.study.correlation or loaded.table is not None or not source.table.ok.all():
             line += " Factors may be dependent, also through designs without a result: shares then overlap."
     factors = [factor(column).name for column in loaded.columns]
-    parts = {"first": "first order: alone", "first_band": "±"}
-    if all(share.indices.total is not None for share in shares):
-        parts |= {"total": "total: with its interactions", "total_band": "±"}
     rows: list[Sequence[str | float]] = [
         (factor_name, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in parts))
         for share in shares
         for k, factor_name in enumerate(factors)
     ]
     head = {"factor": "factor", "quantity": "of the variance of", **parts}
-    caption = source.caption(figure, "Share of variance by factor", line)
-    return Sensitivity(caption, shares, factors, FigureTable("Sobol indices with 95 % confidence", head, rows))
+    listed = FigureTable("Sobol indices with 95 % confidence", head, rows)
+    return Sensitivity(source.caption(figure, "Share of variance by factor", line), shares, factors, listed)
 
 
 def sensitivity(source: Source, value: str) -> Indices:

@@ -395,15 +395,30 @@ class Study(Sourced):
     """A figure of `flexfem study plot`"""
 
     @model_validator(mode="after")
-    def _keys_fit_model(self) -> Study:
-        for name, field in type(self).model_fields.items():
-            key = field.alias or name
-            if name in self.model_fields_set and self.model not in APPLIES.get(key, (self.model,)):
+    def _keys_fit_model_and_base(self) -> Study:
+        fields = type(self).model_fields
+        for key in (field.alias or name for name, field in fields.items() if name in self.model_fields_set):
+            if self.model not in APPLIES.get(key, (self.model,)):
                 raise refusal(f'no {key} with model = "{self.model}"', key)
+            if self.on_mechanism and key not in OF_MECHANISM:
+                raise refusal(f"no {key} in a study of a mechanism, whose numbers are those of ask", key)
+        if self.on_mechanism and self.model == "verify":
+            raise refusal("analytic, fe or three_dimensional in a study of a mechanism", "model")
+        if self.on_mechanism and not self.ask:
+            raise refusal("ask = [...]: the numbers that a study of a mechanism computes")
+        if not self.on_mechanism and any(path.startswith("drive.") for path in self.ask):
+            raise refusal(f"a question of {', '.join(QUESTIONS)} about a stage", "ask")
         if self.links and self.mobility != 21:
             raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
         if self.check == "closed_form" and self.model != "analytic":
             raise refusal("drawing: meshed designs are always drawn", "check")
+        if self.driven and self.model == "three_dimensional":
+            expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane only'
+            raise refusal(expected, "drive", "actuators")
+        for index, factor in enumerate(self.factor):
+            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
+                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
+                raise refusal(expected, "factor", index)
         return self
 
     @field_validator("ask")
@@ -416,31 +431,6 @@ class Study(Sourced):
             if path in paths[:index]:
                 raise refusal("each path once", "ask", index)
         return paths
-
-    @model_validator(mode="after")
-    def _keys_fit_mechanism(self) -> Study:
-        if self.on_mechanism:
-            for name, field in type(self).model_fields.items():
-                if name in self.model_fields_set and (key := field.alias or name) not in OF_MECHANISM:
-                    raise refusal(f"no {key} in a study of a mechanism, whose numbers are those of ask", key)
-            if self.model == "verify":
-                raise refusal("analytic, fe or three_dimensional in a study of a mechanism", "model")
-            if not self.ask:
-                raise refusal("ask = [...]: the numbers that a study of a mechanism computes")
-        elif any(path.startswith("drive.") for path in self.ask):
-            raise refusal(f"a question of {', '.join(QUESTIONS)} about a stage", "ask")
-        return self
-
-    @model_validator(mode="after")
-    def _drive_fits_model(self) -> Study:
-        if self.driven and self.model == "three_dimensional":
-            expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane only'
-            raise refusal(expected, "drive", "actuators")
-        for index, factor in enumerate(self.factor):
-            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
-                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
-                raise refusal(expected, "factor", index)
-        return self
 
     @model_validator(mode="after")
     def _factors_fit_sampling(self) -> Study:
@@ -550,11 +540,12 @@ class Study(Sourced):
         """Names of the requested output columns, without numbers of other questions."""
         if self.on_mechanism:
             return ()
+        verified = self.model == "verify"
         requested = {
-            "travel": self.rotation is not None,
+            "travel": self.rotation,
             "drive": self.driven,
-            "verify": self.model == "verify",
-            "bands": self.model == "verify" and self.bands,
+            "verify": verified,
+            "bands": verified and self.bands,
         }
         requested |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
         moved = (True, True, True) if self.life is None else self.life.moved
