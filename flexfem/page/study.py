@@ -141,7 +141,7 @@ def range_of(column: Column) -> str:
 
 def _source_of(sources: dict[str, str | None], index: int, given: Factor) -> str:
     """Return the sources of the numbers of a factor, in bold if assumed or not stated."""
-    fields = [type(given).model_fields[name].alias or name for name in given.model_fields_set]
+    fields = [f.alias or name for name, f in type(given).model_fields.items() if name in given.model_fields_set]
     paths = (f"factor[{index}]", *(f"factor[{index}].{key}" for key in fields))
     text = "; ".join(dict.fromkeys(source for path in paths if (source := sources.get(path))))
     bold = Markup("<strong>{}</strong>").format

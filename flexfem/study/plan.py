@@ -541,12 +541,8 @@ class Study(Sourced):
         if self.on_mechanism:
             return ()
         verified = self.model == "verify"
-        requested = {
-            "travel": self.rotation,
-            "drive": self.driven,
-            "verify": verified,
-            "bands": verified and self.bands,
-        }
+        requested = {"travel": self.rotation is not None, "drive": self.driven}
+        requested |= {"verify": verified, "bands": verified and self.bands}
         requested |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
         moved = (True, True, True) if self.life is None else self.life.moved
         return outputs_of(*(name for name, included in requested.items() if included), moved=moved)
