@@ -137,10 +137,10 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
                 drives=drive_ranges(designs, driven(response.compliance, drive), response.necks, drive)
             )
         if study.frequencies is not None:
-            moments = stacked(lambda stage: (body_moments(stage), hub_moments(stage)))
+            bodies, hubs = stacked(lambda stage: (body_moments(stage), hub_moments(stage)))
             links = LinkParts(*stacked(lambda stage: link_parts(stage, body_loads(stage)))) if study.links else None
             areal = designs.thickness * designs.density * DENSITY
-            mass = mass_matrix(*moments, areal, payload(loaded) or Payload())
+            mass = mass_matrix(bodies, hubs, areal, payload(loaded) or Payload())
             frequencies = dynamics_of_designs(designs.frames, *model, mass, links).frequencies[:, :LOWEST]
             found = found._replace(frequencies=np.asarray(frequencies))
         if study.drift is not None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from typing import Annotated, ClassVar, Literal, TypeAlias
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
-from pydantic import AfterValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Field, field_validator, model_validator
 
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arguments import FINEST, MOST_LAYERS
@@ -27,7 +27,7 @@ from flexfem.files.quantities import (
     Unlimited,
 )
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
-from flexfem.files.tables import Label, Table
+from flexfem.files.tables import KEPT, Label, Table
 from flexfem.mechanism.keys import LIFE_CONSTANTS, PARAMETERS, key_suggestion, keys
 from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
@@ -500,6 +500,12 @@ class Study(Sourced):
                     expected = "an output of this study" if is_output else "a column of this study"
                     raise refusal(f"{expected}{suggestion(column, known)}", "figure", index, *place)
         return self
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with values replaced by name, unchecked: another model ignores settings that do not apply."""
+        copy = BaseModel.model_copy(self, update=update, deep=deep)
+        copy.__dict__.pop(KEPT, None)
+        return copy
 
     @property
     def numbers(self) -> tuple[str, ...]:
