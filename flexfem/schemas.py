@@ -60,51 +60,31 @@ class Format(NamedTuple):
     named: str = ""
 
 
+STAGES = "One TOML file for each stage. `flexfem new` writes a stage file, `flexfem check` explains it."
+CASES = (
+    "One TOML file for each comparison: (18) gives the force for a commanded platform displacement, finite elements "
+    "give the displacement under this force, and the difference is the error. `flexfem verify` runs it."
+)
+STUDIES = "One TOML file for each study: many designs of one base stage, run by `flexfem study run`."
+DESIGNS = "One TOML file for each design: free keys of a base stage, requirements and objective, for `flexfem design`."
+FIXTURES = "One TOML file for each set-up of the stiffness experiment, for `flexfem experiment`."
+SLOPES = "Measured slopes without the set-up, for `flexfem identify` and `flexfem experiment --measured`."
+MATERIALS = "Your own materials, one table each, in a file that the stage file names: `name` and `file` in `[material]`."
+NECKS = "The necks of a stage or mechanism as measured, for `flexfem as-built`, which also reads a CSV file."
+MECHANISMS = (
+    "One TOML file for each mechanism that is cut from one plate, of any form: bodies, hinges, copies of both, "
+    "actuators and an output. `flexfem new --kind` writes examples."
+)
 FORMATS = {
-    "stage": Format(
-        Stage,
-        "Stage file",
-        "One TOML file for each stage. `flexfem new` writes a stage file, `flexfem check` explains it.",
-    ),
-    "case": Format(
-        Case,
-        "Case file",
-        "One TOML file for each comparison: (18) gives the force for a commanded platform displacement, finite "
-        "elements give the displacement under this force, and the difference is the error. `flexfem verify` runs it.",
-    ),
-    "study": Format(
-        Study, "Study file", "One TOML file for each study: many designs of one base stage, run by `flexfem study run`."
-    ),
-    "requirements": Format(
-        Requirements,
-        "Requirements file",
-        "One TOML file for each design: free keys of a base stage, requirements and objective, for `flexfem design`.",
-    ),
-    "fixture": Format(
-        Fixture, "Fixture file", "One TOML file for each set-up of the stiffness experiment, for `flexfem experiment`."
-    ),
-    "measured": Format(
-        Measurement,
-        "Measured slopes",
-        "Measured slopes without the set-up, for `flexfem identify` and `flexfem experiment --measured`.",
-    ),
-    "material": Format(
-        Entry,
-        "Materials file",
-        "Your own materials, one table each, in a file that the stage file names: `name` and `file` in `[material]`.",
-        named="material",
-    ),
-    "necks": Format(
-        Necks,
-        "Measured necks",
-        "The necks of a stage or mechanism as measured, for `flexfem as-built`, which also reads a CSV file.",
-    ),
-    "mechanism": Format(
-        Mechanism,
-        "Mechanism file",
-        "One TOML file for each mechanism that is cut from one plate, of any form: bodies, hinges, copies of both, "
-        "actuators and an output. `flexfem new --kind` writes examples.",
-    ),
+    "stage": Format(Stage, "Stage file", STAGES),
+    "case": Format(Case, "Case file", CASES),
+    "study": Format(Study, "Study file", STUDIES),
+    "requirements": Format(Requirements, "Requirements file", DESIGNS),
+    "fixture": Format(Fixture, "Fixture file", FIXTURES),
+    "measured": Format(Measurement, "Measured slopes", SLOPES),
+    "material": Format(Entry, "Materials file", MATERIALS, named="material"),
+    "necks": Format(Necks, "Measured necks", NECKS),
+    "mechanism": Format(Mechanism, "Mechanism file", MECHANISMS),
 }
 
 
@@ -189,9 +169,8 @@ def schema_of(name: str) -> dict[str, Any]:
     if name not in FORMATS:
         return results()[name].schema()
     of = FORMATS[name]
-    raw = of.model.model_json_schema(by_alias=True, schema_generator=_Described)
-    whole = _plain(raw, raw.get("$defs", {}))
-    _complete_numbers(whole, "", EXPRESSIONS if of.model is Mechanism else "number")
+    raw = of.model.model_json_schema(schema_generator=_Described)
+    whole = _plain(raw, "", raw.get("$defs", {}), EXPRESSIONS if of.model is Mechanism else "number")
     if of.named:
         entry = whole | {"description": f"The numbers of one {of.named}"}
         whole = {"type": "object", "additionalProperties": entry}
@@ -199,7 +178,10 @@ def schema_of(name: str) -> dict[str, Any]:
 
 
 class _Described(GenerateJsonSchema):
-    """Schemas with the attribute docstrings as descriptions; pydantic would parse them at every start."""
+    """Schemas without null, with the attribute docstrings as descriptions; pydantic would parse them at every start."""
+
+    def nullable_schema(self, schema: Any) -> dict[str, Any]:
+        return self.generate_inner(schema["schema"])
 
     def model_schema(self, schema: Any) -> dict[str, Any]:
         found, model, texts = super().model_schema(schema), schema["cls"], dict[str, str]()
@@ -217,45 +199,32 @@ class _Described(GenerateJsonSchema):
         return found
 
 
-def _plain(schema: Any, known: dict[str, Any]) -> Any:
-    """Return a schema without references, without null, and with one schema for all items of an array."""
-    if not isinstance(schema, dict):
-        return schema
-    found = {key: value for key, value in schema.items() if key not in ("title", "$defs", "$ref", "default")}
-    if schema.get("default") is not None and schema["default"] != []:
-        found["default"] = schema["default"]
+def _plain(schema: dict[str, Any], key: str, known: dict[str, Any], number: str | list[str]) -> dict[str, Any]:
+    """Return a schema without references, with one schema for all items of an array.
+
+    A number has the type `number` and the unit that its key ends in, unless its own schema states one.
+    """
+    found = {name: value for name, value in schema.items() if name not in ("title", "$defs", "$ref")}
+    if "$ref" in schema:
+        found = {**known[schema["$ref"].rpartition("/")[2]], **found}
+        return _plain(found, key, known, number)
+    if found.get("default", ()) in (None, []):
+        del found["default"]
     if "description" in found:
         found["description"] = " ".join(found["description"].split())
-    if "$ref" in schema:
-        found = {**_plain(known[schema["$ref"].rpartition("/")[2]], known), **found}
-    members = found.get("anyOf", [])
-    if {"type": "null"} in members:
-        (inner,) = (each for each in members if each != {"type": "null"})
-        found = {**_plain(inner, known), **{key: value for key, value in found.items() if key != "anyOf"}}
     if "prefixItems" in found:
-        kinds = found.pop("prefixItems")
-        assert all(kind == kinds[0] for kind in kinds), "members of several kinds"
-        found["items"] = kinds[0]
+        found["items"], *others = found.pop("prefixItems")
+        assert all(kind == found["items"] for kind in others), "members of several kinds"
+    if found.get("type") in NUMBERS:
+        found.setdefault(UNIT, str(unit_of(key)) or "1" * (found["type"] == "integer"))
+        found["type"] = number if found["type"] == "number" else "integer"
+    for name in ("items", "additionalProperties"):
+        if isinstance(found.get(name), dict):
+            found[name] = _plain(found[name], key, known, number)
     if "properties" in found:
-        found["properties"] = {key: _plain(value, known) for key, value in found["properties"].items()}
-    for key in ("items", "additionalProperties"):
-        if key in found:
-            found[key] = _plain(found[key], known)
-    if found.get("minimum", 0) > 0:
-        found.pop("exclusiveMinimum", None)
+        inner = found["properties"].items()
+        found["properties"] = {name: _plain(value, name, known, number) for name, value in inner}
     return found
-
-
-def _complete_numbers(of: dict[str, Any], key: str, number: str | list[str]) -> None:
-    """Add to every number the unit that its key ends in, unless its own schema states one, and set its type."""
-    if of.get("type") in NUMBERS:
-        of.setdefault(UNIT, str(unit_of(key)) or "1" * (of["type"] == "integer"))
-        of["type"] = number if of["type"] == "number" else "integer"
-    for inner in (of.get("items"), of.get("additionalProperties")):
-        if isinstance(inner, dict):
-            _complete_numbers(inner, key, number)
-    for name, inner in of.get("properties", {}).items():
-        _complete_numbers(inner, name, number)
 
 
 class KeyRow(NamedTuple):
