@@ -69,7 +69,7 @@ STUDIES = "One TOML file for each study: many designs of one base stage, run by 
 DESIGNS = "One TOML file for each design: free keys of a base stage, requirements and objective, for `flexfem design`."
 FIXTURES = "One TOML file for each set-up of the stiffness experiment, for `flexfem experiment`."
 SLOPES = "Measured slopes without the set-up, for `flexfem identify` and `flexfem experiment --measured`."
-MATERIALS = "Your own materials, one table each, in a file that the stage file names: `name` and `file` in `[material]`."
+MATERIALS = "Your own materials, one table each, in a file that a stage file names: `name` and `file` in `[material]`."
 NECKS = "The necks of a stage or mechanism as measured, for `flexfem as-built`, which also reads a CSV file."
 MECHANISMS = (
     "One TOML file for each mechanism that is cut from one plate, of any form: bodies, hinges, copies of both, "

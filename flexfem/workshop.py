@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from flexfem import arguments
 from flexfem.arrays import brief
 from flexfem.files.provenance import Assumptions
-from flexfem.files.refusals import checked_path, place_of, shown, suggestion
+from flexfem.files.refusals import checked_path, nearest, place_of, shown
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.mechanism.feasibility import check_feasible, placed
@@ -81,8 +81,7 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
         raise BadInput(f"{place_of(path)}: expected a file name that ends in .toml, such as stage.toml")
     require_plain_stem(path)
     if kind is not None and kind not in MECHANISMS:
-        near = suggestion(kind, MECHANISMS) or f", one of {', '.join(MECHANISMS)}"
-        raise BadInput(f"--kind = {shown(kind)}, expected a kind of mechanism{near}")
+        raise BadInput(f"--kind = {shown(kind)}, expected a kind of mechanism{nearest(kind, MECHANISMS)}")
     if kind is not None and (case or study):
         raise BadInput(
             "--kind: cases and studies are those of the stage with nine hinges, expected no --case or --study"

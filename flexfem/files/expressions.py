@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
-from flexfem.files.refusals import refusal, shown, suggestion
+from flexfem.files.refusals import nearest, refusal, shown
 from flexfem.units import without_unit
 
 MOST_PARAMETERS = 300
@@ -129,8 +129,7 @@ def require_names(text: str, known: Mapping[str, Any], *at: str) -> tuple[str, .
         raise refusal(f"an expression: {error}", *at) from None
     for name in names:
         if name not in known:
-            close = suggestion(name, known) or (f", one of {', '.join(known)}" if known else "; there are none")
-            raise refusal(f"names of parameters, not {shown(name)}{close}", *at)
+            raise refusal(f"names of parameters, not {shown(name)}{nearest(name, known) or '; there are none'}", *at)
     return names
 
 

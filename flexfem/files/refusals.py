@@ -112,6 +112,12 @@ def suggestion(word: str, known: Iterable[str], said: Callable[[str], str] = str
     return f", did you mean {said(close[0])}?" if close else ""
 
 
+def nearest(word: str, known: Iterable[str]) -> str:
+    """Return `suggestion`, or ", one of ..." with all known words when none is close, "" when there are none."""
+    names = list(known)
+    return suggestion(word, names) or (f", one of {', '.join(names)}" if names else "")
+
+
 def one_line(text: str, limit: int | None = None) -> str:
     """Return `text` with everything unprintable escaped, clipped to `limit` characters."""
     clipped = text if limit is None or len(text) <= limit else text[: limit - 3] + "..."
@@ -213,13 +219,13 @@ def _present(path: KeyPath, data: Any) -> KeyPath:
     return found
 
 
-def needed(problem: Problem, model: type[BaseModel], data: Any = None) -> list[str]:
-    """Return the keys that are missing: the key itself, or the required keys of a missing table."""
-    inside = _annotation_at(model, problem.path)
+def needed(path: KeyPath, model: type[BaseModel], data: Any = None) -> list[str]:
+    """Return the keys that are missing: the key at the path itself, or the required keys of a missing table."""
+    inside = _annotation_at(model, path)
     fields = inside.model_fields.items() if isinstance(inside, type) and issubclass(inside, BaseModel) else ()
     names = [field.alias or name for name, field in fields if field.is_required()]
-    keys = [key for name in names for key in needed(Problem("missing", (*problem.path, name), ""), model, data)]
-    return keys or [key_path(problem.path, data)]  # a table may have no required key
+    keys = [key for name in names for key in needed((*path, name), model, data)]
+    return keys or [key_path(path, data)]  # a table may have no required key
 
 
 def _annotation_at(model: type[BaseModel], path: KeyPath) -> Any:
@@ -238,9 +244,8 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
     if problem.kind == "missing":
         return f"{key} is missing"
     if problem.kind == "extra_forbidden":
-        known = [*_fields_at(model, problem.path[:-1], by_name)]
-        close = suggestion(str(problem.path[-1]), known)
-        return f"{key} is an unknown {what}{close or ', expected one of ' + ', '.join(known)}"
+        near = nearest(str(problem.path[-1]), _fields_at(model, problem.path[:-1], by_name))
+        return f"{key} is an unknown {what}{near.replace(', one', ', expected one', 1)}"
     if not problem.path:
         return f"expected {problem.expected}"
     names = [part for part in problem.path if isinstance(part, str)]

@@ -191,7 +191,7 @@ def validate(
     if expected and found and found != expected:
         raise BadInput(f"{place_of(path)}: this is a {found}, expected a {expected}")
     wrong = sorted((p for p in problems if p.kind != "missing"), key=lambda problem: file.place(problem.path))
-    keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem, model_class, data)]
+    keys = [key for problem in problems if problem.kind == "missing" for key in needed(problem.path, model_class, data)]
     more = f" (and {len(wrong) - 1} more)" if wrong[1:] else ""
     messages = [sentence(wrong[0], model_class, data) + more] if wrong else []
     if keys:

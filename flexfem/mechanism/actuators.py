@@ -24,7 +24,7 @@ from flexfem.files.quantities import (
     Stroke,
     Tilt,
 )
-from flexfem.files.refusals import refusal, suggestion
+from flexfem.files.refusals import nearest, refusal
 from flexfem.files.tables import Keywords, Label, Table
 from flexfem.sources import read_data
 
@@ -33,9 +33,7 @@ STEEL = (206e3, 0.3)  # bearing steel, E in MPa and Poisson's ratio: assumed for
 
 def _of_catalogue(name: str) -> str:
     if name not in catalogue():
-        raise refusal(
-            f"a stack of the catalogue{suggestion(name, catalogue()) or ', one of ' + ', '.join(catalogue())}"
-        )
+        raise refusal(f"a stack of the catalogue{nearest(name, catalogue())}")
     return name
 
 

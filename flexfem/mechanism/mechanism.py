@@ -14,7 +14,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from flexfem.files.expressions import parameter_values
 from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
-from flexfem.files.refusals import key_path, refusal, shown, suggestion
+from flexfem.files.refusals import key_path, nearest, shown, suggestion
 from flexfem.files.tables import Label, once
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
@@ -95,15 +95,6 @@ class Mechanism(PlateFile):
             return handler(data)
         finally:
             KNOWN.reset(token)
-
-    @model_validator(mode="after")
-    def _names_are_unique(self) -> Self:
-        for array in PARTS:
-            names = [part.name for part in getattr(self, array)]
-            for index, name in enumerate(names):
-                if name in names[:index] or (array == "point" and name == "output"):
-                    raise refusal(f"a name that no other {array} has", array, index, "name")
-        return self
 
     def replace(self, **changes: Any) -> Mechanism:
         """Return a changed mechanism, validated; expressions are computed again from the parameters.
@@ -205,8 +196,7 @@ def _layout(mechanism: Mechanism) -> Layout:
         if name not in index and name == GROUND and ground:
             return next((k for k, body in enumerate(bodies) if body.fixed), -1)
         if name not in index:
-            near = suggestion(name, index) or f", one of {', '.join(index)}"
-            raise BadInput(f"{key} = {shown(name)}, expected the name of a body{near}")
+            raise BadInput(f"{key} = {shown(name)}, expected the name of a body{nearest(name, index)}")
         return index[name]
 
     def patch(name: str, place: complex, radius: float | None, key: str, ground: bool = False) -> Patch:

@@ -13,7 +13,7 @@ from pydantic import BaseModel, model_validator
 
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import STATED
-from flexfem.files.refusals import checked_path, path_of, place_of
+from flexfem.files.refusals import checked_path, path_of, place_of, refusal
 from flexfem.files.tables import KEPT, plain
 from flexfem.files.toml import PathLike, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
@@ -48,6 +48,15 @@ class PlateFile(Sourced):
             return data
         return data | {"provenance": sources | (stated or {})}
 
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        for array, members in self:
+            named = [part for part in members if hasattr(part, "name")] if isinstance(members, tuple) else []
+            for index, part in enumerate(named):
+                if part.name in [other.name for other in named[:index]] or (array, part.name) == ("point", "output"):
+                    raise refusal(f"a name that no other {array} has", array, index, "name")
+        return self
+
     @cached_property
     def origin(self) -> Origin:
         """Origin of the content; not part of its hash, and ignored when plates are compared."""
@@ -74,30 +83,33 @@ class PlateFile(Sourced):
         """Return a validated copy with values replaced by name; it has no file, and its feasibility is not checked."""
         return self._with_content({name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
 
-    def _with_content(self, content: dict[str, Any]) -> Self:
-        """Return a table of this content, without the provenance of keys of this one that no longer exist."""
+    def _with_content(self, content: dict[str, Any], mark: bool = False) -> Self:
+        """Return a table of this content, without the provenance of keys of this one that no longer exist.
+
+        mark : whether changed values lose the sources of this one.
+        """
         sources = content.pop("provenance", {})
         table = type(self)(**content)
         kept = {key: source for key, source in sources.items() if key not in self.provenance or key in table.entries}
-        if kept.items() <= self.provenance.items():
-            return table._with_provenance({**table.provenance, **kept})
-        return type(self)(**content, provenance=kept)
+        if not kept.items() <= self.provenance.items():  # sources of the caller, which are checked
+            table = type(self)(**content, provenance=kept)
+        else:
+            table = table._with_provenance({**table.provenance, **kept})
+        if not mark:
+            return table
+        before, stated = self.values, table.sources
+        changed = [key for key, value in table.values.items() if before.get(key) != value and stated[key] is not None]
+        sources = {**table.provenance, **dict.fromkeys(changed, "replaced in Python")}
+        registered = sources_of(table.material.name)
+        if registered and table.material != self.material:
+            sources = registered | {key: text for key, text in sources.items() if not key.startswith("material")}
+        return table._with_provenance(sources)
 
     def _with_provenance(self, sources: Mapping[str, str]) -> Self:
         """Return this table with sources by its own key paths, which are not checked."""
         changed = BaseModel.model_copy(self, update={"provenance": sources})
         changed.__dict__.pop(KEPT, None)
         return changed
-
-    def _sources_of(self, changed: Self) -> dict[str, str]:
-        """Return the provenance of a changed table, in which changed values lose the sources of this one."""
-        before, stated = self.values, changed.sources
-        different = [key for key, value in changed.values.items() if before.get(key) != value]
-        sources = dict(changed.provenance) | {key: "replaced in Python" for key in different if stated[key] is not None}
-        registered = sources_of(changed.material.name)
-        if not registered or changed.material == self.material:
-            return sources
-        return registered | {key: text for key, text in sources.items() if not key.startswith("material")}
 
     def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the stated content by attribute names, with changes as `replace` takes them. Raises BadInput."""
@@ -122,11 +134,9 @@ class PlateFile(Sourced):
         content = self.merged(changes)
         origin = self.origin._replace(changed=self.origin.path is not None)
         try:
-            changed = self._with_content(content)
-            if "provenance" not in changes:
-                changed = changed._with_provenance(self._sources_of(changed))
-        except BadInput as refusal:
-            raise BadInput(refusal.reason.removeprefix(f"{type(self).__name__}: "), str(origin)) from None
+            changed = self._with_content(content, mark="provenance" not in changes)
+        except BadInput as refused:
+            raise BadInput(refused.reason.removeprefix(f"{type(self).__name__}: "), str(origin)) from None
         changed.__dict__["origin"] = origin
         return changed
 
@@ -165,10 +175,10 @@ def located(plate: PlateFile) -> Iterator[None]:
     """Prefix BadInput messages that begin with a key path with the file and line of the plate."""
     try:
         yield
-    except BadInput as refusal:
-        if refusal.located or plate.origin.path is None:
+    except BadInput as refused:
+        if refused.located or plate.origin.path is None:
             raise
-        raise BadInput(str(refusal), _file_and_line(plate.origin, str(refusal))) from None
+        raise BadInput(str(refused), _file_and_line(plate.origin, str(refused))) from None
 
 
 def _file_and_line(origin: Origin, refusal: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions
-from flexfem.files.refusals import Problem, key_path, needed
+from flexfem.files.refusals import key_path, needed
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.actuators import Actuator
@@ -190,10 +190,10 @@ def load_partly(path: PathLike) -> PartialStage:
     spare = tomllib.loads(read_data("new-stage.toml")) | {"material": material | {"name": "unnamed"}, "name": "unnamed"}
     missing = list[str]()
 
-    def complete(data: dict[str, Any]) -> dict[str, Any]:
+    def completed(data: dict[str, Any]) -> dict[str, Any]:
         stated = data.get("material")
         registered = isinstance(stated, dict) and stated.get("name") in materials()
-        for key in needed(Problem("missing", (), ""), Stage):
+        for key in needed((), Stage):
             *tables, name = key.split(".")
             table: Any = data
             source: Any = spare
@@ -204,4 +204,4 @@ def load_partly(path: PathLike) -> PartialStage:
                 missing.append(key)
         return data
 
-    return PartialStage(read_plate(Stage, path, complete), missing)
+    return PartialStage(read_plate(Stage, path, completed), missing)

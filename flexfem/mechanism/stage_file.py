@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias, TypeVar
 
-from pydantic import BaseModel, Field, ValidationError, create_model, model_validator
+from pydantic import Field, ValidationError, create_model, model_validator
+from pydantic.fields import FieldInfo
 
 from flexfem.files.quantities import Angle, FrameExpansion, Length
-from flexfem.files.refusals import KeyPath, key_path, problems_of, refusal, shown, suggestion
+from flexfem.files.refusals import KeyPath, key_path, nearest, problems_of, refusal, shown
 from flexfem.files.tables import Label, Table, once, plain
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.actuators import Actuator
@@ -78,9 +79,8 @@ class Frame(Table):
 
 
 OF_HINGES = tuple(Hinge.model_fields)  # attributes that changes may name without the table
-
-
 Place: TypeAlias = tuple[int | str, ...]
+Overridden = TypeVar("Overridden", bound=Table)
 
 
 def place_of_override(override: Mapping[str, Any]) -> Place:
@@ -153,16 +153,14 @@ NOT_OVERRIDDEN = ("name", "between", "hinge", "pair", "ball_loose")
 OF_ACTUATORS = tuple(name for name in Actuator.model_fields if name not in NOT_OVERRIDDEN)
 
 
-def _optional(table: type[BaseModel], name: str) -> Any:
+def _optional(field: FieldInfo) -> Any:
     """Return a field of a table as an optional field of an override."""
-    field = table.model_fields[name]
     kind: Any = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
-    extra: dict[str, Any] = {"json_schema_extra": field.json_schema_extra} if field.json_schema_extra else {}
-    return kind | None, Field(default=None, alias=field.alias, examples=field.examples, **extra)
+    return kind | None, Field(default=None, alias=field.alias, examples=field.examples)
 
 
-_FIELDS: dict[str, Any] = {name: _optional(Hinge, name) for name in OF_HINGES}
-_FIELDS |= {name: _optional(Actuator, name) for name in OF_ACTUATORS}
+_FIELDS = {name: _optional(Hinge.model_fields[name]) for name in OF_HINGES}
+_FIELDS |= {name: _optional(Actuator.model_fields[name]) for name in OF_ACTUATORS}
 if TYPE_CHECKING:
     Override = _Target
 else:
@@ -206,12 +204,25 @@ class StageContent(PlateFile):
     driven stage depend on them, not those of the passive stage"""
 
     @model_validator(mode="after")
-    def _check_names_and_overrides(self) -> Self:
-        names = [actuator.name for actuator in self.actuator]
-        for index, name in enumerate(names):
-            if name in names[:index]:
-                raise refusal("a name that no other actuator has", "actuator", index, "name")
-        _check_overrides(self)
+    def _check_overrides(self) -> Self:
+        places = [override.place for override in self.override]
+        actuators = {actuator.name: actuator for actuator in self.actuator}
+        for index, override in enumerate(self.override):
+            if places[index] in places[:index]:
+                raise refusal(f"one override for each {'hinge' if override.hinge else 'actuator'}", "override", index)
+            if override.actuator is None:
+                continue
+            if override.actuator not in actuators:
+                expected = f"an actuator of this stage{nearest(override.actuator, actuators)}"
+                raise refusal(expected, "override", index, "actuator")
+            stated = override.model_dump(by_alias=True, exclude_none=True, exclude={*TARGET_FIELDS})
+            content = actuators[override.actuator].model_dump(by_alias=True, exclude_none=True) | stated
+            try:
+                Actuator.model_validate(content)
+            except ValidationError as error:
+                problem = problems_of(error, content)[0]
+                at = [part for part in problem.path if part in stated]
+                raise refusal(problem.expected, "override", index, *at) from None
         return self
 
     def merged(self, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -253,52 +264,23 @@ class StageContent(PlateFile):
         return hinges_of(self)[chain - 1][HINGE_NAMES.index(name)]
 
 
-def _check_overrides(stage: StageContent) -> None:
-    """Raise a refusal for two overrides of one target, an unknown actuator, or an invalid overridden actuator."""
-    places = [override.place for override in stage.override]
-    actuators = {actuator.name: actuator for actuator in stage.actuator}
-    for index, override in enumerate(stage.override):
-        if places[index] in places[:index]:
-            raise refusal(f"one override for each {'hinge' if override.hinge else 'actuator'}", "override", index)
-        if override.actuator is None:
-            continue
-        if override.actuator not in actuators:
-            close = suggestion(override.actuator, actuators) or (f", one of {', '.join(actuators)}" * bool(actuators))
-            raise refusal(f"an actuator of this stage{close}", "override", index, "actuator")
-        content = _overridden(actuators[override.actuator], override)
-        try:
-            Actuator.model_validate(content)
-        except ValidationError as error:
-            problem = problems_of(error, content)[0]
-            stated = override.model_dump(by_alias=True, exclude_none=True)
-            at = [part for part in problem.path if part in stated]
-            raise refusal(problem.expected, "override", index, *at) from None
-
-
-def _overridden(actuator: Actuator, override: Override) -> dict[str, Any]:
-    """Content of an overridden actuator by file keys."""
-    changes = override.model_dump(by_alias=True, exclude_none=True, exclude=set(TARGET_FIELDS))
-    return actuator.model_dump(by_alias=True, exclude_unset=True, exclude_none=True) | changes
+def _overridden(stage: StageContent, table: Overridden, *place: int | str) -> Overridden:
+    """Return the table of a hinge or actuator with its override applied."""
+    changes = next((override.changes for override in stage.override if override.place == place), None)
+    return table.model_copy(update=changes) if changes else table
 
 
 @once
 def hinges_of(stage: StageContent) -> tuple[tuple[Hinge, ...], ...]:
     """Return the nine hinges, 3 chains by 3 hinges, overrides applied."""
-    changes = {override.place: override.changes for override in stage.override}
-    rows = [[(getattr(stage.hinges, name), changes.get((chain, name))) for name in HINGE_NAMES] for chain in CHAINS]
-    return tuple(tuple(hinge.model_copy(update=new) if new else hinge for hinge, new in row) for row in rows)
+    named = [(name, getattr(stage.hinges, name)) for name in HINGE_NAMES]
+    return tuple(tuple(_overridden(stage, hinge, chain, name) for name, hinge in named) for chain in CHAINS)
 
 
 @once
 def actuators_of(stage: StageContent) -> tuple[tuple[Actuator, ...], ...]:
     """Return the actuators of every chain, overrides applied."""
-    overrides = {override.place: override for override in stage.override}
-
-    def actuator_on(chain: int, actuator: Actuator) -> Actuator:
-        override = overrides.get((chain, "actuator", actuator.name))
-        return Actuator.model_validate(_overridden(actuator, override)) if override else actuator
-
-    return tuple(tuple(actuator_on(chain, actuator) for actuator in stage.actuator) for chain in CHAINS)
+    return tuple(tuple(_overridden(stage, a, chain, "actuator", a.name) for a in stage.actuator) for chain in CHAINS)
 
 
 def key_of_actuator(stage: StageContent, chain: int, index: int, key: str) -> str:
