@@ -244,8 +244,9 @@ def sentence(problem: Problem, model: type[BaseModel], data: dict[str, Any], by_
     if problem.kind == "missing":
         return f"{key} is missing"
     if problem.kind == "extra_forbidden":
-        near = nearest(str(problem.path[-1]), _fields_at(model, problem.path[:-1], by_name))
-        return f"{key} is an unknown {what}{near.replace(', one', ', expected one', 1)}"
+        known = _fields_at(model, problem.path[:-1], by_name)
+        close = suggestion(str(problem.path[-1]), known)
+        return f"{key} is an unknown {what}{close or ', expected one of ' + ', '.join(known)}"
     if not problem.path:
         return f"expected {problem.expected}"
     names = [part for part in problem.path if isinstance(part, str)]

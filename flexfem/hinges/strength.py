@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from flexfem import arguments
 from flexfem.arrays import Array
+from flexfem.files.quantities import FLATTEST, STEEPEST
 from flexfem.hinges.chart import thickness_chart
 from flexfem.mechanism.designs import Designs
-from flexfem.mechanism.materials import FLATTEST, STEEPEST, SWT, Material, materials
+from flexfem.mechanism.materials import SWT, Material, materials
 from flexfem.mechanism.profiles import Concentration, concentration
 from flexfem.refused import BadInput
 

@@ -11,19 +11,8 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.quantities import (
-    Angle,
-    Coordinate,
-    Force,
-    ForceOrZero,
-    Friction,
-    Length,
-    Modulus,
-    Poisson,
-    Rate,
-    Stroke,
-    Tilt,
-)
+from flexfem.files import quantities
+from flexfem.files.quantities import Modulus
 from flexfem.files.refusals import nearest, refusal
 from flexfem.files.tables import Keywords, Label, Table
 from flexfem.sources import read_data
@@ -122,9 +111,9 @@ class CataloguedStack(Table):
     name: str
     maker: str
     voltage: float = Field(alias="voltage_v")
-    stroke: Stroke = Field(alias="stroke_um")
-    tolerance: Stroke = Field(alias="tolerance_um")
-    blocking_force: Force = Field(alias="blocking_force_n")
+    stroke: quantities.Stroke = Field(alias="stroke_um")
+    tolerance: quantities.Stroke = Field(alias="tolerance_um")
+    blocking_force: quantities.Force = Field(alias="blocking_force_n")
     source: str
 
 
@@ -155,31 +144,33 @@ class Actuator(Table):
     """The body that carries the stack, and the body on which the stack acts"""
     hinge: HingeName | None = None
     """For a contact on a link: the hinge at one end of the link from which `arm_mm` is measured"""
-    arm: Length | None = Field(default=None, alias="arm_mm", examples=[10.0])
+    arm: quantities.Length | None = Field(default=None, alias="arm_mm", examples=[10.0])
     """Distance of the contact from the neck of `hinge`, measured along the centreline of the link, bends included"""
     side: Literal["left", "right"] | None = None
     """Side of the link, seen from the base, on which the contact is"""
-    tilt: Tilt | None = Field(default=None, alias="tilt_deg", examples=[5.0])
+    tilt: quantities.Tilt | None = Field(default=None, alias="tilt_deg", examples=[5.0])
     """Rotation of the force from the inward normal of the link, counter-clockwise; zero by default"""
-    point: tuple[Coordinate, Coordinate] | None = Field(default=None, alias="point_mm", examples=[[-40.0, 12.0]])
+    point: tuple[quantities.Coordinate, quantities.Coordinate] | None = Field(
+        default=None, alias="point_mm", examples=[[-40.0, 12.0]]
+    )
     """Alternative to `hinge`, `arm_mm` and `side`: x, y of a contact anywhere on the outline of the body, in the frame
     of chain 1, whose origin is the platform centre"""
-    direction: Angle | None = Field(default=None, alias="direction_deg", examples=[90.0])
+    direction: quantities.Angle | None = Field(default=None, alias="direction_deg", examples=[90.0])
     """With `point_mm`: direction of the force on the body, counter-clockwise from the x axis of chain 1"""
     pair: bool = False
     """Whether a second stack acts on the opposite side of the body along the same line; the two are commanded in
     opposite senses about half their stroke"""
     stack: StackName | None = Field(default=None, examples=["AE0505D16"])
     """Name of a stack of the catalogue"""
-    stroke: Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
+    stroke: quantities.Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
     """Free stroke at the highest voltage; instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`"""
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
+    stiffness: quantities.Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
     """Stiffness of the stack: blocking force over stroke"""
-    blocking_force: Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
+    blocking_force: quantities.Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
     """Blocking force of the stack at the highest voltage"""
-    contact_stiffness: Rate | None = Field(default=None, alias="contact_stiffness_n_per_um", examples=[40.0])
+    contact_stiffness: quantities.Rate | None = Field(default=None, alias="contact_stiffness_n_per_um", examples=[40.0])
     """Stiffness of the contact, instead of a ball; without either the contact is rigid"""
-    ball_radius: Length | None = Field(default=None, alias="ball_radius_mm", examples=[2.0])
+    ball_radius: quantities.Length | None = Field(default=None, alias="ball_radius_mm", examples=[2.0])
     """Radius of a ball between stack and body; Hertzian contact on the stage's material, linearized at the preload"""
     ball_loose: bool | None = Field(default=None, examples=[True])
     """Whether the ball lies between two flats, the body and a steel end of the stack: two contacts in series, and the
@@ -187,12 +178,12 @@ class Actuator(Table):
     which is reported as assumed unless the key is stated"""
     ball_youngs_modulus: Modulus | None = Field(default=None, alias="ball_youngs_modulus_gpa", examples=[206.0])
     """Young's modulus of the ball; by default that of steel, which is reported as assumed"""
-    ball_poissons_ratio: Poisson | None = Field(default=None, examples=[0.3])
+    ball_poissons_ratio: quantities.Poisson | None = Field(default=None, examples=[0.3])
     """Poisson's ratio of the ball; by default that of steel, which is reported as assumed"""
-    preload: ForceOrZero = Field(default=0.0, alias="preload_n", examples=[50.0])
+    preload: quantities.ForceOrZero = Field(default=0.0, alias="preload_n", examples=[50.0])
     """Force of every stack at rest, at most its blocking force. A contact transmits compression only and opens when
     the preload is used up. The preloads of a pair balance each other; that of a single stack stresses the necks"""
-    friction: Friction | None = Field(default=None, examples=[0.15])
+    friction: quantities.Friction | None = Field(default=None, examples=[0.15])
     """Coefficient of Coulomb friction at the contact, for which `flexfem drive` reports the uncertainty of the pose; by
     default none is reported"""
 

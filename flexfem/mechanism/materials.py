@@ -7,29 +7,14 @@ from collections.abc import Mapping
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import ConfigDict, Field, ValidationInfo, create_model, model_validator
 
-from flexfem.files.quantities import (
-    FLATTEST as FLATTEST,
-)
-from flexfem.files.quantities import (
-    INSIDE,
-    Cycles,
-    Density,
-    Expansion,
-    Exponent,
-    Modulus,
-    Poisson,
-    Strength,
-    Walker,
-)
-from flexfem.files.quantities import (
-    STEEPEST as STEEPEST,
-)
+from flexfem.files import quantities
+from flexfem.files.quantities import INSIDE
 from flexfem.files.refusals import key_path, place_of, refusal, shown
 from flexfem.files.tables import LABEL_LENGTH, Label, Table
 from flexfem.files.toml import PathLike, bad_key, read_toml, validate
@@ -61,27 +46,27 @@ class Material(Table):
     name: Label = Field(examples=["al-7075-t6"])
     """Name of a registered material, which defines all numbers; of a material in `file`; or a name of your own, with
     the numbers in this table"""
-    youngs_modulus: Modulus = Field(alias="youngs_modulus_gpa", examples=[71.7])
+    youngs_modulus: quantities.Modulus = Field(alias="youngs_modulus_gpa", examples=[71.7])
     """Young's modulus E"""
-    poissons_ratio: Poisson = Field(examples=[0.33])
+    poissons_ratio: quantities.Poisson = Field(examples=[0.33])
     """Poisson's ratio"""
-    density: Density = Field(alias="density_kg_m3", examples=[2810.0])
+    density: quantities.Density = Field(alias="density_kg_m3", examples=[2810.0])
     """Mass density"""
-    yield_strength: Strength = Field(alias="yield_strength_mpa", examples=[503.0])
+    yield_strength: quantities.Strength = Field(alias="yield_strength_mpa", examples=[503.0])
     """Yield strength"""
-    expansion: Expansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[23.6])
+    expansion: quantities.Expansion | None = Field(default=None, alias="expansion_um_per_m_k", examples=[23.6])
     """Coefficient of linear thermal expansion. Only thermal drift uses it; no other result, and no hash of one, depends
     on it"""
-    fatigue_strength_coefficient: Strength | None = Field(
+    fatigue_strength_coefficient: quantities.Strength | None = Field(
         default=None, alias="fatigue_strength_coefficient_mpa", examples=[900.0]
     )
     """sigma'_f of Basquin's law sigma_a = sigma'_f (2 N)^b, for unnotched specimens at zero mean stress. Only lives use
     it: `flexfem life`, and studies with `[life]`"""
-    fatigue_strength_exponent: Exponent | None = Field(default=None, examples=[-0.102])
+    fatigue_strength_exponent: quantities.Exponent | None = Field(default=None, examples=[-0.102])
     """Exponent b of Basquin's law"""
-    walker_exponent: Walker | None = Field(default=None, examples=[0.5])
+    walker_exponent: quantities.Walker | None = Field(default=None, examples=[0.5])
     """Walker's gamma for mean stress; by default 0.5, for which his equation equals that of Smith, Watson and Topper"""
-    fatigue_range: tuple[Cycles, Cycles] | None = Field(
+    fatigue_range: tuple[quantities.Cycles, quantities.Cycles] | None = Field(
         default=None, alias="fatigue_range_cycles", examples=[[1e3, 1e6]]
     )
     """Lowest and highest number of cycles of the fit of Basquin's law; by default 1e3 to 1e6, assumed"""
@@ -102,7 +87,7 @@ class Material(Table):
             raise refusal(f"a registered material ({', '.join(nearest)}), or beside it {others}", "name")
         if known is None:
             return data
-        return known.material.model_dump(by_alias=info.context != INSIDE, exclude_none=True) | data
+        return known.numbers(by_alias=info.context != INSIDE) | data
 
     @model_validator(mode="after")
     def _check_fatigue(self, info: ValidationInfo) -> Material:
@@ -121,9 +106,9 @@ class Material(Table):
     @model_validator(mode="after")
     def _agrees_with_registered(self, info: ValidationInfo) -> Material:
         known = _known(self.name)
-        registered = {} if known is None else known.material.model_dump(by_alias=True, exclude_none=True)
+        registered = {} if known is None else known.numbers(by_alias=True)
         for name, key, place in zip(NUMBERS, KEYS, _keys(info), strict=True):
-            if known is not None and key in registered and getattr(self, name) != getattr(known.material, name):
+            if known is not None and key in registered and getattr(self, name) != getattr(known, name):
                 number = f"{registered[key]:g}" if isinstance(registered[key], float) else shown(registered[key])
                 raise refusal(f"{number} of the registered material {self.name}, or another name", place)
         return self
@@ -158,25 +143,48 @@ def _keys(info: ValidationInfo) -> tuple[str, ...]:
     return NUMBERS if info.context == INSIDE else KEYS
 
 
-class Registered(NamedTuple):
-    """A material known by name, with the source of its numbers; `sources` has those of single keys that differ."""
+class Entry(Material):
+    """A registered material, or a table of a file of materials, whose name is the name of the material.
 
-    material: Material
-    source: str
-    sources: Mapping[str, str] = MappingProxyType({})
+    source : of all numbers except those with an entry in `sources`.
+    """
+
+    model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
+
+    name: Label = "of a file"  # replaced by the name of the table
+    source: Label = Field(examples=["works certificate 7"])
+    """Source of the numbers; begins with "assumed" if they are assumed"""
+    sources: Mapping[str, Label] = Field(default_factory=dict, examples=[{"poissons_ratio": "assumed: as of others"}])
+    """Sources of single numbers by key, where they differ from `source`"""
+
+    @model_validator(mode="after")
+    def _check_source_keys(self) -> Entry:
+        for key in self.sources:
+            if key not in KEYS:
+                raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
+        return self
+
+    def numbers(self, by_alias: bool) -> dict[str, Any]:
+        """Name and stated numbers, by file keys or by names in inside units."""
+        return self.model_dump(by_alias=by_alias, exclude_none=True, exclude={"source", "sources"})
+
+    @property
+    def material(self) -> Material:
+        """The material without its sources."""
+        return Material(**self.numbers(by_alias=False))
 
     @property
     def provenance(self) -> dict[str, str]:
         """Sources by key path of a stage file."""
         sources = {"material": self.source, **{f"material.{key}": text for key, text in self.sources.items()}}
-        return {key: f"{text} ({self.material.name})" for key, text in sources.items()}
+        return {key: f"{text} ({self.name})" for key, text in sources.items()}
 
 
-REGISTERED: dict[str, Registered] = {}
+REGISTERED: dict[str, Entry] = {}
 _unread = [PACKAGE / "data" / "materials.toml"]
 
 
-def _known(name: Any) -> Registered | None:
+def _known(name: Any) -> Entry | None:
     """Return the registered material of a name, or None. The first call reads the shipped and the user's files."""
     while _unread:
         REGISTERED.update(read_materials(_unread.pop()))
@@ -232,17 +240,17 @@ def register_material(
     True
     """
     known = _known(name)
-    numbers = {"youngs_modulus": youngs_modulus, "poissons_ratio": poissons_ratio, "yield_strength": yield_strength}
-    try:
-        material = Material(**{"name": name, "density": density, **numbers, **others})
-    except BadInput as refused:
-        raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Material: ')}") from None
     if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
         raise BadInput(f"material {name!r}: source = {shown(source)}, expected one line of text")
+    numbers = {"youngs_modulus": youngs_modulus, "poissons_ratio": poissons_ratio, "yield_strength": yield_strength}
+    try:
+        entry = Entry(**{"name": name, "density": density, **numbers, **others}, source=source)
+    except BadInput as refused:
+        raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Entry: ')}") from None
     if known is not None and source != known.source:
         raise BadInput(f"material {name!r} is known already, expected another name")
-    REGISTERED[name] = Registered(material, source)
-    return material
+    REGISTERED[name] = entry
+    return entry.material
 
 
 def sources_of(name: Any) -> dict[str, str]:
@@ -265,29 +273,7 @@ def with_changes(content: Mapping[str, Any], changes: Mapping[str, Any]) -> dict
     return changed
 
 
-class Entry(Material):
-    """A table of a file of materials; the name of the table is the name of the material.
-
-    source : of all numbers except those with an entry in `sources`.
-    """
-
-    model_config = ConfigDict(json_schema_extra=lambda schema: schema["properties"].pop("name"))
-
-    name: Label = "of a file"  # replaced by the name of the table
-    source: Label = Field(examples=["works certificate 7"])
-    """Source of the numbers; begins with "assumed" if they are assumed"""
-    sources: Mapping[str, Label] = Field(default_factory=dict, examples=[{"poissons_ratio": "assumed: as of others"}])
-    """Sources of single numbers by key, where they differ from `source`"""
-
-    @model_validator(mode="after")
-    def _check_source_keys(self) -> Entry:
-        for key in self.sources:
-            if key not in KEYS:
-                raise refusal(f"a key of a material: {', '.join(KEYS)}", "sources", key)
-        return self
-
-
-def read_materials(path: PathLike) -> dict[str, Registered]:
+def read_materials(path: PathLike) -> dict[str, Entry]:
     """Return the materials of a TOML file by name; each is a table with its numbers and `source`.
 
     Raises BadInput, naming file and line, when a key is missing, unknown or has a value that is not possible.
@@ -295,13 +281,10 @@ def read_materials(path: PathLike) -> dict[str, Registered]:
     data = read_toml(path).data
     fields: Any = {f"table_{k}": (Entry, Field(alias=name)) for k, name in enumerate(data)}
     tables = validate(create_model("MaterialsFile", __base__=Table, **fields), path, _named)
-    registered = {}
-    for name, entry in zip(data, (getattr(tables, field) for field in fields), strict=True):
-        if "name" in data[name]:
-            text = f"{key_path((name, 'name'))} = {shown(entry.name)}, expected no name: that of the table is used"
-            raise bad_key(path, (name, "name"), text)
-        content = entry.model_dump(exclude_none=True, exclude={"source", "sources"})
-        registered[name] = Registered(Material(**content), entry.source, entry.sources)
+    registered = {name: getattr(tables, field) for name, field in zip(data, fields, strict=True)}
+    for name in (name for name in data if "name" in data[name]):
+        text = f"{key_path((name, 'name'))} = {shown(data[name]['name'])}, expected no name: that of the table is used"
+        raise bad_key(path, (name, "name"), text)
     return registered
 
 
@@ -327,5 +310,4 @@ def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any
         names = ", ".join(available) or "one material or more"
         raise bad_key(path, at, f"material.name = {shown(name)}, expected one of {place_of(source)}: {names}")
     sources = {key: f"{text}, {file}" for key, text in available[name].provenance.items()}
-    numbers = available[name].material.model_dump(by_alias=True, exclude_none=True)
-    return data | {"material": numbers, "provenance": sources | stated}
+    return data | {"material": available[name].numbers(by_alias=True), "provenance": sources | stated}

@@ -12,20 +12,9 @@ from pydantic import AfterValidator, BaseModel, Field, field_validator, model_va
 from flexfem.analytic.model import DEFAULT_FORMULA
 from flexfem.arguments import FINEST, MOST_LAYERS
 from flexfem.arrays import AnyArray, Array
+from flexfem.files import quantities
 from flexfem.files.expressions import names_in
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import (
-    COUNT,
-    Amplitude,
-    CommandUm,
-    Cycles,
-    Kilograms,
-    KilogramsMm2,
-    Length,
-    Limits,
-    Seconds,
-    Unlimited,
-)
 from flexfem.files.refusals import KeyPath, key_path, refusal, shown, suggestion
 from flexfem.files.tables import KEPT, Label, Table
 from flexfem.mechanism.keys import LIFE_CONSTANTS, PARAMETERS, key_suggestion, keys
@@ -127,9 +116,9 @@ class Constraint(Table):
     """An expression. If it uses factors and keys only, a design outside the limits is `refused` before it is solved
     (not with `saltelli`). If it uses outputs, the design is solved, `feasible` is false in the table, and fronts and
     maps leave it out and state the number of such designs"""
-    least: Unlimited | None = Field(default=None, examples=[0.05])
+    least: quantities.Unlimited | None = Field(default=None, examples=[0.05])
     """Lower limit"""
-    most: Unlimited | None = Field(default=None, examples=[0.2])
+    most: quantities.Unlimited | None = Field(default=None, examples=[0.2])
     """Upper limit"""
     label: Label | None = Field(default=None, examples=["t/R of the base hinges"])
     """Name in messages"""
@@ -164,7 +153,7 @@ class Correlation(Table):
         examples=[["neck of base", "radius of base"]], json_schema_extra={"uniqueItems": True}
     )
     """Columns of the two factors"""
-    coefficient: Annotated[float, Limits(COUNT, gt=-1, lt=1)] = Field(examples=[0.6])
+    coefficient: Annotated[float, quantities.Limits(quantities.COUNT, gt=-1, lt=1)] = Field(examples=[0.6])
     """Rank correlation (Spearman's)"""
 
     @model_validator(mode="after")
@@ -245,9 +234,9 @@ class DriveQuestion(Table):
     `actuator.base.arm_mm`, or `override.2.actuator.base.preload_n` on one chain (a star for the chain). A change of the
     drive makes another study. Contacts on straight links are placed for all designs at once; with a bent link, or with
     `point_mm`, every geometry is drawn, 6 ms each"""
-    stroke_um: CommandUm | None = Field(default=None, examples=[17.4])
+    stroke_um: quantities.CommandUm | None = Field(default=None, examples=[17.4])
     """Stroke of a piezo, for the travels. They depend on the base hinges only and are not the range of a drive"""
-    lever_arm_mm: Length | None = Field(default=None, examples=[10.0])
+    lever_arm_mm: quantities.Length | None = Field(default=None, examples=[10.0])
     """Distance from the base hinge to the contact of this piezo on link 1"""
 
     @model_validator(mode="after")
@@ -268,9 +257,9 @@ class DriveQuestion(Table):
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane, with or without a payload."""
 
-    payload_kg: Kilograms = Field(default=0.0, examples=[0.2])
+    payload_kg: quantities.Kilograms = Field(default=0.0, examples=[0.2])
     """Mass of the payload, at the centre of the platform"""
-    payload_kg_mm2: KilogramsMm2 = Field(default=0.0, examples=[40.0])
+    payload_kg_mm2: quantities.KilogramsMm2 = Field(default=0.0, examples=[40.0])
     """Moment of inertia of the payload about the centre of the platform"""
 
 
@@ -281,17 +270,17 @@ class DriftTable(Table):
 class LifeTable(Table):
     """Fatigue life at an amplitude of the pose about its mean, and the amplitude for a required life."""
 
-    amplitude_x_um: Amplitude = Field(default=0.0, examples=[20.0])
+    amplitude_x_um: quantities.Amplitude = Field(default=0.0, examples=[20.0])
     """Amplitude of the pose in x; at least one of the three amplitudes is needed"""
-    amplitude_y_um: Amplitude = Field(default=0.0, examples=[20.0])
+    amplitude_y_um: quantities.Amplitude = Field(default=0.0, examples=[20.0])
     """Amplitude of the pose in y"""
-    amplitude_theta_mrad: Amplitude = Field(default=0.0, examples=[0.5])
+    amplitude_theta_mrad: quantities.Amplitude = Field(default=0.0, examples=[0.5])
     """Amplitude of the pose in theta"""
-    ratio: Annotated[float, Limits(COUNT, ge=-1, le=0.99)] = -1.0
+    ratio: Annotated[float, quantities.Limits(quantities.COUNT, ge=-1, le=0.99)] = -1.0
     """Ratio of the least to the greatest displacement"""
-    cycles: Cycles = 1e6
+    cycles: quantities.Cycles = 1e6
     """The required life"""
-    notch_sensitivity: Annotated[float, Limits(COUNT, ge=0, le=1)] = 1.0
+    notch_sensitivity: Annotated[float, quantities.Limits(quantities.COUNT, ge=0, le=1)] = 1.0
     """Share of the stress concentration that is effective: 0 none, 1 all"""
 
     @model_validator(mode="after")
@@ -361,7 +350,7 @@ class Study(Sourced):
     check: Literal["closed_form", "drawing"] | None = None
     """How designs are checked for overlapping bodies: `drawing` draws every design. By default `closed_form` with
     `analytic`; meshed designs are always drawn"""
-    time_limit: Seconds = Field(default=60.0, alias="time_limit_s")
+    time_limit: quantities.Seconds = Field(default=60.0, alias="time_limit_s")
     """Time for one design with `fe`, `verify` or `three_dimensional` (meshing only), from when the worker has loaded
     it, without time in which the worker or the whole run is suspended. A worker that takes 10 s longer is killed and
     replaced"""

@@ -190,9 +190,7 @@ def test_a_material_of_ones_own_is_registered_in_one_line_and_makes_the_stage(na
         rtol=1e-12,
     )
     before = stage.hash
-    materials.REGISTERED["invar, lot 7"] = materials.Registered(
-        own.model_copy(update={"density": 8051.0, "name": "x"}), ""
-    )
+    materials.REGISTERED["invar, lot 7"] = materials.Entry(**NUMBERS | {"density": 8051.0}, name="x", source="other")
     assert flexfem.load(named('name = "invar, lot 7"')).hash != before, "another number under the name, another stage"
 
 
