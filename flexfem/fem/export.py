@@ -120,21 +120,16 @@ def _write(mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str,
     elif path.suffix == ".vtu":
         write_vtu(mesh, path, {})
     else:
-        _write_msh(mesh, cells, path)
+        import meshio
 
-
-def _write_msh(mesh: StageMesh, cells: Mapping[str, tuple[str, Index]], path: Path) -> None:
-    import meshio
-
-    tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells.values(), start=1)]
-    groups = {
-        name: np.array([tag, 1 if kind == "line3" else 2]) for tag, (name, (kind, _)) in enumerate(cells.items(), 1)
-    }
-    physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-    points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
-    grid = meshio.Mesh(points, list(cells.values()), cell_data=physical, field_data=groups)
-    with replacing(path) as temporary:
-        meshio.write(temporary, grid, file_format="gmsh22")
+        tags = [np.full(len(nodes), tag) for tag, (_, nodes) in enumerate(cells.values(), start=1)]
+        axes = {"triangle6": 2, "line3": 1}
+        groups = {name: np.array([tag, axes[kind]]) for tag, (name, (kind, _)) in enumerate(cells.items(), 1)}
+        physical = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        points = np.pad(mesh.nodes, [(0, 0), (0, 1)])
+        grid = meshio.Mesh(points, list(cells.values()), cell_data=physical, field_data=groups)
+        with replacing(path) as temporary:
+            meshio.write(temporary, grid, file_format="gmsh22")
 
 
 def check_format(path: Path) -> None:

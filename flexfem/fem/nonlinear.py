@@ -270,36 +270,37 @@ def equilibrium(mesh: StageMesh, plate: Plate, loads: Array) -> Equilibria:
     order, instead of the stress of its displacements, whose quadratic part is a spurious tension in rotating slender
     bodies. Both agree in equilibrium; this saves about half of the iterations.
     """
-    return _equilibria(LargeStructure(structure(mesh, plate)), loads, 3, False)
+    return _equilibria(LargeStructure(structure(mesh, plate)), loads)
 
 
 def equilibria(model: PlateModel, loads: Array) -> Equilibria:
     """Compute equilibria of a plane plate under dead loads (s, k) on its ports, N and N mm, as `equilibrium`."""
-    return _equilibria(LargeStructure(model.structure, contacts(model)), loads, len(model.layout.ports), False)
+    return _equilibria(LargeStructure(model.structure, contacts(model)), loads)
 
 
 def imposed(mesh: StageMesh, plate: Plate, poses: Array) -> Equilibria:
     """Compute equilibria with the hub held at poses (k, 3) or (3,), mm and rad, by `load`, as `equilibrium`."""
-    return _equilibria(LargeStructure(structure(mesh, plate)), poses, 3, True)
+    return _equilibria(LargeStructure(structure(mesh, plate)), poses, hold=True)
 
 
 class _Step(NamedTuple):
     """A Newton step: the state after it, its size as root of energy, the energy before it, the largest change of a
-    displacement gradient, the responses (size, k) to unit loads, the compliance (k, k), and the solver."""
+    displacement gradient, the compliance (k, k), and the solver."""
 
     state: State
     size: float
     energy: float
     change: float
-    unit: Array
     compliance: Array
     solve: Solve
 
 
-def _equilibria(model: LargeStructure, targets: Array, count: int, hold: bool) -> Equilibria:
-    start, scale, rows = np.zeros(count), 0.0, []
-    state = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes))
-    for target in np.atleast_2d(np.asarray(targets, dtype=float)):
+def _equilibria(model: LargeStructure, targets: Array, hold: bool = False) -> Equilibria:
+    """Return the equilibria at loads or (hold) poses (s, k) or (k,)."""
+    targets = np.atleast_2d(np.asarray(targets, dtype=float))
+    state, start = model.at(np.zeros(3), np.zeros_like(model.structure.mesh.nodes)), np.zeros_like(targets[0])
+    scale, rows = 0.0, []
+    for target in targets:
         step, scale = _advance(model, state, start, target, hold, scale)
         state, start = step.state, target
         rows.append(_entries(model, step, None if hold else target))
@@ -373,7 +374,7 @@ def _step(model: LargeStructure, state: State, goal: Array, hold: bool) -> _Step
         stress.append(stress_tensor(structure.plate, green_lagrange(slopes) + rate))
     size = float(np.sqrt(abs(change @ residual)))
     state = State(pose, moved, stress)
-    return _Step(state, size, internal.energy, float(largest), unit, loads.T @ unit, solve)
+    return _Step(state, size, internal.energy, float(largest), loads.T @ unit, solve)
 
 
 def _entries(model: LargeStructure, step: _Step, load: Array | None) -> tuple[Any, ...]:

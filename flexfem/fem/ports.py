@@ -169,12 +169,6 @@ def hinge_stress(response: Response, loads: Array) -> Array:
     return np.reshape(np.transpose(highest), (*np.shape(loads)[:-1], len(highest)))
 
 
-def together(*responses: Response) -> Response:
-    """Return the response of one model to the cases of several, so that loads and stresses can combine them."""
-    motions, nodal = np.hstack([each.motions for each in responses]), np.concatenate([each.nodal for each in responses])
-    return replace(responses[0], motions=motions, nodal=nodal)
-
-
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
     """Factorise a plate, plane or extruded; with antisymmetric layers, the only port is the output out of the plane.
 

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.arrays import AnyArray, Array, Index
+from flexfem.arrays import Array, Index
 from flexfem.fem.elements import (
     CACHED,
     CHUNK,
@@ -211,17 +211,6 @@ class Structure:
     def factorised(self) -> Solve:
         """Inverse of the stiffness. Raises ComputationFailed as `lower`, or when a part is not held."""
         return factorise(self.lower(), self.block)
-
-    def solve(self, lower: sp.csr_array, force: Array, held: AnyArray) -> Array:
-        """Displacements (n, *shape), zero where `held`, of a structure without clamps under forces (n, *shape), N.
-
-        lower : lower triangle of its stiffness. Raises ComputationFailed when a part is not held.
-        """
-        free = np.flatnonzero(self.loads(held[None].astype(float))[:, 0] == 0)
-        solve, motion = factorise(lower[free][:, free]), np.zeros((self.size, 1))
-        for _ in range(2):  # the second removes the round-off of the factorisation
-            motion[free] += solve(self.loads(force[None] - self.forces(self.fields(motion)))[free])
-        return np.asarray(self.fields(motion)[0])
 
 
 def structure(

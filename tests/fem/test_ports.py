@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.interpolate import LinearNDInterpolator
@@ -185,7 +187,8 @@ def test_weight_and_heat():
     moment = own * (CLAMP + TIP) / 2 + 9810 * 2e-5 * 60
     np.testing.assert_allclose(held, [[0, own + 9810 * 2e-5, moment]], rtol=1e-9, atol=1e-9)
     heat = ports.warmed(model, 23e-6, 11e-6)
-    both = hinge_stress(ports.together(weight, heat), np.array([[1.0, 0, 0, 0], [0, 5, 0, 0], [1, 5, 0, 0]]))
+    together = replace(weight, nodal=np.concatenate([weight.nodal, heat.nodal]))
+    both = hinge_stress(together, np.array([[1.0, 0, 0, 0], [0, 5, 0, 0], [1, 5, 0, 0]]))
     assert abs(both[1, 0] - both[0, 0]) <= both[2, 0] <= both[:2].sum()
     assert both[0] == pytest.approx(hinge_stress(weight, np.eye(1))[0])
     assert both[1] == pytest.approx(hinge_stress(heat, 5 * np.eye(3))[0])

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from hinge_charts import supported
 
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, segment_functions, stress_tensor
@@ -46,7 +47,7 @@ def solve(mesh: StageMesh, plate: Plate, force: Array, supports: Sequence[Suppor
     of, field, held = structure(mesh, plate, held=NONE), np.zeros_like(force), np.zeros(force.shape, dtype=bool)
     for nodes, axis, values in supports:
         field[nodes, axis], held[nodes, axis] = values, True
-    field = field + of.solve(of.lower(), force - of.forces(field[None])[0], held)
+    field = field + supported(of, of.lower(), force - of.forces(field[None])[0], held)
     reactions = np.where(held, of.forces(field[None])[0] - force, 0.0)
     return Solution(field, reactions, int(np.sum(~held)))
 
