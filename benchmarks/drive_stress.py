@@ -20,7 +20,6 @@ from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements
-from flexfem.questions.driven import commands_for, moved
 from flexfem.refused import BadInput
 
 CRITERIA = ("least energy", "least stroke")
@@ -40,11 +39,11 @@ def ratios(stage: Stage, resolution: int) -> dict[tuple[str, str], list[float]]:
     best, found = commanding(ModelChoice(stage, *MODELS["calibrated, elastic links"])), defaultdict(list)
     for criterion in CRITERIA:
         for pose in np.diag(1e-3 / np.array([1, 1, lever])):
-            x = commands_for(best.system, drive, pose, NONE, lever, criterion)
-            elements = metal.stress(NONE, drive.preload + moved(metal.system, drive, x, NONE).force)
+            x = best.system.commands(pose, NONE, lever, criterion)
+            elements = metal.stress(NONE, drive.preload + metal.system.moved(x, NONE).force)
             for name, model in MODELS.items():
                 one = commanding(ModelChoice(stage, *model))
-                stress = one.stress(NONE, moved(one.system, drive, x, NONE).force)
+                stress = one.stress(NONE, one.system.moved(x, NONE).force)
                 high = elements > HIGH * np.max(elements)
                 found[name, f"{criterion}, highest"].append(np.max(stress) / np.max(elements))
                 found[name, f"{criterion}, each neck"] += (stress / elements)[high].tolist()

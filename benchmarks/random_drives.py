@@ -16,10 +16,8 @@ from random_stages import described, drawn
 from flexfem.analytic.model import CALIBRATED, ModelChoice
 from flexfem.arrays import Array
 from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, driven_elements, engaged_stiffness, push_spread
-from flexfem.questions.driven import commands_for, moved
 from flexfem.refused import BadInput
 
 CARRIERS = ("frame", "link 2")
@@ -68,11 +66,11 @@ def deviations(stage: Stage, resolution: int) -> Array:
     C, F = model.system.C, metal.system.C
     size = np.sqrt(np.diag(F))
     off = np.abs(C - F) / np.outer(size, size)
-    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
+    lever = stage.chain.link_lengths[2]
     scale, missed = np.array([1, 1, lever]), []
     for pose in np.diag(1e-3 / scale):
-        x = commands_for(model.system, drive, pose, np.zeros(3), lever, "least energy")
-        missed.append(np.abs((moved(metal.system, drive, x, np.zeros(3)).pose - pose) * scale) / 1e-3)
+        x = model.system.commands(pose, np.zeros(3), lever, "least energy")
+        missed.append(np.abs((metal.system.moved(x, np.zeros(3)).pose - pose) * scale) / 1e-3)
     engaged = engaged_stiffness(metal.system)
     of_engaged = [engaged_stiffness(model.system) / engaged - 1, push_spread(model) / engaged]
     return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3]), *np.max(np.abs(of_engaged), axis=1)])

@@ -35,15 +35,10 @@ from flexfem.questions.driven import (
     DriveRanges,
     Motion,
     Unreachable,
-    commands_for,
     drive_ranges,
-    driven,
-    moved,
     neck_forces,
     sections_of,
-    shares,
     stress_along,
-    unit_commands,
 )
 from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question, usual_solid
 from flexfem.refused import BadInput, ComputationFailed
@@ -198,11 +193,11 @@ def drive(
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
     stacks, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     first = commanding(analytic.chosen(stage, warnings))
-    commands = _commands(first.system, stacks, target, F, lever, warnings)
+    commands = _commands(first.system, target, F, lever, warnings)
     X = np.array(list(commands.values()))
-    motions = [moved(first.system, stacks, x, F) for x in X]
+    motions = [first.system.moved(x, F) for x in X]
     forces = np.array([stacks.preload + motion.force for motion in motions])
-    share = np.array([[np.max(used) for used in shares(first.system, stacks, x, F).values()] for x in X]).T
+    share = np.array([[np.max(used) for used in first.system.shares(x, F).values()] for x in X]).T
     values: dict[str, Any] = {
         "pose": target,
         "load": F,
@@ -223,17 +218,17 @@ def drive(
     axes |= {"actuator": stacks.names, "stack": stack_names(stacks)}
     if mesh is not None:
         models_used[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
-        values |= _open_loop(stage, elements, first, target, F, axes)
+        values |= _open_loop(elements, first, target, F, axes)
     stress, friction = [], []
     for model in models_used.values():
-        stack_forces = [stacks.preload + moved(model.system, stacks, x, F).force for x in X]
+        stack_forces = [stacks.preload + model.system.moved(x, F).force for x in X]
         stress.append(np.stack([model.stress(F, force) for force in stack_forces], axis=-1))
-        friction.append([left_open(model.system, model.across, stacks, force) for force in stack_forces])
+        friction.append([left_open(model.system, model.across, force) for force in stack_forces])
     values["stress"] = stress
     if stacks.rubbing:
         values["friction"] = np.swapaxes(friction, 0, 1)
-    values |= _stiffness(first, stacks, dict(zip(commands, forces, strict=True)), F, axes, warnings)
-    warnings += [text for name, x in commands.items() for text in limit_warnings(first.system, stacks, x, F, name)]
+    values |= _stiffness(first, dict(zip(commands, forces, strict=True)), F, axes, warnings)
+    warnings += [text for name, x in commands.items() for text in limit_warnings(first.system, x, F, name)]
     for name, highest in zip(commands, np.max(stress[-1], axis=(0, 1)), strict=True):
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
     warnings += warning.of_motion(stage, target, "the pose")
@@ -251,7 +246,7 @@ def commanding(chosen: ModelChoice) -> Commanding:
     result, drive = analyse(*chosen), drive_of(chosen.stage)
     C, necks = driven_model(chosen.stage, result, _with_friction(drive))
     n = 3 + len(drive.stacks)
-    return Commanding(chosen.stage, result, necks[..., :n], driven(C[:n, :n], drive), C[:n, n:])
+    return Commanding(chosen.stage, result, necks[..., :n], Driven.of(C[:n, :n], drive), C[:n, n:])
 
 
 def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
@@ -259,7 +254,7 @@ def driven_elements(stage: Stage, resolution: int) -> DrivenElements:
     drive, mesh = drive_of(stage), build_mesh(stage, resolution)
     found, n = driven_response(mesh, plate_of(stage), _with_friction(drive)), 3 + len(drive.stacks)
     C = found.compliance
-    return DrivenElements(stage, mesh, found.nodal[:n], driven(C[:n, :n], drive), C[:n, n:])
+    return DrivenElements(stage, mesh, found.nodal[:n], Driven.of(C[:n, :n], drive), C[:n, n:])
 
 
 def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
@@ -267,7 +262,7 @@ def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     drive, plate = drive_of(stage).at(None), plate_of(stage)
     found = driven_response(mesh, plate, drive.stacks)
     necks = neck_wrenches(mesh, plate, found.nodal)
-    return drive_ranges(lower(stage), driven(found.compliance[None], drive), necks[None], drive)
+    return drive_ranges(lower(stage), Driven.of(found.compliance[None], drive), necks[None])
 
 
 def engaged_stiffness(system: Driven) -> Array:
@@ -277,10 +272,12 @@ def engaged_stiffness(system: Driven) -> Array:
 
 def push_spread(model: Commanding) -> Array:
     """Return the largest change (3,) of the engaged stiffness if stack forces act over half or twice their length."""
-    drive, stiffness = drive_of(model.stage), []
+    drive, stiffness = model.system.drive, []
     for factor in PLAUSIBLE:
         spread = tuple(stack.spread_over(factor) for stack in drive.stacks)  # limited to the links
-        stiffness.append(engaged_stiffness(driven(driven_model(model.stage, model.result, spread).compliance, drive)))
+        stiffness.append(
+            engaged_stiffness(Driven.of(driven_model(model.stage, model.result, spread).compliance, drive))
+        )
     return np.asarray(np.max(np.abs(stiffness - engaged_stiffness(model.system)), axis=0))
 
 
@@ -289,7 +286,7 @@ def _with_friction(drive: StageDrive) -> tuple[Stack, ...]:
     return (*drive.stacks, *(drive.stacks[k].across for k in drive.rubbing))
 
 
-def left_open(system: Driven, across: Array, drive: StageDrive, force: Array) -> Array:
+def left_open(system: Driven, across: Array, force: Array) -> Array:
     """Return the half-widths (3,) of the poses possible with friction, mm, mm, rad; force (n,) of all stacks, N.
 
     A contact under the normal force N carries any tangential force f up to mu N before it slips. The possible poses are
@@ -297,26 +294,24 @@ def left_open(system: Driven, across: Array, drive: StageDrive, force: Array) ->
     with the other stacks holding their strokes; the half-width `sum |h_i| mu_i N_i` is reached if all are about to
     slip. N is the force without friction; a contact that would have to pull is open and carries no force.
     """
-    rubbing = list(drive.rubbing)
+    drive, rubbing = system.drive, list(system.drive.rubbing)
     per_force = across[:3] - system.C[:3, 3:] @ system.Y @ across[3:]
     return np.asarray(np.abs(per_force) @ (drive.friction[rubbing] * np.maximum(force[rubbing], 0.0)))
 
 
-def _commands(
-    system: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, warnings: list[str]
-) -> dict[Criterion, Array]:
+def _commands(system: Driven, pose: Array, load: Array, lever: float, warnings: list[str]) -> dict[Criterion, Array]:
     """Return the commands (m,) by criterion; a criterion that cannot be met is left out with a warning."""
     commands, reason = dict[Criterion, Array](), ""
     for name in CRITERIA:
         try:
-            commands[name] = commands_for(system, drive, pose, load, lever, name)
+            commands[name] = system.commands(pose, load, lever, name)
         except ComputationFailed as failure:
             if name == CRITERIA[0]:
                 raise
             warnings.append(f"{name}: {failure}")
             reason = failure.reason if isinstance(failure, Unreachable) and name == "within limits" else ""
     if "within limits" in commands:
-        by_limit = shares(system, drive, commands["within limits"], load)
+        by_limit = system.shares(commands["within limits"], load)
         limit, used = max(((name, float(np.max(share))) for name, share in by_limit.items()), key=lambda pair: pair[1])
         reason = f"it requires {used:.4g} times the limit of {limit}" if used > 1 + ROUND_OFF else ""
     warnings += [f"the drive does not reach this pose: {reason}"] if reason else []
@@ -325,14 +320,13 @@ def _commands(
 
 def _stiffness(
     first: Commanding,
-    drive: StageDrive,
     forces: Mapping[Criterion, Array],
     load: Array,
     axes: dict[str, tuple[str, ...]],
     warnings: list[str],
 ) -> dict[str, Array]:
     """Return the platform stiffness without stacks, with stacks, and with stack forces that follow a body, see (16)."""
-    system, engaged = first.system, engaged_stiffness(first.system)
+    system, drive, engaged = first.system, first.system.drive, engaged_stiffness(first.system)
     joints = {way: serial(first.stage, first.result, drive.stacks, way) for way in FOLLOWS}
     preloaded = {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
     for name, force in forces.items():
@@ -357,16 +351,11 @@ def _preloaded(joints: Serial, drive: StageDrive, force: Array, load: Array) -> 
 
 
 def _open_loop(
-    stage: Stage,
-    elements: DrivenElements,
-    first: Commanding,
-    pose: Array,
-    load: Array,
-    axes: dict[str, tuple[str, ...]],
+    elements: DrivenElements, first: Commanding, pose: Array, load: Array, axes: dict[str, tuple[str, ...]]
 ) -> dict[str, Array]:
     """Return the errors of finite elements with least-energy strokes of several models, and of the calibrated first."""
-    drive, lever = drive_of(stage), stage.chain.link_lengths[2]
-    matrix = calibration(elements.system, first.system, drive, lever)
+    stage, lever = elements.stage, elements.stage.chain.link_lengths[2]
+    matrix = calibration(elements.system, first.system, lever)
     commanded = {first.result.name: (first, pose)}
     rigid = (None, DEFAULT_FORMULA, False), (21, DEFAULT_FORMULA, False), (21, CALIBRATED, False)
     for choice in ((None, CALIBRATED, True), *rigid):
@@ -376,15 +365,15 @@ def _open_loop(
     gains = 1 / np.diag(np.linalg.inv(matrix))
     commanded[f"{first.result.name}, three gains"] = first, gains * pose
     commanded[f"{first.result.name}, calibration matrix"] = first, matrix @ pose
-    strokes = [commands_for(one.system, drive, goal, load, lever, "least energy") for one, goal in commanded.values()]
+    strokes = [model.system.commands(goal, load, lever, "least energy") for model, goal in commanded.values()]
     axes["commanding model"] = tuple(commanded)
-    poses = np.array([moved(elements.system, drive, x, load).pose for x in strokes])
+    poses = np.array([elements.system.moved(x, load).pose for x in strokes])
     return {"error": poses - pose, "calibration": matrix}
 
 
-def calibration(elements: Driven, model: Driven, drive: StageDrive, lever: float) -> Array:
+def calibration(elements: Driven, model: Driven, lever: float) -> Array:
     """Return the matrix (3, 3) from a pose of the finite elements to the pose that the model is to command, no load."""
-    return inverse(elements.poses @ unit_commands(model, drive, lever))
+    return inverse(elements.poses @ model.unit_commands(lever))
 
 
 def stack_names(drive: StageDrive) -> tuple[str, ...]:
@@ -393,9 +382,10 @@ def stack_names(drive: StageDrive) -> tuple[str, ...]:
     return tuple(f"{drive.names[np.flatnonzero(row)[0]]}{', partner' if min(row) < 0 else ''}" for row in T)
 
 
-def limit_warnings(system: Driven, drive: StageDrive, x: Array, load: Array, criterion: Criterion) -> list[str]:
+def limit_warnings(system: Driven, x: Array, load: Array, criterion: Criterion) -> list[str]:
     """Return a warning per kind of limit that commands (m,) exceed: the number exceeded, and the largest excess."""
-    force, stacks, found = drive.preload + moved(system, drive, x, load).force, stack_names(drive), list[str]()
+    drive, stacks, found = system.drive, stack_names(system.drive), list[str]()
+    force = drive.preload + system.moved(x, load).force
     um, low, high = 1e3 * x, 1e3 * drive.lowest, 1e3 * drive.highest
     kinds: Sequence[tuple[str, Array, Sequence[str], str, tuple[Array, ...]]] = (  # in the order of `LIMITS`
         (
@@ -408,7 +398,7 @@ def limit_warnings(system: Driven, drive: StageDrive, x: Array, load: Array, cri
         ("contacts", -force, stacks, "a pull of {:.4g} N", (-force,)),
         ("forces", force - drive.blocking_force, stacks, "{:.4g} N, above {:.4g} N", (force, drive.blocking_force)),
     )
-    used = shares(system, drive, x, load).values()
+    used = system.shares(x, load).values()
     for share, (kind, excess, names, text, numbers) in zip(used, kinds, strict=True):
         exceeded = np.any(np.reshape(share > 1 + ROUND_OFF, (-1, len(names))), axis=0)
         if exceeded.any():

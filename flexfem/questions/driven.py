@@ -60,32 +60,6 @@ class DriveLimits(NamedTuple):
     sizes: Array
 
 
-class Driven(NamedTuple):
-    """A driven stage; leading axes are designs.
-
-    C : (..., 3 + n, 3 + n), mm, rad per N, N mm.   Y : (..., n, n), N/mm, stack forces per stroke.
-    T : (n, m), strokes per command.
-    """
-
-    C: Array
-    Y: Array
-    T: Array
-
-    def at(self, which: Index | None) -> Driven:
-        """Select designs (k,); None adds a leading axis of length one."""
-        return Driven(self.C[which], self.Y[which], self.T)
-
-    @property
-    def poses(self) -> Array:
-        """Pose (..., 3, m) per command, mm and rad per mm."""
-        return np.asarray(self.C[..., :3, 3:] @ self.Y @ self.T)
-
-    @property
-    def engaged(self) -> Array:
-        """Compliance (..., 3, 3) of the platform with the stacks holding their strokes."""
-        return np.asarray(self.C[..., :3, :3] - self.C[..., :3, 3:] @ self.Y @ self.C[..., 3:, :3])
-
-
 class Motion(NamedTuple):
     """Pose (3,), forces (n,), N, relative to rest, and strain energy, N mm, of the stage and of stacks and contacts."""
 
@@ -95,60 +69,112 @@ class Motion(NamedTuple):
     stacks: float
 
 
-def driven(C: Array, drive: StageDrive) -> Driven:
-    """Return a driven stage of compliance C; Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2 also holds for k = 0."""
-    root = np.sqrt(drive.stiffness)
-    inner = inverse(np.eye(root.shape[-1]) + root[..., :, None] * C[..., 3:, 3:] * root[..., None, :])
-    return Driven(C, root[..., :, None] * inner * root[..., None, :], drive.differential)
+class Driven(NamedTuple):
+    """A driven stage by one model; leading axes are designs.
 
-
-def held(C: Array) -> Driven:
-    """Return a stage of compliance (..., 3 + n, 3 + n) whose openings are prescribed as commands."""
-    return Driven(C, inverse(C[..., 3:, 3:]), np.eye(C.shape[-1] - 3))
-
-
-def moved(system: Driven, drive: StageDrive, command: Array, load: Array) -> Motion:
-    """Return the motion of one stage by commands (m,), mm, and a load (3,), N, N, N mm."""
-    force = system.Y @ (system.T @ command - system.C[3:, :3] @ load)
-    loads = np.concatenate([load, force])
-    displacement = system.C @ loads
-    with np.errstate(divide="ignore", invalid="ignore"):
-        stacks = np.where(force == 0, 0.0, force**2 / drive.stiffness)
-    return Motion(displacement[:3], force, float(loads @ displacement / 2), float(np.sum(stacks) / 2))
-
-
-def commands_for(
-    system: Driven, drive: StageDrive, pose: Array, load: Array, lever: float, criterion: Criterion
-) -> Array:
-    """Return the commands (m,), mm, for a pose (3,) under a load (3,); lever, mm, scales rotations to lengths.
-
-    Raises ComputationFailed if no commands of any size reach the pose.
-
-    Notes
-    -----
-    least energy : of the stage, (29). Under a load the work on the platform depends on the pose alone, so the energy of
-        the forces is minimised: min f' C_dd f.
-    least stroke : minimise the largest command relative to its own limit, a linear program.
-    within limits : minimise the largest share of any limit: strokes, preloads of contacts that must stay closed, and
-        blocking forces less the preloads.
+    C : (..., 3 + n, 3 + n), mm, rad per N, N mm.   Y : (..., n, n), N/mm, stack forces per stroke.
     """
-    scale = np.array([1.0, 1.0, lever])
-    G, target = scale[:, None] * system.poses, scale * (pose - system.engaged @ load)
-    if np.linalg.matrix_rank(G, rtol=SINGULAR) < 3:
-        raise ComputationFailed("the drive does not move the platform in three directions: no strokes for this pose")
-    if criterion == "least energy":
-        commands = _least_energy(system, G, target, load)
-    else:
-        limits = limits_of(system, drive, load)
-        commands = _least_share(limits if criterion == "within limits" else {"stroke": limits["stroke"]}, G, target)
-    return np.asarray(commands + np.linalg.lstsq(G, target - G @ commands, rcond=None)[0])  # remove round-off
 
+    C: Array
+    Y: Array
+    drive: StageDrive
 
-def unit_commands(system: Driven, drive: StageDrive, lever: float) -> Array:
-    """Return the commands of least energy (m, 3) per mm in x and y and per rad, without load."""
-    poses, no_load = np.diag([1.0, 1.0, 1.0 / lever]), np.zeros(3)
-    commands = [commands_for(system, drive, pose, no_load, lever, "least energy") for pose in poses]
-    return np.array(commands).T @ np.diag([1.0, 1.0, lever])
+    @classmethod
+    def of(cls, C: Array, drive: StageDrive) -> Driven:
+        """Return a driven stage of compliance C; Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2 also holds for k = 0.
+
+        Stacks of infinite stiffness hold their openings.
+        """
+        if np.all(np.isinf(drive.stiffness)):
+            return cls(C, inverse(C[..., 3:, 3:]), drive)
+        root = np.sqrt(drive.stiffness)
+        inner = inverse(np.eye(root.shape[-1]) + root[..., :, None] * C[..., 3:, 3:] * root[..., None, :])
+        return cls(C, root[..., :, None] * inner * root[..., None, :], drive)
+
+    def at(self, which: Index | None) -> Driven:
+        """Select designs (k,); None adds a leading axis of length one."""
+        return Driven(self.C[which], self.Y[which], self.drive.at(which))
+
+    @property
+    def per_command(self) -> Array:
+        """Stack forces (..., n, m) per command, N/mm."""
+        return np.asarray(self.Y @ self.drive.differential)
+
+    @property
+    def poses(self) -> Array:
+        """Pose (..., 3, m) per command, mm and rad per mm."""
+        return np.asarray(self.C[..., :3, 3:] @ self.per_command)
+
+    @property
+    def engaged(self) -> Array:
+        """Compliance (..., 3, 3) of the platform with the stacks holding their strokes."""
+        return np.asarray(self.C[..., :3, :3] - self.C[..., :3, 3:] @ self.Y @ self.C[..., 3:, :3])
+
+    def moved(self, command: Array, load: Array) -> Motion:
+        """Return the motion of one stage by commands (m,), mm, and a load (3,), N, N, N mm."""
+        force = self.per_command @ command - self.Y @ self.C[3:, :3] @ load
+        loads = np.concatenate([load, force])
+        displacement = self.C @ loads
+        with np.errstate(divide="ignore", invalid="ignore"):
+            stacks = np.where(force == 0, 0.0, force**2 / self.drive.stiffness)
+        return Motion(displacement[:3], force, float(loads @ displacement / 2), float(np.sum(stacks) / 2))
+
+    def limits(self, load: Array) -> dict[Limit, DriveLimits]:
+        """Return the limits under a load (3,): highest then lowest commands, and stack forces both ways."""
+        drive, at_rest = self.drive, self.Y @ self.C[..., 3:, :3] @ load
+        unit, sizes = np.eye(drive.lowest.shape[-1]), np.abs(np.concatenate([drive.highest, drive.lowest], axis=-1))
+        reserve = drive.blocking_force - drive.preload
+        reserve[np.abs(reserve) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
+        return {
+            "stroke": DriveLimits(np.concatenate([unit, -unit]), np.zeros_like(sizes), sizes),
+            "contact": DriveLimits(-self.per_command, -at_rest, drive.preload),
+            "blocking force": DriveLimits(self.per_command, at_rest, reserve),
+        }
+
+    def shares(self, command: Array, load: Array) -> dict[Limit, Array]:
+        """Return the share of each limit that commands use, above one if exceeded: of strokes (2m,), of forces (n,).
+
+        It is inf for a limit of zero, as at the contact of a stack without preload that would have to pull.
+        """
+        found = dict[Limit, Array]()
+        for name, (rows, offsets, sizes) in self.limits(load).items():
+            used = rows @ command - offsets
+            unused = used <= ROUND_OFF * np.max(np.abs(used), initial=0.0)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                found[name] = np.where(unused, 0.0, used / sizes)
+        return found
+
+    def commands(self, pose: Array, load: Array, lever: float, criterion: Criterion) -> Array:
+        """Return the commands (m,), mm, for a pose (3,) under a load (3,); lever, mm, scales rotations to lengths.
+
+        Raises ComputationFailed if no commands of any size reach the pose.
+
+        Notes
+        -----
+        least energy : of the stage, (29). Under a load the work on the platform depends on the pose alone, so the
+            energy of the forces is minimised: min f' C_dd f.
+        least stroke : minimise the largest command relative to its own limit, a linear program.
+        within limits : minimise the largest share of any limit: strokes, preloads of contacts that must stay closed,
+            and blocking forces less the preloads.
+        """
+        scale = np.array([1.0, 1.0, lever])
+        G, target = scale[:, None] * self.poses, scale * (pose - self.engaged @ load)
+        if np.linalg.matrix_rank(G, rtol=SINGULAR) < 3:
+            raise ComputationFailed(
+                "the drive does not move the platform in three directions: no strokes for this pose"
+            )
+        if criterion == "least energy":
+            commands = _least_energy(self, G, target, load)
+        else:
+            limits = self.limits(load)
+            commands = _least_share(limits if criterion == "within limits" else {"stroke": limits["stroke"]}, G, target)
+        return np.asarray(commands + np.linalg.lstsq(G, target - G @ commands, rcond=None)[0])  # remove round-off
+
+    def unit_commands(self, lever: float) -> Array:
+        """Return the commands of least energy (m, 3) per mm in x and y and per rad, without load."""
+        poses = np.diag([1.0, 1.0, 1.0 / lever])
+        commands = [self.commands(pose, np.zeros(3), lever, "least energy") for pose in poses]
+        return np.array(commands).T @ np.diag([1.0, 1.0, lever])
 
 
 def _least_energy(system: Driven, G: Array, target: Array, load: Array) -> Array:
@@ -159,7 +185,7 @@ def _least_energy(system: Driven, G: Array, target: Array, load: Array) -> Array
     """
     particular = np.linalg.lstsq(G, target, rcond=None)[0]
     free = np.linalg.svd(G)[2][3:].T
-    C_dd, per_command = system.C[3:, 3:], system.Y @ system.T
+    C_dd, per_command = system.C[3:, 3:], system.per_command
     force = per_command @ particular - system.Y @ system.C[3:, :3] @ load
     F = per_command @ free
     energy, vectors = np.linalg.eigh(F.T @ C_dd @ F)
@@ -192,41 +218,9 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, target: Array) -
     raise Unreachable(", and ".join(NOTHING_ALLOWED[name] for name in alone or binding))
 
 
-def limits_of(system: Driven, drive: StageDrive, load: Array) -> dict[Limit, DriveLimits]:
-    """Return the limits of a drive under a load (3,): highest then lowest commands, and stack forces both ways."""
-    unit, sizes = np.eye(drive.lowest.shape[-1]), np.abs(np.concatenate([drive.highest, drive.lowest], axis=-1))
-    per_command, at_rest = system.Y @ system.T, system.Y @ system.C[..., 3:, :3] @ load
-    reserve = drive.blocking_force - drive.preload
-    reserve[np.abs(reserve) <= BLOCKING_ROUND_OFF * drive.blocking_force] = 0.0
-    return {
-        "stroke": DriveLimits(np.concatenate([unit, -unit]), np.zeros_like(sizes), sizes),
-        "contact": DriveLimits(-per_command, -at_rest, drive.preload),
-        "blocking force": DriveLimits(per_command, at_rest, reserve),
-    }
-
-
-def shares(system: Driven, drive: StageDrive, command: Array, load: Array) -> dict[Limit, Array]:
-    """Return the share of each limit that commands use, above one if exceeded: of strokes (2m,), of forces (n,).
-
-    It is inf for a limit of zero, as at the contact of a stack without preload that would have to pull.
-    """
-    found = dict[Limit, Array]()
-    for name, (rows, offsets, sizes) in limits_of(system, drive, load).items():
-        used = rows @ command - offsets
-        unused = used <= ROUND_OFF * np.max(np.abs(used), initial=0.0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found[name] = np.where(unused, 0.0, used / sizes)
-    return found
-
-
 def neck_forces(frames: Frames, wrenches: Array) -> Array:
     """Return moments, axial and shear forces (3, ..., 3 chains, 3 hinges, k) of necks by wrenches (..., 3, 3, 3, k)."""
     return np.array(at_necks(frames, wrenches))
-
-
-def per_command(system: Driven, frames: Frames, necks: Array) -> Array:
-    """Return the neck forces (3, ..., 3, 3, m) per command, from the wrenches `necks` of `DrivenModel`."""
-    return neck_forces(frames, necks[..., 3:] @ (system.Y @ system.T)[..., None, None, :, :])
 
 
 def sections_of(designs: Designs) -> Array:
@@ -309,14 +303,14 @@ class CommandLimits(NamedTuple):
         return found
 
 
-def command_limits(designs: Designs, system: Driven, necks: Array, drive: StageDrive, load: Array) -> CommandLimits:
+def command_limits(designs: Designs, system: Driven, necks: Array, load: Array) -> CommandLimits:
     """Return all limits of n driven designs under a load (3,); necks (n, 3 chains, 3 hinges, 3, 3 + stacks).
 
     The preloads of a pair balance each other; that of a single stack stresses the necks.
     """
-    n, limits = len(designs.thickness), limits_of(system, drive, load).values()
+    n, limits = len(designs.thickness), system.limits(load).values()
     rows = [np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits]
-    force = drive.preload - system.Y @ system.C[..., 3:, :3] @ load
+    force = system.drive.preload - system.Y @ system.C[..., 3:, :3] @ load
     loads = np.concatenate([np.broadcast_to(load, (n, 3)), force], axis=-1)[:, None, None, :, None]
     sections = sections_of(designs).reshape(3, n, 9, -1)
     return CommandLimits(
@@ -324,13 +318,13 @@ def command_limits(designs: Designs, system: Driven, necks: Array, drive: StageD
         np.concatenate([limit.offsets + limit.sizes for limit in limits], axis=-1),
         sections,
         np.max(np.abs(sections), axis=-1),
-        per_command(system, designs.frames, necks).reshape(3, n, 9, -1),
+        neck_forces(designs.frames, necks[..., 3:] @ system.per_command[:, None, None]).reshape(3, n, 9, -1),
         neck_forces(designs.frames, necks @ loads).reshape(3, n, 9),
         designs.yield_strength * (1 - YIELD_MARGIN[designs.plane]),
     )
 
 
-def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDrive) -> DriveRanges:
+def drive_ranges(designs: Designs, system: Driven, necks: Array) -> DriveRanges:
     """Return the ranges of the drives of n designs; necks (n, 3 chains, 3 hinges, 3, 3 + stacks) as of `DrivenModel`.
 
     Notes
@@ -345,8 +339,7 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDri
     reach, moving = np.full((n, 2, 3), np.nan), np.flatnonzero(np.linalg.matrix_rank(normalised, rtol=SINGULAR) == 3)
     for begin in range(0, len(moving), BATCH):
         batch = moving[begin : begin + BATCH]
-        some = designs.chosen(batch), system.at(batch), necks[batch], drive.at(batch)
-        limits = command_limits(*some, np.zeros(3))
+        limits = command_limits(designs.chosen(batch), system.at(batch), necks[batch], np.zeros(3))
         least = np.linalg.pinv(normalised[batch]) / np.swapaxes(scale[batch], 1, 2)  # (n, m, 3): for unit poses
         free = np.swapaxes(np.linalg.svd(normalised[batch])[2][:, 3:], 1, 2)
         both = np.stack([np.moveaxis(least, 2, 1), -np.moveaxis(least, 2, 1)], axis=1)[..., None]
@@ -354,7 +347,7 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array, drive: StageDri
         Z = Z.reshape(-1, *Z.shape[-2:])
         farthest = limits.farthest(np.repeat(np.arange(len(batch)), 6), Z, np.zeros(Z.shape[:2])).points[:, 0]
         each = np.arange(len(batch))
-        at_rest = limits.yields(each, limits.forces, limits.at_rest, each, np.zeros((len(batch), system.T.shape[1])))
+        at_rest = limits.yields(each, limits.forces, limits.at_rest, each, np.zeros(limits.rows.shape[::2]))
         reach[batch] = np.where(at_rest.where[:, None, None], np.nan, farthest.reshape(-1, 2, 3))
     return DriveRanges(reach, inverse(system.engaged))
 

@@ -468,12 +468,12 @@ def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) ->
     commands, at_full = np.outer(case.commanded, joints.per_command[:, case.axis]), []
     for mesh, response in meshes:
         driven = joints.on(response.compliance)
-        force = driven.Y @ driven.T @ commands[-1]
+        force = driven.per_command @ commands[-1]
         at_full.append((mesh, driven.C[:3, 3:] @ force, np.tensordot(force, response.fields[3:], axes=1)))
     C, limits = np.array([response.compliance for _, response in meshes]), list[str]()
-    if joints.model is not None and joints.drive is not None:  # the limits at both ends of the commands
+    if joints.model is not None:  # the limits at both ends of the commands
         for x in (commands[0], commands[-1]):
-            limits += limit_warnings(joints.model, joints.drive, x, np.zeros(3), "least energy")
+            limits += limit_warnings(joints.model, x, np.zeros(3), "least energy")
     return _in_plane(
         stage,
         case,
@@ -483,7 +483,7 @@ def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) ->
         bands=imposed_bands(joints, C, case, lever),
         compliance=C[-1, :3, :3],
         unknowns=structure(meshes[-1].mesh, plate_of(stage)).size,
-        joints=joints.names,
+        joints=joints.drive.names,
         imposed=commands,
         warnings=tuple(dict.fromkeys(limits)),
     )

@@ -18,12 +18,12 @@ from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.response import Response, driven_response
 from flexfem.fem.structure import plate_of
 from flexfem.files.tables import once
-from flexfem.mechanism.contacts import Stack, hinge_couples
+from flexfem.mechanism.contacts import hinge_couples
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
 from flexfem.questions.case import Case, Drive
-from flexfem.questions.driven import Driven, driven, held, unit_commands
+from flexfem.questions.driven import Driven
 from flexfem.units import DIRECTIONS
 
 RIGID = 1e-12  # of the largest rotational compliance: below it a model of fewer freedoms excludes the rotation
@@ -32,19 +32,17 @@ RIGID = 1e-12  # of the largest rotational compliance: below it a model of fewer
 class Imposed(NamedTuple):
     """Rotations of hinges, or strokes of the drive, that a model computed for commanded poses.
 
-    stacks : loads conjugate to them.   per_command : (m, 3), per command in x, y, theta: rad or mm, per mm and rad.
-    model, drive : the driven stage of the model, and its drive; None if hinge rotations are imposed.
+    drive : of the stage, or one that holds the hinges.   per_command : (m, 3), rad or mm, per command in mm and rad.
+    model : the driven stage of the model; None if hinge rotations are imposed.
     """
 
-    stacks: tuple[Stack, ...]
-    names: tuple[str, ...]
+    drive: StageDrive
     per_command: Array
     model: Driven | None
-    drive: StageDrive | None
 
     def on(self, compliance: Array) -> Driven:
         """The same drive with another compliance (3 + n, 3 + n), as of finite elements."""
-        return held(compliance) if self.drive is None else driven(compliance, self.drive)
+        return Driven.of(compliance, self.drive)
 
     def poses(self, compliance: Array) -> Array:
         """Pose (3, 3) with another compliance, column j for a unit command in direction j."""
@@ -63,20 +61,24 @@ def commanded_hinges(mobility: int) -> tuple[int, ...]:
     return (0,) if mobility == 3 else (0, 1)
 
 
-def imposed(stage: Stage, model: AnalyticResult, drive: Drive) -> Imposed:
+def imposed(stage: Stage, model: AnalyticResult, inputs: Drive) -> Imposed:
     """Return the joint motions of an analytic model per command. Raises BadInput for strokes without actuators.
 
     Rotations a: min a' C_dd^-1 a with C_Ud C_dd^-1 a = u, so a = C_dU (C_Ud C_dd^-1 C_dU)^-1 u. If these rotations
     determine the whole model, as with mobility three and six, this is (29), (30).
     """
-    if drive == "joints":
+    if inputs == "joints":
         couples = hinge_couples(stage, commanded_hinges(model.mobility))
         C = driven_model(stage, model, tuple(couples.values())).compliance
         per_command = C[3:, :3] @ inverse(C[:3, 3:] @ np.linalg.pinv(C[3:, 3:], RIGID, hermitian=True) @ C[3:, :3])
-        return Imposed(tuple(couples.values()), tuple(couples), per_command, None, None)
+        endless, none = np.full(len(couples), np.inf), np.zeros(len(couples))
+        limits = {"lowest": -endless, "highest": endless, "blocking_force": endless, "preload": none}
+        names, rigid = tuple(couples), np.eye(len(couples))
+        drive = StageDrive(tuple(couples.values()), names, stiffness=endless, differential=rigid, **limits)
+        return Imposed(drive, per_command, None)
     stacks, lever = drive_of(stage), stage.chain.link_lengths[2]
-    driven_stage = driven(driven_model(stage, model).compliance, stacks)
-    return Imposed(stacks.stacks, stacks.names, unit_commands(driven_stage, stacks, lever), driven_stage, stacks)
+    driven = Driven.of(driven_model(stage, model).compliance, stacks)
+    return Imposed(stacks, driven.unit_commands(lever), driven)
 
 
 @once
@@ -99,6 +101,6 @@ def imposed_bands(joints: Imposed, compliances: Array, case: Case, lever: float)
     axis, steps = DIRECTIONS.index(case.direction), np.array(levels(case.resolution))
     percents = np.array([error_matrix(np.eye(3), joints.poses(C), lever)[:, axis] for C in compliances])
     finest = joints.on(compliances[-1])
-    force = np.concatenate([np.zeros(3), finest.Y @ finest.T @ joints.per_command[:, axis]])
+    force = np.concatenate([np.zeros(3), finest.per_command @ joints.per_command[:, axis]])
     readings = np.concatenate([np.eye(3), -finest.Y @ finest.C[3:, :3]])
     return command_convergence(steps, percents, axis, compliances, force, lever, readings)

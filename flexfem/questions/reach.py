@@ -159,16 +159,16 @@ def reach(
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))
-    poses = pose_set(commanded, commanded.system, drive, F)
+    poses = pose_set(commanded, commanded.system, F)
     try:
         solid = poses.solid(lever)
     except NothingAllowed:
-        raise ComputationFailed(_why_unreachable(commanded, poses, drive, F)) from None
+        raise ComputationFailed(_why_unreachable(commanded, poses, F)) from None
     ends, stops = poses.ranges()
     ranges = {ANALYTIC: ends}
     if mesh is not None:
         elements = driven_elements(stage, mesh.resolution).system
-        ranges[ELEMENTS] = pose_set(commanded, elements, drive, F).ranges()[0]
+        ranges[ELEMENTS] = pose_set(commanded, elements, F).ranges()[0]
     values: dict[str, Any] = {
         "load": F,
         "ends": np.stack(list(ranges.values()), axis=2),
@@ -203,7 +203,8 @@ def reach(
 class PoseSet:
     """The poses G x + rest (3,) that a drive reaches, with commands x within limits (n = 1) under a load (3,)."""
 
-    def __init__(self, system: Driven, drive: StageDrive, limits: CommandLimits, load: Array) -> None:
+    def __init__(self, system: Driven, limits: CommandLimits, load: Array) -> None:
+        drive = system.drive
         self.G, self.rest, self.limits = system.poses, np.asarray(system.engaged @ load), limits
         names = [f"stroke of {name}, {end}" for end in ("longest", "shortest") for name in drive.names]
         names += [f"{kind} of {name}" for kind in LIMITS[1:] for name in stack_names(drive)]
@@ -320,10 +321,9 @@ class PoseSet:
             commands = np.concatenate([commands, added[: MOST - len(commands)]])
 
 
-def pose_set(model: Commanding, system: Driven, drive: StageDrive, load: Array) -> PoseSet:
+def pose_set(model: Commanding, system: Driven, load: Array) -> PoseSet:
     """Return the poses of a driven stage under a load (3,); `model` gives the neck stress by the forces of `system`."""
-    many = lower(model.stage), system.at(None), model.necks[None], drive.at(None)
-    return PoseSet(system, drive, command_limits(*many, load), load)
+    return PoseSet(system, command_limits(lower(model.stage), system.at(None), model.necks[None], load), load)
 
 
 def _corners_and_faces(Z: Array) -> tuple[Index, list[list[int]], float]:
@@ -366,15 +366,15 @@ def _radius(solid: Polytope, centre: Array, directions: int) -> float:
     return distance if distance > ROUND_OFF * np.max(np.abs(solid.supports), initial=0.0) else 0.0
 
 
-def _why_unreachable(commanded: Commanding, poses: PoseSet, drive: StageDrive, load: Array) -> str:
+def _why_unreachable(commanded: Commanding, poses: PoseSet, load: Array) -> str:
     """Describe the limits that allow no commands: kinds that exclude all with those of strokes, or all together."""
-    infeasible, limits = [], poses.limits
+    infeasible, limits, drive = [], poses.limits, commanded.system.drive
     for kind in KINDS:
         chosen = [name.startswith((KINDS[0], kind)) for name in poses.names[: limits.rows.shape[1]]]
         strength = limits.strength if kind == "yield" else np.array([np.inf])
         part = limits._replace(rows=limits.rows[:, chosen], bounds=limits.bounds[:, chosen], strength=strength)
         try:
-            PoseSet(commanded.system, drive, part, load).farthest(drive.highest[None])
+            PoseSet(commanded.system, part, load).farthest(drive.highest[None])
         except NothingAllowed:
             infeasible.append(kind)
     kinds = " and those of ".join(infeasible) if infeasible else "stroke, contact, blocking force and yield together"

@@ -41,7 +41,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.batch import LOWEST, batch_at_rest, solved_design
-from flexfem.questions.driven import drive_ranges, driven
+from flexfem.questions.driven import Driven, drive_ranges
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
@@ -133,9 +133,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             )
             drive.stiffness[reason != ""] = np.nan  # makes all results of refused designs nan
             response = driven_compliance(designs.frames, *model, drive.stacks, links)
-            found = found._replace(
-                drives=drive_ranges(designs, driven(response.compliance, drive), response.necks, drive)
-            )
+            drives = drive_ranges(designs, Driven.of(response.compliance, drive), response.necks)
+            found = found._replace(drives=drives)
         if study.frequencies is not None:
             bodies, hubs = stacked(lambda stage: (body_moments(stage), hub_moments(stage)))
             links = LinkParts(*stacked(lambda stage: link_parts(stage, body_loads(stage)))) if study.links else None

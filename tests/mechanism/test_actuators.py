@@ -8,7 +8,7 @@ import pytest
 from flexfem.mechanism.actuators import Actuator, catalogue, hertz
 from flexfem.mechanism.drives import contacts, drive_of
 from flexfem.mechanism.stage import Stage, load_feasible
-from flexfem.questions.driven import Driven, limits_of
+from flexfem.questions.driven import Driven
 from flexfem.refused import BadInput
 
 BASE = {"name": "base", "between": ("frame", "link 1"), "point": (44.0, -36.5), "direction": np.pi / 2, "pair": True}
@@ -36,7 +36,7 @@ def test_a_preload_of_the_blocking_force_itself_is_borne(stage):
     full = BASE | {"pair": False, "stroke": 17.4e-3, "stiffness": 50e3}
     assert 869.9999999 < Actuator(**full).rating.blocking_force < 870.0
     drive = drive_of(stage.replace(actuator=[full | {"preload": 870.0}]))
-    _, contact, blocking = limits_of(Driven(np.eye(6), np.eye(3), np.eye(3)), drive, np.zeros(3)).values()
+    _, contact, blocking = Driven(np.eye(6), np.eye(3), drive).limits(np.zeros(3)).values()
     np.testing.assert_array_equal([contact.sizes, blocking.sizes], [[870.0] * 3, [0.0] * 3])
     with pytest.raises(BadInput, match="at most the blocking force of the stack, 870"):
         Actuator(**full, preload=870.00001)

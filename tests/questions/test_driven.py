@@ -13,7 +13,7 @@ from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.drive import calibration, commanding, driven_elements
-from flexfem.questions.driven import CRITERIA, commands_for, driven, limits_of, moved, shares
+from flexfem.questions.driven import CRITERIA, Driven
 from flexfem.questions.reach import pose_set
 from flexfem.refused import ComputationFailed
 
@@ -44,7 +44,7 @@ def model(stage: Stage, mobility: int | None = None, formula: str = CALIBRATED, 
 def test_ae0505d16_on_14_3_newtons_per_micrometre_travels_13_74_micrometres():
     """NEC/Tokin, Multilayer Piezoelectric Actuators vol. 6, page 22: the spring load of their example."""
     C, drive = spring(14.3e3, 935 / 0.0174)
-    found = moved(driven(C, drive), drive, drive.highest, np.zeros(3))
+    found = Driven.of(C, drive).moved(drive.highest, np.zeros(3))
     assert 1e3 * found.pose[0] == pytest.approx(13.74, abs=0.005)
     assert found.force[0] == pytest.approx(14.3e3 * found.pose[0])
 
@@ -53,7 +53,7 @@ def test_what_is_stored_is_the_work_done(stage):
     """Strokes and load grow together: half of stroke times force and of load times pose."""
     drive, x = drive_of(stage), 1e-3 * np.array([3.0, -2.0, 1.0, 5.0, -4.0, 2.5])
     of = model(stage).system
-    found = moved(of, drive, x, LOAD)
+    found = of.moved(x, LOAD)
     work = (found.force @ (drive.differential @ x) + LOAD @ found.pose) / 2
     assert found.stage + found.stacks == pytest.approx(work, rel=1e-10)
     assert found.stage > 0 < found.stacks
@@ -62,19 +62,17 @@ def test_what_is_stored_is_the_work_done(stage):
 @pytest.mark.parametrize("criterion", CRITERIA)
 @pytest.mark.parametrize("load", [np.zeros(3), LOAD], ids=["free", "loaded"])
 def test_pose_to_strokes_to_pose(stage, criterion, load):
-    drive = drive_of(stage)
     for choice in ((3, DEFAULT_FORMULA, False), (6, DEFAULT_FORMULA, False), (None, CALIBRATED, True)):
         of = model(stage, *choice).system
         for pose in (POSE, 1e-13 * POSE, 1e-28 * POSE) if load is not LOAD else (POSE,):
-            x = commands_for(of, drive, pose, load, LEVER, criterion)
-            np.testing.assert_allclose(moved(of, drive, x, load).pose, pose, rtol=1e-12)
+            x = of.commands(pose, load, LEVER, criterion)
+            np.testing.assert_allclose(of.moved(x, load).pose, pose, rtol=1e-12)
 
 
 def test_least_energy_turns_the_joints_as_29_says(stage):
     """Six sets command the six independent joints of mobility six, whatever their stiffness."""
-    drive = drive_of(stage)
     one = model(stage, 6, DEFAULT_FORMULA, False)
-    motion = moved(one.system, drive, commands_for(one.system, drive, POSE, NONE, LEVER, "least energy"), NONE)
+    motion = one.system.moved(one.system.commands(POSE, NONE, LEVER, "least energy"), NONE)
     of = assemble(stage, 6)
     joints = inverse_kinematics(of, stiffness(of), POSE).joints
     turning = joints[of.joints.kind == 0].reshape(3, 3)
@@ -87,49 +85,49 @@ def test_a_stroke_turns_the_base_hinge_by_stroke_over_arm():
     stage = load_stage(GEOMETRY / "mobility3.toml")
     one = model(stage, 3, DEFAULT_FORMULA, False)
     free = drive_of(stage)._replace(stiffness=np.where(np.arange(12) < 2, 1e9, 0.0))
-    of = driven(one.system.C, free)
-    found = moved(of, free, 1e-3 * np.eye(6)[0], np.zeros(3))
+    of = Driven.of(one.system.C, free)
+    found = of.moved(1e-3 * np.eye(6)[0], np.zeros(3))
     turned = one._replace(system=of).rotations(found, NONE)
     assert turned[0, 0] == pytest.approx(-1e-3 / 10.0, rel=1e-3)  # upwards left of the hinge: clockwise
 
 
 def test_no_strokes_have_a_smaller_largest_one(stage):
-    drive, of = drive_of(stage), model(stage).system
-    least = commands_for(of, drive, POSE, np.zeros(3), LEVER, "least stroke")
+    of = model(stage).system
+    least = of.commands(POSE, np.zeros(3), LEVER, "least stroke")
     free = np.linalg.svd(of.poses * np.array([[1], [1], [LEVER]]))[2][3:]
     rng = np.random.default_rng(5)
     for step in 10 ** rng.uniform(-6, -3, 200):
         other = least + step * rng.normal(size=3) @ free
-        np.testing.assert_allclose(moved(of, drive, other, np.zeros(3)).pose, POSE, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(of.moved(other, np.zeros(3)).pose, POSE, rtol=1e-6, atol=1e-12)
         assert np.max(np.abs(other)) > np.max(np.abs(least))
-    energies = [moved(of, drive, commands_for(of, drive, POSE, LOAD, LEVER, c), LOAD).stage for c in CRITERIA]
+    energies = [of.moved(of.commands(POSE, LOAD, LEVER, c), LOAD).stage for c in CRITERIA]
     assert energies[0] == min(energies)
 
 
 def test_the_limits_of_every_stack_count(stage):
     """Strokes to half of 17.4 um on either side at base and at elbow, and contacts to their preload."""
-    drive, of = drive_of(stage), model(stage).system
+    of = model(stage).system
     for command in range(6):
         x = 8.7e-3 * np.eye(6)[command]
-        assert max(shares(of, drive, x, np.zeros(3))["stroke"]) == pytest.approx(1.0)
-        force = moved(of, drive, x, LOAD).force
-        found = shares(of, drive, x, LOAD)
+        assert max(of.shares(x, np.zeros(3))["stroke"]) == pytest.approx(1.0)
+        force = of.moved(x, LOAD).force
+        found = of.shares(x, LOAD)
         assert max(found["contact"]) == pytest.approx(-np.min(force) / 50.0)
         assert max(found["blocking force"]) == pytest.approx(np.max(force) / 885.0)
 
 
 def test_a_contact_without_preload_can_only_be_pressed():
     C, drive = spring(14.3e3, 50e3)
-    of = limits_of(driven(C, drive), drive, np.zeros(3))
+    of = Driven.of(C, drive).limits(np.zeros(3))
     contact, blocking = of["contact"], of["blocking force"]
     np.testing.assert_allclose([contact.sizes, blocking.sizes], [[0.0], [935.0]])
-    assert max(shares(driven(C, drive), drive, np.array([-1e-3]), np.zeros(3))["contact"]) == np.inf
+    assert max(Driven.of(C, drive).shares(np.array([-1e-3]), np.zeros(3))["contact"]) == np.inf
 
 
 def test_one_direction_of_pushing_does_not_hold_three(stage):
     C, drive = spring(14.3e3, 50e3)
     with pytest.raises(ComputationFailed, match="three directions"):
-        commands_for(driven(C, drive), drive, POSE, np.zeros(3), LEVER, "least energy")
+        Driven.of(C, drive).commands(POSE, np.zeros(3), LEVER, "least energy")
 
 
 def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike_drive):
@@ -137,14 +135,14 @@ def test_the_two_witnesses_agree_on_a_driven_stage_with_unlike_chains(unlike_dri
     C, F = best.system.C, metal.system.C
     size = np.sqrt(np.diag(F))
     assert np.max(np.abs(C - F) / np.outer(size, size)) < MESH
-    drive, lever = drive_of(unlike_drive), unlike_drive.chain.link_lengths[2]
-    x = commands_for(best.system, drive, POSE, np.zeros(3), lever, "least energy")
-    reached = moved(metal.system, drive, x, np.zeros(3)).pose
+    lever = unlike_drive.chain.link_lengths[2]
+    x = best.system.commands(POSE, np.zeros(3), lever, "least energy")
+    reached = metal.system.moved(x, np.zeros(3)).pose
     scale = np.array([1.0, 1.0, lever])
     assert np.linalg.norm((reached - POSE) * scale) < 1e-3 * np.linalg.norm(POSE * scale)
-    full = calibration(metal.system, best.system, drive, lever)
-    x = commands_for(best.system, drive, full @ POSE, np.zeros(3), lever, "least energy")
-    np.testing.assert_allclose(moved(metal.system, drive, x, np.zeros(3)).pose, POSE, rtol=1e-9)
+    full = calibration(metal.system, best.system, lever)
+    x = best.system.commands(full @ POSE, np.zeros(3), lever, "least energy")
+    np.testing.assert_allclose(metal.system.moved(x, np.zeros(3)).pose, POSE, rtol=1e-9)
 
 
 def test_necks_of_finite_elements_carry_what_balances_and_what_the_model_says(unlike_drive):
@@ -164,9 +162,9 @@ def test_the_half_spaces_of_yield_are_the_stresses_of_the_necks(stage):
         override={(2, "elbow"): {"neck": 0.41}, (3, "platform"): {"radius": 1.9}}, model="plane_strain"
     )
     drive, one = drive_of(stage), model(stage)
-    rows, bounds = (part[-9 * 141 * 4 :] for part in half_spaces(pose_set(one, one.system, drive, LOAD).limits))
+    rows, bounds = (part[-9 * 141 * 4 :] for part in half_spaces(pose_set(one, one.system, LOAD).limits))
     for command in 1e-3 * np.random.default_rng(3).normal(size=(5, 6)):
         found = rows @ command - bounds + 0.99 * 503.0
-        force = drive.preload + moved(one.system, drive, command, LOAD).force
+        force = drive.preload + one.system.moved(command, LOAD).force
         wanted = one.stress(LOAD, force)
         np.testing.assert_allclose(np.max(found.reshape(4, 9, 141), axis=(0, 2)), np.ravel(wanted), rtol=1e-10)

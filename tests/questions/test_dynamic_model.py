@@ -13,7 +13,7 @@ from flexfem.fem.modes import modes
 from flexfem.fem.response import driven_response
 from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
-from flexfem.questions.driven import driven
+from flexfem.questions.driven import Driven
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import BadInput
 
@@ -31,7 +31,7 @@ def model(stage, vibration):
 
 def test_at_rest_it_is_the_static_stage_under_loads_and_strokes(stage, vibration, model):
     C = driven_response(vibration.mesh, plate_of(stage), drive_of(stage).stacks).compliance
-    of = driven(C, drive_of(stage))
+    of = Driven.of(C, drive_of(stage))
     expected = np.hstack([of.engaged, of.poses])
     found = model.response(np.zeros(1))[0].real
     scale = np.abs(expected).max(axis=0)

@@ -14,7 +14,7 @@ from flexfem.analytic.responses import driven_model
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.drive import commanding, driven_elements, left_open
-from flexfem.questions.driven import driven
+from flexfem.questions.driven import Driven
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT
@@ -34,7 +34,7 @@ def at_rest(stage, *model, stiff=1.0):
     drive = drive_of(stage)
     drive = drive._replace(stiffness=stiff * drive.stiffness)
     one = commanding(ModelChoice(stage, *model))
-    return left_open(driven(one.system.C, drive), one.across, drive, drive.preload)
+    return left_open(Driven.of(one.system.C, drive), one.across, drive.preload)
 
 
 def test_forces_along_link_1_turn_its_hinge_by_half_its_width_by_hand():
@@ -84,15 +84,15 @@ def test_bands_by_both_witnesses(stage):
     stage = rough(stage, {"friction": 0.1, "pair": False}, {"friction": 0.3, "arm": 7.0})
     drive, metal = drive_of(stage), driven_elements(stage, 3)
     assert metal.across.shape == (3 + 9, 9)
-    elements = left_open(metal.system, metal.across, drive, drive.preload)
+    elements = left_open(metal.system, metal.across, drive.preload)
     np.testing.assert_allclose(at_rest(stage, None, CALIBRATED, True), elements, rtol=6e-3)
 
 
 def test_a_contact_that_would_have_to_pull_holds_nothing(stage):
     stage = rough(stage, {"friction": 0.2, "pair": False, "preload": 1.0})
-    drive, one = drive_of(stage), commanding(ModelChoice(stage, *MODEL))
-    pulled = left_open(one.system, one.across, drive, np.array([2.0, -3.0, -1.0]))
-    only = left_open(one.system, one.across, drive, np.array([2.0, 0.0, 0.0]))
+    one = commanding(ModelChoice(stage, *MODEL))
+    pulled = left_open(one.system, one.across, np.array([2.0, -3.0, -1.0]))
+    only = left_open(one.system, one.across, np.array([2.0, 0.0, 0.0]))
     np.testing.assert_array_equal(pulled, only)
     assert min(only) > 0
 

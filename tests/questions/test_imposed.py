@@ -72,7 +72,7 @@ def test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energ
     np.testing.assert_allclose(given.per_command @ POSE, wanted[numbers], rtol=1e-7, atol=1e-12)
     rows = [(np.eye(9)[r], wanted[r]) for r in numbers]
     _, reached = by_least_energy(unlike, 21, rows, None)
-    metal = driven_model(unlike, analyse(unlike, 21), given.stacks).compliance
+    metal = driven_model(unlike, analyse(unlike, 21), given.drive.stacks).compliance
     np.testing.assert_allclose(given.poses(metal) @ POSE, reached, rtol=1e-6, atol=1e-11)
     assert np.max(np.abs(reached - POSE) / np.abs(POSE)) > 1e-5
 

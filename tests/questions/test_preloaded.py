@@ -23,7 +23,7 @@ from flexfem.mechanism.designs import chain_rotation
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.drive import commanding, driven_elements
-from flexfem.questions.driven import driven
+from flexfem.questions.driven import Driven
 
 NONE = np.zeros(3)
 UNLIKE = [
@@ -135,9 +135,9 @@ def changes(stage, forces, follows, resolution):
         of = loaded(joints, force, NONE)
         for j, stiff in enumerate((0 * drive.stiffness, drive.stiffness)):
             engaged = drive._replace(stiffness=stiff)
-            K, K_rest = (np.diag(np.linalg.inv(driven(each, engaged).engaged)) for each in (C, metal.system.C))
+            K, K_rest = (np.diag(np.linalg.inv(Driven.of(each, engaged).engaged)) for each in (C, metal.system.C))
             found[0, i, j] = K / K_rest - 1
-            rest = np.diag(np.linalg.inv(driven(model.system.C, engaged).engaged))
+            rest = np.diag(np.linalg.inv(Driven.of(model.system.C, engaged).engaged))
             found[1, i, j] = np.diag(of.stiffness(stiff)) / rest - 1
     return found
 

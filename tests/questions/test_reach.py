@@ -13,11 +13,11 @@ from matplotlib.collections import LineCollection
 import flexfem
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements
-from flexfem.questions.driven import CommandLimits, Driven, commands_for, drive_ranges, moved, shares, stress_along
+from flexfem.questions.driven import CommandLimits, Driven, drive_ranges, stress_along
 from flexfem.questions.reach import PoseSet, Reach, pose_set, section_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
@@ -59,8 +59,8 @@ def own(unlike_drive) -> Stage:
     return with_actuators(unlike_drive, *weak)
 
 
-def modelled(stage: Stage) -> tuple[Commanding, StageDrive]:
-    return commanding(ModelChoice(stage, None, CALIBRATED, True)), drive_of(stage)
+def modelled(stage: Stage) -> Commanding:
+    return commanding(ModelChoice(stage, None, CALIBRATED, True))
 
 
 def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **others: object) -> Reach:
@@ -68,8 +68,8 @@ def reach(stage: Stage, load: np.ndarray = NONE, models: str = "analytic", **oth
 
 
 def poses_of(stage: Stage) -> PoseSet:
-    one, drive = modelled(stage)
-    return pose_set(one, one.system, drive, NONE)
+    one = modelled(stage)
+    return pose_set(one, one.system, NONE)
 
 
 @pytest.fixture(scope="module")
@@ -86,10 +86,10 @@ def ends(found: Reach, name: str) -> np.ndarray:
 def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     """Commands are the pose; x + y <= 1.5 cuts an edge off the cube, x <= 3 never binds."""
     rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
-    of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), np.eye(3))
-    drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3))
+    drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3), differential=np.eye(3))
+    of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), drive)
     necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
-    poses = PoseSet(of, drive, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE)
+    poses = PoseSet(of, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE)
     poses.names = [*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"]
     found = poses.solid(2.0)
     corners = {(-1, -1), (1, -1), (1, 0.5), (0.5, 1), (-1, 1)}
@@ -108,7 +108,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
 
 def test_strokes_alone_reach_a_zonotope(stage):
     """Support and volume in closed form: sum of |G_j . n| over strokes, 8 times the sum of all |det|."""
-    one, drive = modelled(stage)
+    one = modelled(stage)
     found = poses_of(stage).solid(LEVER)
     G = one.system.poses * 8.7e-3
     assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
@@ -117,7 +117,7 @@ def test_strokes_alone_reach_a_zonotope(stage):
     for n in np.random.default_rng(4).normal(size=(40, 3)) / SCALE[::-1]:
         assert np.max(found.vertices @ n) == pytest.approx(np.sum(np.abs(n @ G)), rel=1e-9)
     np.testing.assert_allclose(found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=1e-9)
-    moved_to = [moved(one.system, drive, x, NONE).pose for x in found.commands]
+    moved_to = [one.system.moved(x, NONE).pose for x in found.commands]
     np.testing.assert_allclose(moved_to, found.vertices, rtol=1e-9, atol=1e-15)
 
 
@@ -140,7 +140,7 @@ def test_ranges_of_the_reference_stages(reached):
 
 def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     """Faces against the strokes within limits, another linear program: share 1 on every face, more 0.1 % beyond."""
-    one, drive = modelled(light)
+    one = modelled(light)
     found = reach(light, LOAD)
     V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields.solid
     normals, supports = solid.normals * SCALE, solid.supports
@@ -148,8 +148,8 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     assert np.all(normals @ V.T <= supports[:, None] + 1e-12)
 
     def share(pose: np.ndarray) -> float:
-        x = commands_for(one.system, drive, pose, LOAD, LEVER, "within limits")
-        return max(float(np.max(each)) for each in shares(one.system, drive, x, LOAD).values())
+        x = one.system.commands(pose, LOAD, LEVER, "within limits")
+        return max(float(np.max(each)) for each in one.system.shares(x, LOAD).values())
 
     @settings(max_examples=8, deadline=None, database=None, derandomize=True)
     @given(st.tuples(*3 * [st.floats(-1, 1)]).filter(lambda n: np.linalg.norm(n) > 0.1))
@@ -168,10 +168,8 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
     """Single stacks, light pairs and unlike chains; and yield that binds."""
     weak = stage.replace(material={"yield_strength": 20.0}, override={(2, "elbow"): {"neck": 0.61}})
     for each in (own, weak):
-        one, drive = modelled(each)
-        many = drive.at(None)
-        of = Driven(one.system.C[None], one.system.Y[None], one.system.T)
-        studied = drive_ranges(lower(each), of, one.necks[None], many).reach[0]
+        one = modelled(each)
+        studied = drive_ranges(lower(each), one.system.at(None), one.necks[None]).reach[0]
         found, stops = poses_of(each).ranges()
         np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
     assert any("yield" in by.kinds for by in stops.values())
@@ -185,13 +183,13 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     np.testing.assert_allclose(elements[0, 1], model[0, 1], rtol=1.2e-2)
     np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
     assert np.all(elements[0, 1] != model[0, 1])
-    one, drive = modelled(own)
+    one = modelled(own)
     X = found.commands
     for x in X:
-        assert max(np.max(used) for used in shares(one.system, drive, x, load).values()) < 1 + 1e-9
-        force = drive.preload + moved(one.system, drive, x, load).force
+        assert max(np.max(used) for used in one.system.shares(x, load).values()) < 1 + 1e-9
+        force = one.system.drive.preload + one.system.moved(x, load).force
         assert np.max(one.stress(load, force)) < 0.99 * own.material.yield_strength * (1 + 1e-9)
-    np.testing.assert_allclose([moved(one.system, drive, x, load).pose for x in X], found.vertices, atol=1e-12)
+    np.testing.assert_allclose([one.system.moved(x, load).pose for x in X], found.vertices, atol=1e-12)
     assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
     rest = one.system.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
@@ -266,10 +264,9 @@ def test_round_off_is_no_radius_about_rest(stage):
 def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
     """Where contacts bind, forces by the model would let the metal go elsewhere."""
     found, elements = reach(light, LOAD, "both", resolution=2, analytic=SIX), driven_elements(light, 2).system
-    first, drive = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False)), drive_of(light)
+    first = commanding(ModelChoice(light, 6, DEFAULT_FORMULA, False))
     own, other = (
-        PoseSet(elements, drive, pose_set(first, of, drive, LOAD).limits, LOAD).ranges()[0]
-        for of in (elements, first.system)
+        PoseSet(elements, pose_set(first, of, LOAD).limits, LOAD).ranges()[0] for of in (elements, first.system)
     )
     np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=1e-9)
     assert np.max(np.abs(own[1, 1] / other[1, 1] - 1)) > 1e-4

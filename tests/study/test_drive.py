@@ -79,9 +79,9 @@ def ranges(stage: Stage, choice: tuple[int | None, str, bool], resolution: int |
 
     resolution : of finite elements that push and move; what their necks carry is then the model's.
     """
-    one, drive = commanding(ModelChoice(stage, *choice)), drive_of(stage)
+    one = commanding(ModelChoice(stage, *choice))
     of = one.system if resolution is None else driven_elements(stage, resolution).system
-    rows, ends = half_spaces(pose_set(one, of, drive, np.zeros(3)).limits)
+    rows, ends = half_spaces(pose_set(one, of, np.zeros(3)).limits)
     norm, unit = 1e-3 * np.linalg.norm(rows, axis=1), np.array([1.0, 1.0, 24.0])
     found = np.zeros((2, 3))
     for k, sign in enumerate((1.0, -1.0)):
