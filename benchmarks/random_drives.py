@@ -17,7 +17,7 @@ from flexfem.analytic.model import CALIBRATED, ModelChoice
 from flexfem.arrays import Array
 from flexfem.mechanism.bodies import centrelines
 from flexfem.mechanism.stage import Stage
-from flexfem.questions.drive import commanding, driven_elements, engaged_stiffness, push_spread
+from flexfem.questions.drive import commanding, driven_elements, push_spread
 from flexfem.refused import BadInput
 
 CARRIERS = ("frame", "link 2")
@@ -71,8 +71,8 @@ def deviations(stage: Stage, resolution: int) -> Array:
     for pose in np.diag(1e-3 / scale):
         x = model.system.commands(pose, np.zeros(3), lever, "least energy")
         missed.append(np.abs((metal.system.moved(x, np.zeros(3)).pose - pose) * scale) / 1e-3)
-    engaged = engaged_stiffness(metal.system)
-    of_engaged = [engaged_stiffness(model.system) / engaged - 1, push_spread(model) / engaged]
+    engaged = metal.system.stiffness
+    of_engaged = [model.system.stiffness / engaged - 1, push_spread(model) / engaged]
     return 100 * np.array([np.max(off), np.max(missed), np.max(off[:3, :3]), *np.max(np.abs(of_engaged), axis=1)])
 
 

@@ -23,7 +23,7 @@ from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import of_heat
-from flexfem.questions.drive import commanding, engaged_stiffness, push_spread
+from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
 from flexfem.results import versions
 from flexfem.study import columns as outputs
@@ -144,7 +144,7 @@ def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Requ
     spread = None
     if names & {*outputs.ENGAGED}:
         driven = commanding(best_model(stage_of(loaded.study, verified.values), []))
-        relative = push_spread(driven) / engaged_stiffness(driven.system)
+        relative = push_spread(driven) / driven.system.stiffness
         columns = {name: np.full(2, value) for name, value in verified.columns.items()}
         for name, share in zip(outputs.ENGAGED, relative, strict=True):
             columns[name] *= (1 - share, 1 + share)

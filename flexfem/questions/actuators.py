@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
 from flexfem.arrays import Array
+from flexfem.mechanism.drives import StageDrive
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.questions.driven import Driven
 from flexfem.questions.plates import ON_MESHES, PEAK, ROUND_OFF, Responses, meshed, of_models, over_yield, solved
 from flexfem.questions.setup import Mesh, MeshFields, Models, answer
 from flexfem.refused import BadInput
@@ -53,35 +55,16 @@ class MechanismDrive(Result):
     )  # fmt: skip
 
 
-class Transfer(NamedTuple):
-    """Linear response to free strokes s (a,) of all actuators in place.
-
-    force : (a, a), N per mm of stroke.   motion : (p, 3, a), of the points.   opening : (a, a), of the actuators.
-    engaged : (3, 3), stiffness of the output with all actuators.
-    """
-
-    force: Array
-    motion: Array
-    opening: Array
-    engaged: Array
-
-
-def transfer(mechanism: Mechanism, C: Array) -> Transfer:
-    """Return the response to free strokes for a compliance (k, k) between the ports.
-
-    Notes
-    -----
-    The force of an actuator is `F = k (s - q)` with its opening `q = C_aa F`, so that `F = (C_aa + 1 / k)^-1 s`.
-    """
-    drives = mechanism.layout.drive_ports
-    if not drives:
+def driven(mechanism: Mechanism, C: Array) -> Driven:
+    """Return the output with all actuators in place, by their free strokes, for a compliance (k, k) of the ports."""
+    ports, actuators = [0, 1, 2, *mechanism.layout.drive_ports], mechanism.layout.actuators
+    if not actuators:
         raise BadInput(f"{mechanism.origin}: no actuator, expected at least one [[actuator]]")
-    flexible = C[np.ix_(drives, drives)] + np.diag(1 / mechanism.layout.stiffness_of_actuators)
-    force = np.asarray(np.linalg.inv(flexible))
-    coupled = C[:3, drives]
-    engaged = np.asarray(np.linalg.inv(C[:3, :3] - coupled @ force @ coupled.T))
-    motion = C[: 3 * len(mechanism.layout.points), drives] @ force
-    return Transfer(force, motion.reshape(-1, 3, len(drives)), C[np.ix_(drives, drives)] @ force, engaged)
+    names = tuple(actuator.name for actuator in actuators)
+    ratings = [(one.stiffness, 0.0, one.blocking_force, 0.0, one.stroke) for one in actuators]
+    stiffness, preload, blocking_force, lowest, highest = np.array(ratings).T
+    each = StageDrive((), names, stiffness, preload, blocking_force, np.eye(len(names)), lowest, highest)
+    return Driven.of(C[np.ix_(ports, ports)], each)
 
 
 def drive(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismDrive:
@@ -90,35 +73,36 @@ def drive(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismD
     strokes, drives = np.array([actuator.stroke for actuator in actuators]), mechanism.layout.drive_ports
 
     def values(response: Responses) -> dict[str, Any]:
-        found = transfer(mechanism, response.compliance)
-        output, own = found.motion[0].T, np.diag(found.opening)  # (a, 3)
+        C, found = response.compliance, driven(mechanism, response.compliance)
+        motion = (C[: 3 * len(mechanism.layout.points), drives] @ found.Y).reshape(-1, 3, len(drives))
+        output, opening = motion[0].T, C[np.ix_(drives, drives)] @ found.Y  # (a, 3), (a, a)
         main = np.argmax(np.abs(output[:, :2]), axis=1)
         along, across = (np.take_along_axis(output, each[:, None], 1)[:, 0] for each in (main, 1 - main))
         forces = np.zeros((len(actuators), len(response.compliance)))
-        forces[:, drives] = (found.force * strokes).T
-        others = found.opening.T.copy()
+        forces[:, drives] = (found.Y * strokes).T
+        others = opening.T.copy()
         np.fill_diagonal(others, np.nan)
-        moves = np.abs(along) > ROUND_OFF * np.max(np.abs(found.motion))
+        moves = np.abs(along) > ROUND_OFF * np.max(np.abs(motion))
         with np.errstate(divide="ignore", invalid="ignore"):
             cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
         rotation[np.abs(rotation) * mechanism.layout.lever < ROUND_OFF] = 0.0
         cross[np.abs(cross) < ROUND_OFF], others[np.abs(others) < ROUND_OFF] = 0.0, 0.0
         return {
-            "motion": np.moveaxis(found.motion * strokes, -1, 0),
+            "motion": np.moveaxis(motion * strokes, -1, 0),
             "transmission": output,
-            "used": 100 * own,
+            "used": 100 * np.diag(opening),
             "coupling": 100 * others,
             "cross": 100 * cross,
             "rotation": rotation,
-            "force": np.diag(found.force) * strokes,
+            "force": np.diag(found.Y) * strokes,
             "stress": response.stress(forces),
-            "engaged": np.diag(found.engaged),
+            "engaged": found.stiffness,
         }
 
     def made() -> dict[str, Array]:
         assert mesh is not None
         response = solved(mechanism, mesh.resolution)
-        loads = transfer(mechanism, response.compliance).force * strokes
+        loads = driven(mechanism, response.compliance).Y * strokes
         return {a.name: np.tensordot(loads[:, k], response.fields[drives], 1) for k, a in enumerate(actuators)}
 
     found, fields = of_models(mechanism, mesh, models, values), None
@@ -152,7 +136,7 @@ def reach(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismR
     strokes = np.array([actuator.stroke for actuator in mechanism.layout.actuators])
 
     def values(response: Responses) -> dict[str, Any]:
-        motion = transfer(mechanism, response.compliance).motion[0] * strokes  # (3, a), for full strokes
+        motion = driven(mechanism, response.compliance).poses * strokes  # (3, a), for full strokes
         ends = np.array([np.minimum(motion, 0).sum(axis=1), np.maximum(motion, 0).sum(axis=1)])
         scale, held = np.max(np.abs(motion), axis=1), np.zeros((2, 3))
         if len(strokes) < 3:

@@ -50,7 +50,6 @@ PUSHES = {
     "pushed": "preloaded, forces normal to the loaded body",
     "carrier": "preloaded, forces fixed to the carrier",
 }
-FREE = ("disengaged, other directions free", "engaged, other directions free")
 UNIT_POSES = (("", "", "mm_per_rad"), ("", "", "mm_per_rad"), ("rad_per_mm", "rad_per_mm", ""))
 
 
@@ -227,7 +226,12 @@ def drive(
     values["stress"] = stress
     if stacks.rubbing:
         values["friction"] = np.swapaxes(friction, 0, 1)
-    values |= _stiffness(first, dict(zip(commands, forces, strict=True)), F, axes, warnings)
+    states = _stiffness(first, dict(zip(commands, forces, strict=True)), F)
+    changed = [100 * (K / states["engaged"] - 1) if "forces" in name else K * np.nan for name, K in states.items()]
+    values |= {"stiffness": list(states.values()), "change": changed}
+    if first.result.links:
+        values["push_spread"] = push_spread(first)
+    warnings += [f"no stable equilibrium in the state {name!r}" for name, K in states.items() if np.isnan(K).any()]
     warnings += [text for name, x in commands.items() for text in limit_warnings(first.system, x, F, name)]
     for name, highest in zip(commands, np.max(stress[-1], axis=(0, 1)), strict=True):
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
@@ -237,7 +241,7 @@ def drive(
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
     settings = {"strokes by": first.result.name} | meshed(mesh)
-    axes["model"] = tuple(models_used)
+    axes |= {"model": tuple(models_used), "state": tuple(states)}
     return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, stage)
 
 
@@ -265,20 +269,14 @@ def element_ranges(stage: Stage, mesh: StageMesh) -> DriveRanges:
     return drive_ranges(lower(stage), Driven.of(found.compliance[None], drive), necks[None])
 
 
-def engaged_stiffness(system: Driven) -> Array:
-    """Return the stiffness (3,) of the platform with engaged stacks, each direction with the others held."""
-    return np.asarray(np.diag(np.linalg.inv(system.engaged)))
-
-
 def push_spread(model: Commanding) -> Array:
     """Return the largest change (3,) of the engaged stiffness if stack forces act over half or twice their length."""
     drive, stiffness = model.system.drive, []
     for factor in PLAUSIBLE:
         spread = tuple(stack.spread_over(factor) for stack in drive.stacks)  # limited to the links
-        stiffness.append(
-            engaged_stiffness(Driven.of(driven_model(model.stage, model.result, spread).compliance, drive))
-        )
-    return np.asarray(np.max(np.abs(stiffness - engaged_stiffness(model.system)), axis=0))
+        C = driven_model(model.stage, model.result, spread).compliance
+        stiffness.append(Driven.of(C, drive).stiffness)
+    return np.asarray(np.max(np.abs(stiffness - model.system.stiffness), axis=0))
 
 
 def _with_friction(drive: StageDrive) -> tuple[Stack, ...]:
@@ -318,27 +316,15 @@ def _commands(system: Driven, pose: Array, load: Array, lever: float, warnings: 
     return commands
 
 
-def _stiffness(
-    first: Commanding,
-    forces: Mapping[Criterion, Array],
-    load: Array,
-    axes: dict[str, tuple[str, ...]],
-    warnings: list[str],
-) -> dict[str, Array]:
-    """Return the platform stiffness without stacks, with stacks, and with stack forces that follow a body, see (16)."""
-    system, drive, engaged = first.system, first.system.drive, engaged_stiffness(first.system)
+def _stiffness(first: Commanding, forces: Mapping[Criterion, Array], load: Array) -> dict[str, Array]:
+    """Return the platform stiffness (3,) without stacks, with stacks, and with stack forces that follow a body (16)."""
+    C, drive = first.system.C[:3, :3], first.system.drive
     joints = {way: serial(first.stage, first.result, drive.stacks, way) for way in FOLLOWS}
-    preloaded = {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
-    for name, force in forces.items():
-        preloaded[f"stack forces, {name}"] = _preloaded(joints["pushed"], drive, force, load)
-    warnings += [f"no stable equilibrium in the state {name!r}" for name, K in preloaded.items() if np.isnan(K).any()]
-    C = system.C[:3, :3]
-    free = zip(FREE, (1 / np.diag(C), 1 / np.diag(system.engaged)), strict=True)
-    states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": engaged} | preloaded | dict(free)
-    axes["state"] = tuple(states)
-    change = [100 * (K / engaged - 1) if name in preloaded else np.full(3, np.nan) for name, K in states.items()]
-    values = {"stiffness": np.array(list(states.values())), "change": np.array(change)}
-    return values | ({"push_spread": push_spread(first)} if first.result.links else {})
+    states = {"disengaged": np.diag(np.linalg.inv(C)), "engaged": first.system.stiffness}
+    states |= {PUSHES[way]: _preloaded(joints[way], drive, drive.preload, np.zeros(3)) for way in FOLLOWS}
+    states |= {f"stack forces, {name}": _preloaded(joints["pushed"], drive, f, load) for name, f in forces.items()}
+    free = {"disengaged": 1 / np.diag(C), "engaged": 1 / np.diag(first.system.engaged)}
+    return states | {f"{name}, other directions free": K for name, K in free.items()}
 
 
 def _preloaded(joints: Serial, drive: StageDrive, force: Array, load: Array) -> Array:

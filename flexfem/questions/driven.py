@@ -110,6 +110,11 @@ class Driven(NamedTuple):
         """Compliance (..., 3, 3) of the platform with the stacks holding their strokes."""
         return np.asarray(self.C[..., :3, :3] - self.C[..., :3, 3:] @ self.Y @ self.C[..., 3:, :3])
 
+    @property
+    def stiffness(self) -> Array:
+        """Stiffness (3,) of the platform with engaged stacks, each direction with the others held."""
+        return np.asarray(np.diag(np.linalg.inv(self.engaged)))
+
     def moved(self, command: Array, load: Array) -> Motion:
         """Return the motion of one stage by commands (m,), mm, and a load (3,), N, N, N mm."""
         force = self.per_command @ command - self.Y @ self.C[3:, :3] @ load

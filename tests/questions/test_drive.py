@@ -17,7 +17,7 @@ from flexfem.fem.structure import plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.plot.drive import plot_drive, plot_forces, plot_open_loop, plot_strokes, stack_ends
-from flexfem.questions.drive import Drive, engaged_stiffness
+from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Driven
 
 from ..conftest import ROOT
@@ -88,7 +88,7 @@ def test_how_pushes_spread_over_links_moves_the_engaged_stiffness(stage, found):
     drive, mesh = drive_of(stage), build_mesh(stage, 3)
     half = tuple(stack.spread_over(0.5) for stack in drive.stacks)
     whole, shorter = (
-        engaged_stiffness(Driven.of(driven_response(mesh, plate_of(stage), stacks).compliance, drive))
+        Driven.of(driven_response(mesh, plate_of(stage), stacks).compliance, drive).stiffness
         for stacks in (drive.stacks, half)
     )
     np.testing.assert_allclose(1 - shorter / whole, moved, rtol=0.12)
