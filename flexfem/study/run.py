@@ -51,21 +51,12 @@ Solve: TypeAlias = Callable[[LoadedStudy, int, int], Rows]
 
 @dataclass(frozen=True)
 class Parts:
-    """Folder and names of the parts of a study, each a range of `size` designs."""
+    """Folder and names of the parts of a study, each a range of `size` designs, by software of some `versions`."""
 
     loaded: LoadedStudy
     folder: Path
     size: int
-
-    @cached_property
-    def meshed(self) -> bool:
-        """Whether the study uses finite elements."""
-        return self.loaded.study.model != "analytic"
-
-    @cached_property
-    def versions(self) -> dict[str, str]:
-        """Versions of the software on which results depend."""
-        return dict(versions_of())
+    versions: dict[str, str]
 
     @cached_property
     def _key(self) -> str:
@@ -99,7 +90,7 @@ def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Part
     """Return the parts of a study in an output folder, by default some seconds of work each."""
     study = loaded.study
     analytic = LINKED if study.links or study.ask else DRAWN if needs_stages(study) or study.driven else BROADCAST
-    return Parts(loaded, output / loaded.stem / PARTS, size or SIZES.get(study.model, analytic))
+    return Parts(loaded, output / loaded.stem / PARTS, size or SIZES.get(study.model, analytic), dict(versions_of()))
 
 
 def table_of(parts: Parts, designs: range, rows: Rows) -> Any:
@@ -233,7 +224,8 @@ def run_parts(
         return None
 
     def limit(task: tuple[Any, ...]) -> float:
-        return len(task[-1]) * (parts.loaded.study.time_limit + SLACK) if parts.meshed else ANALYTIC_LIMIT
+        study = parts.loaded.study
+        return ANALYTIC_LIMIT if study.model == "analytic" else len(task[-1]) * (study.time_limit + SLACK)
 
     for (_, _, chunk, piece), result in workers.results(solve_task, next_task, limit):
         if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
