@@ -135,31 +135,6 @@ def refinements(resolutions: Sequence[int]) -> tuple[int, ...]:
     return steps
 
 
-class Refined(NamedTuple):
-    """Grid convergence in every direction: curves, and values, bands, labels and notes of a result about it."""
-
-    curves: tuple[Convergence, ...]
-    values: dict[str, Array]
-    bands: dict[str, Array]
-    labels: dict[str, list[str]]
-    notes: list[str]
-
-
-def refined(steps: Sequence[int], along: Array) -> Refined:
-    """Return the grid convergence of values (levels, 3) on meshes of increasing resolution."""
-    curves = tuple(grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T)
-    band = np.full(along.shape, np.nan)
-    band[-1] = [curve.band for curve in curves]
-    limits, orders = (np.array([getattr(curve, name) for curve in curves]) for name in ("extrapolated", "observed"))
-    return Refined(
-        curves,
-        {"along": along, "extrapolated": limits, "order": orders},
-        {"along": band, "extrapolated": band[-1]},
-        {"mesh": [f"{level} across a neck" for level in steps]},
-        [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)],
-    )
-
-
 def mesh_band(resolutions: Array, values: Array, round_off: float = ROUND_OFF) -> float:
     """Return the half-width of the mesh uncertainty of the finest of two or three values, coarse to fine.
 

@@ -9,7 +9,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import refined, refinements
+from flexfem.questions.bands import grid_convergence, refinements
 from flexfem.questions.plates import ON_MESHES
 from flexfem.questions.setup import answer, for_mechanisms, on_meshes, question, solved
 from flexfem.results import COARSER, Gate, Progress, Quantity, Result
@@ -88,16 +88,22 @@ def converge(
 
     meshes = on_meshes(steps, solve, progress)
     C = np.array([mesh.compliance for mesh in meshes])
-    found = refined(steps, np.diagonal(C, axis1=1, axis2=2)[:, :3])
-    values = found.values | {"unknowns": [mesh.unknowns for mesh in meshes]}
+    along = np.diagonal(C, axis1=1, axis2=2)[:, :3]
+    curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
+    limits, orders, widths = np.transpose([(curve.extrapolated, curve.observed, curve.band) for curve in curves])
+    values = {"along": along, "extrapolated": limits, "order": orders, "unknowns": [mesh.unknowns for mesh in meshes]}
+    bands = {"along": np.full(along.shape, np.nan), "extrapolated": widths}
+    bands["along"][-1] = widths
+    labels = {"mesh": [f"{level} across a neck" for level in steps]}
+    notes = [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)]
     if isinstance(stage, Mechanism):
-        return answer(MechanismConvergence, stage, {}, None, {}, values, found.labels, found.bands, notes=found.notes)
+        return answer(MechanismConvergence, stage, {}, None, {}, values, labels, bands, notes=notes)
     values |= {"compliance": C, "triangles": [solved(stage, level).triangles for level in steps]}
     large = [
         f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
         f"({curve.verdict}); finer meshes reduce it"
-        for axis, curve in zip(DIRECTIONS, found.curves, strict=True)
+        for axis, curve in zip(DIRECTIONS, curves, strict=True)
         if curve.band > LARGE * abs(curve.extrapolated)
     ]
-    texts = {"warnings": [*warning.of_numbers(stage), *large], "notes": found.notes}
-    return answer(MeshConvergence, stage, {}, None, {}, values, found.labels, found.bands, **texts)
+    texts = {"warnings": [*warning.of_numbers(stage), *large], "notes": notes}
+    return answer(MeshConvergence, stage, {}, None, {}, values, labels, bands, **texts)
