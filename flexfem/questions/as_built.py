@@ -17,20 +17,9 @@ from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, inverse
 from flexfem.fem.plate_mesh import mesh_layout
+from flexfem.files import refusals
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import Neck, NeckDeviation
-from flexfem.files.refusals import (
-    SHOWN,
-    checked_path,
-    key_path,
-    one_line,
-    place_of,
-    problems_of,
-    refusal,
-    sentence,
-    shown,
-    suggestion,
-)
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import bad_key, read_csv, validate
 from flexfem.mechanism.designs import lower
@@ -89,10 +78,10 @@ class Necks(Sourced):
         hinges = [entry.place for entry in self.neck]
         for index, hinge in enumerate(hinges):
             if hinge in hinges[:index]:
-                raise refusal("each hinge once", "neck", index)
+                raise refusals.refusal("each hinge once", "neck", index)
         without = [index for index, entry in enumerate(self.neck) if "sd" not in entry.model_fields_set]
         if 0 < len(without) < len(self.neck):  # a missing deviation is not a deviation of zero
-            raise refusal("sd_um of all necks or of none", "neck", without[0])
+            raise refusals.refusal("sd_um of all necks or of none", "neck", without[0])
         return self
 
     def over(self, drawn: Mapping[HingePlace, float]) -> tuple[Array, Array]:
@@ -134,11 +123,15 @@ def read_necks(path: str | os.PathLike[str], drawn: Mapping[HingePlace, float]) 
 
     Raises BadInput with file and line, also for a neck that is not between half and twice the drawn one.
     """
-    path, chained = checked_path(path), any(chain is not None for chain, _ in drawn)
-    necks, refused = _read_toml(path) if path.suffix.lower() == ".toml" else _read_csv(path, chained)
+    path, chained = refusals.checked_path(path), any(chain is not None for chain, _ in drawn)
+    refused: Refusal = partial(bad_key, path)
+    if path.suffix.lower() == ".toml":
+        necks = validate(Necks, path)
+    else:
+        necks, refused = _read_csv(path, chained)
     for k, entry in enumerate(necks.neck):
         for key, problem in _problems(entry, drawn, chained):
-            raise refused(("neck", k), f"{key_path(('neck', k, key), necks)}{problem}")
+            raise refused(("neck", k), f"{refusals.key_path(('neck', k, key), necks)}{problem}")
     places = {entry.place for entry in necks.neck}
     if chained and (missing := [f"{name} of chain {chain}" for chain, name in drawn if (chain, name) not in places]):
         verb = "is" if len(missing) == 1 else "are"
@@ -153,18 +146,15 @@ def _problems(entry: MeasuredNeck, drawn: Mapping[HingePlace, float], chained: b
         yield "chain", f"{found}, expected 1, 2 or 3 for a hinge of a stage, none for one of a mechanism"
     if entry.place not in drawn:
         names = dict.fromkeys(name for _, name in drawn)
-        close = suggestion(entry.hinge, names) or f", one of {one_line(', '.join(names), SHOWN)}"
-        yield "hinge", f" = {shown(entry.hinge)}, expected the name of a hinge{close}"
+        listed = refusals.one_line(", ".join(names), refusals.SHOWN)
+        close = refusals.suggestion(entry.hinge, names) or f", one of {listed}"
+        yield "hinge", f" = {refusals.shown(entry.hinge)}, expected the name of a hinge{close}"
     low, high = (MICROMETRE.factor * ratio * drawn[entry.place] for ratio in PLAUSIBLE)
     neck, sd = MICROMETRE.factor * entry.neck, MICROMETRE.factor * entry.sd
     if not low <= neck <= high:
         yield "neck_um", f" = {neck:g}, expected {low:g} to {high:g}, half to twice the drawn neck: is the unit right?"
     if sd > LARGEST_DEVIATION * neck:
         yield "sd_um", f" = {sd:g}, expected at most {LARGEST_DEVIATION:g} of the neck"
-
-
-def _read_toml(path: Path) -> tuple[Necks, Refusal]:
-    return validate(Necks, path), partial(bad_key, path)
 
 
 def _read_csv(path: Path, chained: bool) -> tuple[Necks, Refusal]:
@@ -176,13 +166,13 @@ def _read_csv(path: Path, chained: bool) -> tuple[Necks, Refusal]:
 
     def refused(at: tuple[str | int, ...], text: str) -> BadInput:
         line = next((list(rows)[part] for part in at if isinstance(part, int)), None)
-        return BadInput(one_line(f"{place_of(path, line)}: {text}"))
+        return BadInput(refusals.one_line(f"{refusals.place_of(path, line)}: {text}"))
 
     try:
         return Necks.model_validate(data), refused
     except ValidationError as error:
-        first = problems_of(error, data)[0]
-    text = f"{first.path[-1]} is missing" if first.kind == "missing" else sentence(first, Necks, data)
+        first = refusals.problems_of(error, data)[0]
+    text = f"{first.path[-1]} is missing" if first.kind == "missing" else refusals.sentence(first, Necks, data)
     raise refused(first.path, text)
 
 

@@ -224,14 +224,12 @@ def command_errors(
     resolutions: Array, compliances: Array, stiffness: Array, direction: Direction, lever: float
 ) -> tuple[Convergence, ...]:
     """As `command_convergence`, for compliances (levels, 3, 3) and the stiffness (3, 3) of the analytic model."""
-    axis = DIRECTIONS.index(direction)
-    percents = error_matrix(stiffness, np.asarray(compliances), lever)[..., axis]
-    return command_convergence(resolutions, percents, axis, compliances, stiffness[:, axis], lever)
+    C, axis = np.asarray(compliances), DIRECTIONS.index(direction)
+    percents = error_matrix(stiffness, C, lever)[..., axis]
+    return command_convergence(resolutions, percents, axis, C, stiffness[:, axis], lever)
 
 
-def error_bands(
-    stiffness: Array, compliances: Array, resolutions: tuple[int, ...], lever: float
-) -> tuple[Array, Array]:
+def error_bands(stiffness: Array, compliances: Array, resolutions: Sequence[int], lever: float) -> tuple[Array, Array]:
     """Return the error percentages (3, 3) on the finest mesh and their bands, column j for command j."""
     errors = [command_errors(np.array(resolutions), compliances, stiffness, axis, lever) for axis in DIRECTIONS]
     values, bands = np.transpose([[(curve.values[-1], curve.band) for curve in curves] for curves in errors])
@@ -294,8 +292,7 @@ def layer_bands(few: Array, many: Array) -> Array:
 
     The largest change among the components of a case, times `SAFETY`, bounds all of them.
     """
-    common = SAFETY * np.max(np.abs(many - few), axis=0)
-    return _with_zeros(np.maximum(np.abs(few), np.abs(many)), common)
+    return _with_zeros(np.maximum(np.abs(few), np.abs(many)), SAFETY * np.max(np.abs(many - few), axis=0))
 
 
 def _with_zeros(largest: Array, bands: Array) -> Array:
@@ -350,13 +347,12 @@ def solid_bands(solutions: SolidLevels, resolution: int) -> tuple[Array, Array]:
     They are to be added, because their errors are not known to cancel. So few layers have no reliable order; their band
     is the last change of all entries together, by Cauchy-Schwarz, times `SAFETY`.
     """
-    few, many, change = solutions.few, solutions.many, solutions.of_layers
+    (planes, few, many), change, steps = solutions, solutions.of_layers, np.array(levels(resolution))
     size = np.sqrt(np.outer(np.diag(many), np.diag(many)))
     zero = np.maximum(np.abs(few), np.abs(many)) <= ROUND_OFF * size  # by symmetry
     thickness = np.where(zero, np.finfo(float).eps, change.common + change.spread) * size
-    steps = np.array(levels(resolution))
-    plane = compliance_bands(steps, solutions.planes)
-    np.fill_diagonal(plane, [mesh_band(steps, solutions.planes[:, k, k], 0.0) for k in range(3)])
+    plane = compliance_bands(steps, planes)
+    np.fill_diagonal(plane, [mesh_band(steps, planes[:, k, k], 0.0) for k in range(3)])
     return plane, thickness
 
 

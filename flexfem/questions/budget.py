@@ -54,12 +54,9 @@ class Budget(Result):
     share = Quantity("share of the error in the commanded direction", "percents", ("share", "direction"), POINTS)
     solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS)
     across = Quantity(
-        "share of the error, by commanded direction",
-        "percents",
-        ("share", "commanded", "direction"),
-        POINTS,
+        "share of the error, by commanded direction", "percents", ("share", "commanded", "direction"), POINTS,
         shown=False,
-    )
+    )  # fmt: skip
     solid_across = Quantity(
         "not in the planar total, by commanded direction", "percents", ("outside", "commanded", "direction"), POINTS,
         shown=False,
