@@ -16,17 +16,15 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from flexfem.arrays import AnyArray, Array, Index
-from flexfem.fem.factor import factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.ports import contact_forces, plate_of_layout
-from flexfem.fem.structure import NONE, Structure, structure
+from flexfem.fem.response import factorised_whole
+from flexfem.fem.structure import NONE, structure
 from flexfem.mechanism.layout import ElasticBody, End, Layout, Move, Patch, interfaces
 
 ALIKE = 1e-11  # relative to the coordinates, of points of bodies that are equal
-SOLVES = 3  # refinements remove the round-off of the factorisation
 
 
 class _Marks(NamedTuple):
@@ -107,11 +105,8 @@ def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
     joint, part = layout.joints[number], body_mesh(mesh, len(layout.bodies) + number)
     z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
     part = part._replace(nodes=np.column_stack([z.real, z.imag]))
-    far = nodes_on(part, f"end {number} far")
-    whole = structure(part, plate_of_layout(layout), held=nodes_on(part, f"end {number} near"))
-    centre = complex(*part.nodes[far].mean(axis=0))
-    T, first = _tied(part, whole.free, [far], [centre])
-    return _compliance(whole, T, np.eye(T.shape[1], 3, -first) @ _at(centre))
+    near, far = (nodes_on(part, f"end {number} {side}") for side in ("near", "far"))
+    return factorised_whole(structure(part, plate_of_layout(layout), held=near, sections=[far])).response().compliance
 
 
 def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
@@ -125,49 +120,21 @@ def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
 
 def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
     at, part, clamped = interfaces(layout, body), body_mesh(mesh, body), bool(layout.bodies[body].clamped)
-    whole = structure(part, plate_of_layout(layout), held=np.unique(part.edges["clamped"]) if clamped else NONE)
     sections = [nodes_on(part, f"end {one.hinge} {'far' if one.far else 'near'}") for one in at if isinstance(one, End)]
-    centres = [complex(*part.nodes[section].mean(axis=0)) for section in sections]
-    T, first = _tied(part, whole.free, sections, centres)
+    held = np.unique(part.edges["clamped"]) if clamped else np.concatenate([NONE, *sections[:1]])
+    moving = sections if clamped else sections[1:]
+    whole = structure(part, plate_of_layout(layout), held=held, sections=moving)
 
     def loads(patch: Patch) -> Array:
-        return np.asarray(T.T @ whole.loads(contact_forces(part, patch)))
+        return whole.loads(contact_forces(part, patch))
 
-    B = [np.eye(T.shape[1], 3, -first - 3 * k) @ _at(centre) for k, centre in enumerate(centres)]
-    B += [loads(one) @ _at(one.point) for one in at if isinstance(one, Patch)]
+    on_sections = np.eye(whole.size, whole.poses, whole.poses - whole.size)
+    none_on_held = np.zeros((whole.size, 3 * len(sections) - whole.poses))
+    B = [none_on_held, on_sections, *(loads(one) @ _at(one.point) for one in at if isinstance(one, Patch))]
     balanced = np.hstack(B)
     if not clamped:
         balanced = balanced - np.tile(loads(Patch(body, 0j)), len(at))
-    return ElasticBody(body, at, _compliance(whole, T, balanced, None if clamped else first))
-
-
-def _compliance(whole: Structure, T: sp.csr_array, loads: Array, held: int | None = None) -> Array:
-    """Compliance (k, k) to loads (n, k) on the unknowns of T, three of which, from `held`, do not move."""
-    free = np.delete(np.arange(T.shape[1]), [] if held is None else np.arange(held, held + 3))
-    lower = whole.lower()
-    K = sp.csr_array(T.T @ (lower + sp.tril(lower, -1).T) @ T)
-    solve, motion = factorise(sp.csr_array(sp.tril(K[free][:, free]))), np.zeros_like(loads)
-    for _ in range(SOLVES):
-        residual = loads - T.T @ whole.loads(whole.forces(whole.fields(T @ motion)))
-        motion[free] += solve(residual[free])
-    C = loads.T @ motion
-    return np.asarray((C + C.T) / 2)
-
-
-def _tied(part: StageMesh, nodes: Index, sections: list[Index], centres: list[complex]) -> tuple[sp.csr_array, int]:
-    """Matrix from unknowns to those of free nodes, and the first of the poses of the sections, which come last."""
-    section = np.full(len(part.nodes), -1)
-    for k, tied in enumerate(sections):
-        section[tied] = k
-    of = section[nodes]
-    alone, tied = np.flatnonzero(of < 0), np.flatnonzero(of >= 0)
-    first, arms = 2 * len(alone), part.nodes[nodes[tied]] @ [1, 1j] - np.array(centres, dtype=complex)[of[tied]]
-    row, column, one = 2 * tied, first + 3 * of[tied], np.ones(len(tied))
-    parts: list[tuple[AnyArray, ...]] = [((2 * alone[:, None] + [0, 1]).ravel(), np.arange(first), np.ones(first))]
-    parts += [(row, column, one), (row + 1, column + 1, one)]
-    parts += [(row, column + 2, -arms.imag), (row + 1, column + 2, arms.real)]
-    rows, columns, values = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return sp.csr_array((values, (rows, columns)), shape=(2 * len(nodes), first + 3 * len(sections))), first
+    return ElasticBody(body, at, factorised_whole(whole, balanced).response().compliance)
 
 
 def _at(point: complex) -> Array:

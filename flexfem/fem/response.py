@@ -67,9 +67,8 @@ class Factorised:
         """Clamped nodes of each part of the ground."""
         if self.cyclic:
             return [nodes_on(self.structure.mesh, "ground")]
-        if self.structure.poses:
-            return clamped_nodes(self.structure.mesh)
-        return [np.setdiff1d(np.arange(len(self.structure.mesh.nodes)), self.structure.free)]
+        mesh, moving = self.structure.mesh, np.append(self.structure.free, self.structure.hub)
+        return clamped_nodes(mesh) if "hub" in mesh.edges else [np.setdiff1d(np.arange(len(mesh.nodes)), moving)]
 
     def solve(self, loads: Array) -> Array:
         """Unknowns (size, k) under loads (size, k); a sector takes three, which rotate by sectors as x, y, theta do."""

@@ -8,6 +8,7 @@ mid-plane, w is free, and the pose of the hub is Z, a, b with its rotations a an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -77,7 +78,8 @@ class Structure:
 
     layers : None for a plane structure, with fields (k, n, 2); an extruded one has fields (k, n, m, 3) at m heights.
     degree : of the quadrature in the plane.
-    free, hub : free nodes of the plane (f,), and those that follow the pose (h,); all others are clamped.
+    free, hub : free nodes of the plane (f,), and those of rigid bodies (h,); all others are clamped.
+    body : (h,), number of the rigid body of each of these, the hub or one of several sections.
     """
 
     mesh: StageMesh
@@ -86,6 +88,7 @@ class Structure:
     degree: int
     free: Index
     hub: Index
+    body: Index
 
     @cached_property
     def batches(self) -> list[ElementBatch]:
@@ -104,8 +107,8 @@ class Structure:
 
     @property
     def poses(self) -> int:
-        """Number of components of the pose: 3, or 0 without a hub."""
-        return 3 if len(self.hub) else 0
+        """Number of components of the poses: 3 for every rigid body."""
+        return 3 * len(np.unique(self.body))
 
     @property
     def size(self) -> int:
@@ -135,7 +138,7 @@ class Structure:
     @property
     def rigid(self) -> Array:
         """Unknowns (size, 3) of a motion of the whole as a rigid body, per unit pose."""
-        return np.concatenate([self.rigid_unknowns(self.free), np.eye(self.poses, 3)])
+        return np.concatenate([self.rigid_unknowns(self.free), np.tile(np.eye(3), (self.poses // 3, 1))])
 
     @cached_property
     def T(self) -> sp.csr_array:
@@ -146,7 +149,8 @@ class Structure:
         if self.poses:
             tied = self.hub[:, None] * components + np.arange(components)
             rows = np.concatenate([rows, np.repeat(tied.ravel(), 3)])
-            columns = np.concatenate([columns, np.tile(len(columns) + np.arange(3), tied.size)])
+            poses = len(columns) + 3 * np.repeat(self.body, components)[:, None] + np.arange(3)
+            columns = np.concatenate([columns, poses.ravel()])
             values = np.concatenate([values, line.rigid(self.mesh.nodes[self.hub]).ravel()])
         return sp.csr_array((values, (rows, columns)), shape=(len(self.mesh.nodes) * components, self.size))
 
@@ -188,11 +192,19 @@ class Structure:
         if not len(rigid):
             return lower
         rows, corner = lower.indptr[: first + 1], lower[first:, first:].toarray()
-        free = sp.csr_array((lower.data[: rows[-1]], lower.indices[: rows[-1]], rows), shape=(first, first + 3))
+        free = sp.csr_array(
+            (lower.data[: rows[-1]], lower.indices[: rows[-1]], rows), shape=(first, first + rigid.shape[1])
+        )
         corner = np.tril(rigid.T @ (corner + np.tril(corner, -1).T) @ rigid)
         pose = sp.hstack([sp.csr_array(rigid.T) @ lower[first:, :first], sp.csr_array(corner)], format="csr")
         pose.sort_indices()  # a product leaves them unsorted
         return sp.vstack([free, pose], format="csr")
+
+    @property
+    def _rigid_hub(self) -> Array:
+        """Unknowns of the nodes of rigid bodies, taken as free, per unit pose of each body."""
+        own = np.repeat(np.eye(self.poses // 3)[self.body], self.block, axis=0)
+        return np.reshape(own[:, :, None] * self.rigid_unknowns(self.hub)[:, None], (len(own), self.poses))
 
     def lower(self) -> sp.csr_array:
         """Lower triangle (size, size) of the stiffness of the unknowns.
@@ -206,7 +218,7 @@ class Structure:
             )
         pieces = (piece for batch in self.batches for piece in batch.pieces())
         blocks = (piece.stiffness(self.plate, self.line.axes) for piece in pieces)
-        return self.tie_hub(assembled(self.pairs, blocks, self.line), self.rigid_unknowns(self.hub))
+        return self.tie_hub(assembled(self.pairs, blocks, self.line), self._rigid_hub)
 
     def factorised(self) -> Solve:
         """Inverse of the stiffness. Raises ComputationFailed as `lower`, or when a part is not held."""
@@ -220,17 +232,20 @@ def structure(
     degree: int | None = None,
     held: Index | None = None,
     last: Index = NONE,
+    sections: Sequence[Index] = (),
 ) -> Structure:
     """Return the structure of a mesh, plane without layers; `degree` of the quadrature in the plane.
 
     held : clamped nodes of a structure without hub; None clamps the edges on the ground and ties those on the hub.
-    last : free nodes that are numbered last.
+    last : free nodes that are numbered last.   sections : nodes of each part that moves as a rigid body, with `held`.
     """
-    hub = nodes_on(mesh, "hub") if held is None else NONE
-    inner = np.ones(len(mesh.nodes), dtype=bool)
-    inner[mesh.edges["ground"].ravel() if held is None else held] = inner[hub] = inner[last] = False
+    body = np.full(len(mesh.nodes), -1)
+    for number, nodes in enumerate([nodes_on(mesh, "hub")] if held is None else sections):
+        body[nodes] = number
+    hub, inner = np.flatnonzero(body >= 0), body < 0
+    inner[mesh.edges["ground"].ravel() if held is None else held] = inner[last] = False
     degree = degree or (QUADRATURE if layers is None else SOLID_QUADRATURE)
-    return Structure(mesh, plate, layers, degree, np.concatenate([np.flatnonzero(inner), last]), hub)
+    return Structure(mesh, plate, layers, degree, np.concatenate([np.flatnonzero(inner), last]), hub, body[hub])
 
 
 class Mass(NamedTuple):
