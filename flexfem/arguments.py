@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -73,14 +74,8 @@ def between(name: str, value: Any, least: float, most: float, suffix: str = "") 
     return _number(name, value, lambda number: least <= number <= most, f"from {least:g} to {most:g}{suffix}")
 
 
-def forces(name: str, values: ArrayLike, max_dimensions: int | None = None) -> Array:
-    """Return loads (..., 3) of at most `LARGEST_FORCE`. Raises BadInput."""
-    return vectors(name, values, max_dimensions, LARGEST_FORCE)
-
-
-def poses(name: str, values: ArrayLike, max_dimensions: int | None = None) -> Array:
-    """Return displacements (..., 3) of the platform of at most `LARGEST_DISPLACEMENT`. Raises BadInput."""
-    return vectors(name, values, max_dimensions, LARGEST_DISPLACEMENT)
+forces = partial(vectors, limit=LARGEST_FORCE)
+poses = partial(vectors, limit=LARGEST_DISPLACEMENT)
 
 
 def pair(name: str, values: Any, most: tuple[float, float], meaning: str) -> tuple[float, float]:

@@ -51,7 +51,7 @@ def key_path(path: KeyPath, data: Any = None) -> str:
             about = () if below and below[0] in ABOUT.get(str(array), ()) else _about(str(array), inside)
             text += "".join(f".{each}" for each in about) or f"[{part}]"
         else:
-            text += f".{part if _PLAIN.fullmatch(part) and part.isprintable() else as_key(part)}"
+            text += f".{part if _PLAIN.fullmatch(part) and part.isprintable() else one_line(as_key(part), SHOWN)}"
     return text.removeprefix(".")
 
 
@@ -96,9 +96,8 @@ def _inside(data: Any, part: str | int) -> Any:
 
 
 def as_key(key: str) -> str:
-    """Return a key as TOML writes it, clipped where it is long."""
-    text = key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=not key.isprintable())
-    return text if len(text) <= SHOWN else f"{text[: SHOWN - 3]}..."
+    """Return a key as TOML writes it."""
+    return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=not key.isprintable())
 
 
 def refusal(expected: str, *at: str | int) -> PydanticCustomError:

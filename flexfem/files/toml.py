@@ -162,8 +162,6 @@ def read_toml(path: PathLike) -> TomlFile:
         digits = re.search(r"[0-9_]{4000}", text)
         place = place_of(path, line_of(text, digits.start()) if digits else None)
         raise BadInput(f"{place}: not TOML: a number with too many digits") from None
-    except RecursionError:
-        raise BadInput(f"{place_of(path)}: nested too deeply") from None
 
 
 def bad_key(path: PathLike, key: KeyPath, message: str) -> BadInput:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import re
 import secrets
 import zipfile
 import zlib
@@ -18,7 +17,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray
 from flexfem.files.inputs import require_unread, wrote
-from flexfem.files.refusals import as_toml, place_of
+from flexfem.files.refusals import as_key, as_toml, place_of
 from flexfem.refused import BadInput
 
 LONGEST_NAME = 240  # bytes; file systems take 255, and the name of the temporary file is longer
@@ -31,26 +30,19 @@ def toml_text(content: Mapping[str, Any]) -> str:
 
 def _lines(table: Mapping[str, Any], path: str) -> Iterator[str]:
     tables = {key: value for key, value in table.items() if isinstance(value, Mapping)}
-    arrays = {key: value for key, value in table.items() if _is_array_of_tables(value)}
+    lists = {key: value for key, value in table.items() if isinstance(value, list | tuple) and value}
+    arrays = {key: value for key, value in lists.items() if all(isinstance(item, Mapping) for item in value)}
     for key, value in table.items():
         if key not in tables and key not in arrays:
-            yield f"{_key(key)} = {as_toml(value)}"
+            yield f"{as_key(key)} = {as_toml(value)}"
     for key, value in tables.items():
         if not all(isinstance(inner, Mapping) for inner in value.values()) or not value:
-            yield f"\n[{path}{_key(key)}]"
-        yield from _lines(value, f"{path}{_key(key)}.")
+            yield f"\n[{path}{as_key(key)}]"
+        yield from _lines(value, f"{path}{as_key(key)}.")
     for key, values in arrays.items():
         for value in values:
-            yield f"\n[[{path}{_key(key)}]]"
-            yield from _lines(value, f"{path}{_key(key)}.")
-
-
-def _is_array_of_tables(value: Any) -> bool:
-    return isinstance(value, list | tuple) and bool(value) and all(isinstance(item, Mapping) for item in value)
-
-
-def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else json.dumps(key, ensure_ascii=False)
+            yield f"\n[[{path}{as_key(key)}]]"
+            yield from _lines(value, f"{path}{as_key(key)}.")
 
 
 def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: str = "") -> str:

@@ -207,12 +207,12 @@ def _layout(mechanism: Mechanism) -> Layout:
         ends = tuple(body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
         joints.append(_joint(part, (ends[0], ends[1]), bodies))
     output = mechanism.output
-    points = [("output", patch(output.body, complex(*output.at), output.contact, "output.body"))]
-    if bodies[points[0][1].body].fixed:
-        raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
-    for part in parts["point"]:
+    points = list[tuple[str, Patch]]()
+    for part in (PlacedPart("output", "point", output, (output.body,), "output", "output"), *parts["point"]):
         place = part.move(complex(*part.table.at))
         points.append((part.name, patch(part.bodies[0], place, part.table.contact, f"{part.key}.body")))
+    if bodies[points[0][1].body].fixed:
+        raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
     actuators = list[LinearActuator]()
     for part in parts["actuator"]:
         places = [part.move(complex(*point)) for point in part.table.at]
