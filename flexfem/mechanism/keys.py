@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, lru_cache
 from typing import Annotated, Any, NamedTuple, get_args, get_origin
@@ -90,24 +90,38 @@ class Key(NamedTuple):
             and getattr(actuator, stated) is not None
         ]
 
-    def value_in(self, stage: Stage | Mechanism) -> float | None:
-        """Value of the stage in file units; None where the stage uses a default, or has no such key."""
+    def table_in(self, stage: Stage | Mechanism) -> Any:
+        """Table of the stage that has the number, overrides applied; None where there is none."""
         table: Any = stage
         match self.table:
-            case ("parameters",):
-                value = getattr(stage, "parameters", {}).get(self.attribute)
-                return None if value is None else float(value)
             case ("override", chain, hinge) if isinstance(stage, Stage):
-                table = stage.hinge(int(chain), hinge)
+                return stage.hinge(int(chain), hinge)
             case (*on, "actuator", name) if isinstance(stage, Stage):
                 row = actuators_of(stage)[int(on[1]) - 1] if on else stage.actuator
-                table = next((actuator for actuator in row if actuator.name == name), None)
-            case _:
-                for name in self.table:
-                    table = getattr(table, name, None)
-        value = getattr(table, self.attribute, None)
+                return next((actuator for actuator in row if actuator.name == name), None)
+        for name in self.table:
+            table = getattr(table, name, None)
+        return table
+
+    def value_in(self, stage: Stage | Mechanism) -> float | None:
+        """Value of the stage in file units; None where the stage uses a default, or has no such key."""
+        table = self.table_in(stage)
+        value = table.get(self.attribute) if isinstance(table, Mapping) else getattr(table, self.attribute, None)
         value = value if self.element is None or value is None else value[self.element]
-        return None if value is None else value / self.unit
+        return None if value is None else float(value) / self.unit
+
+    def set_in(self, changes: dict[str, Any], stage: Stage | Mechanism, value: float) -> None:
+        """Set the number, in file units, in changes as `replace` takes them; other elements are those of the stage."""
+        table, names = changes, list[Any](self.table)
+        if names[:1] == ["override"]:
+            names = ["override", (int(self.table[1]), *self.table[2:])]
+        for name in names:
+            table = table.setdefault(name, {})
+        changed: Any = self.number.inside(value)
+        if self.element is not None:
+            members = list(table.get(self.attribute) or getattr(self.table_in(stage), self.attribute))
+            changed = [*members[: self.element], changed, *members[self.element + 1 :]]
+        table[self.attribute] = changed
 
 
 class Keys(dict[str, Key]):

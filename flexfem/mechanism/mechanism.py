@@ -115,19 +115,6 @@ class Mechanism(PlateFile):
             check_layout(changed.layout)
         return changed
 
-    def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
-        """Return the parts changed by their names."""
-        if array not in PARTS:
-            return changes
-        names = [part["name"] for part in members]
-        for name, values in changes.items():
-            if name not in names:
-                near = suggestion(name, names) or f", expected one of {names}"
-                raise BadInput(f"{array}: no {shown(name)}{near}")
-            if not isinstance(values, Mapping):
-                raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
-        return [{**part, **changes.get(part["name"], {})} for part in members]
-
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content, expressions evaluated; its name, parameters and provenance are excluded."""

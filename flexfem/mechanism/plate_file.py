@@ -13,7 +13,7 @@ from pydantic import BaseModel, model_validator
 
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import STATED
-from flexfem.files.refusals import checked_path, path_of, place_of, refusal
+from flexfem.files.refusals import checked_path, path_of, place_of, refusal, shown, suggestion
 from flexfem.files.tables import KEPT, plain
 from flexfem.files.toml import PathLike, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
@@ -126,8 +126,17 @@ class PlateFile(Sourced):
         return dict(merged_tables(content, given))
 
     def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
-        """Return the members of an array with changes by what identifies them, or the changes where nothing does."""
-        raise NotImplementedError
+        """Return the members of an array changed by their names; the changes where the members have none."""
+        if not all("name" in part for part in members):
+            return changes
+        names = [part["name"] for part in members]
+        for name, values in changes.items():
+            if name not in names:
+                near = suggestion(name, names) or f", expected one of {names}"
+                raise BadInput(f"{array}: no {shown(name)}{near}")
+            if not isinstance(values, dict):
+                raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")
+        return [{**part, **changes.get(part["name"], {})} for part in members]
 
     def _replaced(self, changes: Mapping[str, Any]) -> Self:
         """Return a changed table with the origin of this one. Raises BadInput, which names the origin."""

@@ -38,8 +38,8 @@ class Stage(StageContent):
             `material={"youngs_modulus": 70e3}`, `chain={"link_width": 9.5}`; `material="ti-6al-4v"` takes a registered
             material. `radius`, `neck`, `prismatic` and `axis` are those of the hinges, one value for all three or by
             name, `neck={"elbow": 0.4}`; a hinge with an override keeps it. A single one of the nine hinges:
-            `override={(2, "elbow"): {"neck": 0.52}}`; an actuator on one chain, `override={(2, "actuator", "base"):
-            {"preload": 40.0}}`; a sequence replaces all overrides.
+            `override={(2, "elbow"): {"neck": 0.52}}`; an actuator, `actuator={"base": {"preload": 40.0}}`, or on one
+            chain, `override={(2, "actuator", "base"): {"preload": 40.0}}`. A sequence replaces all members of an array.
 
         Raises
         ------

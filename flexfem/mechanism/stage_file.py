@@ -238,7 +238,7 @@ class StageContent(PlateFile):
     def _members_changed(self, array: str, members: list[Any], changes: dict[Any, Any]) -> Any:
         """Return the overrides changed by their places."""
         if array != "override":
-            return changes
+            return super()._members_changed(array, members, changes)
         merged = {place_of_override(override): override for override in members}
         for place, values in changes.items():
             about = tuple(plain(place)) if isinstance(place, tuple) else (None, place)

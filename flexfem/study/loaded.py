@@ -27,7 +27,6 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
 from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.stage import Stage
-from flexfem.mechanism.stage_file import actuators_of
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
@@ -422,8 +421,7 @@ def mechanism_of(loaded: LoadedStudy, base: Mechanism, values: Array) -> Mechani
     """
     changes: dict[str, Any] = {"provenance": {}}  # whose update takes a third of the time
     for key, column in _settings(loaded):
-        table = changes if key.table == () else changes.setdefault(key.table[0], {})
-        table[key.attribute] = float(values[column]) * key.unit
+        key.set_in(changes, base, float(values[column]))
     return base.replace(**changes)
 
 
@@ -444,12 +442,7 @@ def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
         expected = key.number.expected(value)
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
-        table, current = _changed(changes, loaded.stage, key)
-        number = key.number.inside(value)
-        if key.element is not None:  # the other elements of the array are those of the stage
-            members = list(table.get(key.attribute) or getattr(current, key.attribute))
-            members[key.element] = number
-        table[key.attribute] = number if key.element is None else members
+        key.set_in(changes, loaded.stage, value)
     return Stage(**loaded.stage.merged(changes) | {"provenance": {}})
 
 
@@ -457,23 +450,6 @@ def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:
     """Return every key that a column sets with the index of the column, keys of one chain after those of all three."""
     settings = [(keys()[path], index) for index, column in enumerate(loaded.columns) for path in column.keys]
     return sorted(settings, key=lambda setting: setting[0].table[:1] == ("override",))
-
-
-def _changed(changes: dict[str, Any], stage: Stage, key: Key) -> tuple[dict[str, Any], Any]:
-    """Return the table of the changes that holds the number of a key, and the same table of the stage."""
-    if key.table[:1] == ("override",):
-        chain = int(key.table[1])
-        row = actuators_of(stage)[chain - 1] if key.of_drive else ()
-        current = next((actuator for actuator in row if actuator.name == key.table[-1]), None)
-        return changes.setdefault("override", {}).setdefault((chain, *key.table[2:]), {}), current
-    if key.of_drive:
-        index = [actuator.name for actuator in stage.actuator].index(key.table[1])
-        unchanged = [actuator.model_dump(exclude_unset=True) for actuator in stage.actuator]
-        return changes.setdefault("actuator", unchanged)[index], stage.actuator[index]
-    table, member = changes, stage
-    for name in key.table:
-        table, member = table.setdefault(name, {}), getattr(member, name)
-    return table, member
 
 
 class Judged(NamedTuple):

@@ -209,6 +209,8 @@ def test_an_override_changes_the_actuator_of_its_chain_and_no_other(project, sta
     assert own.hash == stage.hash
     assert own.drive_hash != stage.drive_hash
     in_python = stage.replace(override={(2, "actuator", "base"): {"preload": 40.0, "arm": 12.0}})
+    named = stage.replace(actuator={"base": {"preload": 40.0}})
+    assert [each.preload for each in named.actuator] == [40.0, stage.actuator[1].preload]
     assert in_python.drive_hash == own.drive_hash
     own.save(tmp_path / "copy.toml")
     assert load_feasible(tmp_path / "copy.toml") == own
