@@ -13,7 +13,7 @@ from flexfem.arrays import Array
 from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.page.section import beside, facts, framed, moving_svg, table
+from flexfem.page.section import moving_svg, parts
 from flexfem.questions.budget import budget
 from flexfem.questions.drive import drive
 from flexfem.questions.modes import modes
@@ -76,10 +76,7 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
     head = f"Key results by {'plane finite elements' if meshed else f'the analytic model ({analytic})'}"
     caption = f"{head}, {plane}. ±: numerical uncertainty, from three meshes." if meshed else f"{head}."
     rows = [[title, *map(_unbroken, cells)] for title, *cells in rows]
-    numbers = table(TextTable(["", "X", "Y", "θ"], rows, 1, caption), sortable=False) + facts(singles)
-    card = Markup('<div class="key">{}</div>').format(numbers)
-    left = Markup("<div>{}</div>").format(Markup("").join([drawing, *figures[:1]]))
-    return beside(left, card) + (beside(*figures[1:]) if figures[1:] else Markup(""))
+    return Markup(parts.opened(drawing, figures, TextTable(["", "X", "Y", "θ"], rows, 1, caption), singles))
 
 
 def _unbroken(text: str) -> str:
@@ -109,4 +106,4 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
 
 def _moving(name: str, caption: str, mesh: StageMesh, field: Array, swings: bool) -> Markup:
     svg = moving_svg(mesh.nodes, mesh.triangles, field, swings)
-    return framed(f"motion-{name}", svg, f"{caption} {MOVING}", caption)
+    return Markup(parts.framed(f"motion-{name}", svg, f"{caption} {MOVING}", caption))

@@ -28,16 +28,7 @@ from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said, counted
 from flexfem.page.key import ENDS, SHARES, Ask, opening
-from flexfem.page.section import (
-    PageSection,
-    facts,
-    folded,
-    html_of,
-    notes,
-    shown_figure,
-    table,
-    tables_of,
-)
+from flexfem.page.section import PageSection, facts, folded, html_of, notes, parts, section, shown_figure, table
 from flexfem.page.study import Part, study_parts
 from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
@@ -65,32 +56,28 @@ from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-STANDARD = ("analytic", "elements", "budget", "stress", "drive")
-SECTIONS = (*STANDARD, "large", "modes", "drift", "life")
-Opened: TypeAlias = Callable[[Markup], Markup]  # returns the drawing with the key results
 Question: TypeAlias = Callable[..., Any]
-Section: TypeAlias = tuple[str, Question, str]  # title, question, alternative text of the figure of a stage
-QUESTIONS: dict[str, Section] = {
-    "analytic": ("Analytic model", partial(stiffness, models="analytic"), ""),
-    "elements": ("Finite elements", summary, ""),
-    "budget": ("Error budget", SHARES, "Bars of the shares of the error by direction."),
-    "drive": ("Drive", ENDS, "Poses that the drive reaches."),
-    "large": ("Large displacements", large, "Tangent stiffness and errors of linear theory over the command."),
-    "modes": ("Natural modes", modes, "Shapes of the modes listed in the table."),
-    "drift": ("Drift by temperature", drift, "The stage on its warm frame under each change of temperature."),
-    "life": ("Fatigue life", life, "The S-N curve of the material with the necks."),
+
+
+ANALYTIC_MODEL = partial(stiffness, models="analytic")
+ANSWERED: dict[str, tuple[str, tuple[Question, ...], tuple[Question, ...]]] = {  # title, of a stage, of a mechanism
+    "analytic": ("Analytic model", (ANALYTIC_MODEL,), (ANALYTIC_MODEL,)),
+    "elements": ("Finite elements", (summary,), (stiffness,)),
+    "budget": ("Error budget", (SHARES,), (plates.verification, SHARES)),
+    "stress": ("Stress", (), ()),  # of several displacements, in one figure
+    "drive": ("Drive", (ENDS,), (drive, reach)),
+    "large": ("Large displacements", (large,), (large,)),
+    "modes": ("Natural modes", (modes,), (modes,)),
+    "drift": ("Drift by temperature", (drift,), (drift,)),
+    "life": ("Fatigue life", (life,), ()),
 }
-OF_MECHANISMS: dict[str, tuple[Question, ...]] = {  # where they are not the question of a stage
-    "elements": (stiffness,),
-    "budget": (plates.verification, SHARES),
-    "drive": (drive, reach),
-}
-DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None, str]] = {  # with the function of the figure
-    "design": ("Design", design_figure, "Outline of the stage, margins of its requirements, history of the search."),
-    "requirements": ("Requirements", None, ""),
-    "sensitivity": ("Sensitivity to each dimension", sensitivity_figure, "Bars of the changes of the quantities."),
-    "front": ("Pareto front", front_figure, "The front by finite elements, and its designs to one scale."),
-    "search": ("Search", None, ""),
+SECTIONS, STANDARD = tuple(ANSWERED), tuple(ANSWERED)[:5]
+DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None]] = {  # with the function of the figure
+    "design": ("Design", design_figure),
+    "requirements": ("Requirements", None),
+    "sensitivity": ("Sensitivity to each dimension", sensitivity_figure),
+    "front": ("Pareto front", front_figure),
+    "search": ("Search", None),
 }
 PROVENANCE = "Sources of the numbers"
 WITHOUT_MESH = frozenset(("analytic", "drive", "life"))  # sections of a stage
@@ -273,53 +260,54 @@ def _study_subject(path: Path, folder: Path) -> Subject:
     texts = {f"stage: {key}": text for key, text in loaded.base.sources.items()}
     texts |= {f"study: {key}": text for key, text in loaded.study.sources.items()}
     rows = [[key, label, texts.get(key) or ""] for kind, label in KINDS.items() for key in status[kind]]
-    parts = study_parts(found.source, found.found, status)
-    parts.append(("sources", partial(_provenance_section, rows, "source")))
-    return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], parts)
+    made = study_parts(found.source, found.found, status)
+    made.append(("sources", partial(_provenance_section, rows, "source")))
+    return Subject(loaded.study.name, "Study", status["assumed"], status["not_stated"], made)
 
 
 def _stored_subject(files: Sequence[Path]) -> Subject:
     designs = [read_design(path) for path in files if is_design(path)]
     results = [Verification.read(path) for path in files if not is_design(path)]
-    parts: list[Part] = []
-    for number, design in enumerate(designs, start=1):
-        for name in design.sections():
-            parts.append((f"{design.name}: {name}", partial(_design_section, design, name, number)))
-    parts += [(case.name, partial(_case_section, case, number)) for number, case in enumerate(results, start=1)]
+    made: list[Part] = [
+        (f"{design.name}: {name}", partial(_design_section, design, name, number))
+        for number, design in enumerate(designs, start=1)
+        for name in design.sections()
+    ]
+    made += [(case.name, partial(_case_section, case, number)) for number, case in enumerate(results, start=1)]
     records: list[Any] = [*results, *designs]
     rows = assumption_rows([(record.name, record) for record in records])
-    parts.append(("sources", partial(_provenance_section, rows, "in")))
+    made.append(("sources", partial(_provenance_section, rows, "in")))
     title = records[0].name if len(records) == 1 else "Verification" if results else "Designs"
-    return Subject(title, "Stored results", *_assumptions(records), parts)
+    return Subject(title, "Stored results", *_assumptions(records), made)
 
 
-def _plate_subject(plate: Stage | Mechanism, sections: Sequence[str], amplitude: Any) -> Subject:
+def _plate_subject(plate: Stage | Mechanism, names: Sequence[str], amplitude: Any) -> Subject:
     stage = plate if isinstance(plate, Stage) else None
-    if stage is None and "life" in sections:
+    if stage is None and "life" in names:
         raise BadInput(f"{plate.origin}: section life, expected some of {', '.join(SECTIONS[:-1])}")
     with located(plate):  # before anything is computed
-        if "life" in sections:
+        if "life" in names:
             required_law(plate.material)
-        if "drift" in sections:
+        if "drift" in names:
             require_expansion(plate)
-    checked, meshed = check(plate), not (WITHOUT_MESH if stage else {"analytic"}).issuperset(sections)
+    checked, meshed = check(plate), not (WITHOUT_MESH if stage else {"analytic"}).issuperset(names)
     if stage and meshed:  # both models are in the same plane problem
         plate = stage.model_copy(update={"model": stage.model})
         plate.__dict__["origin"] = stage.origin
     ask = cache(lambda question: question(plate))
     assumed, not_stated = _assumptions([each for each in (checked, getattr(checked, "drive", None)) if each])
-    kind, opened = type(plate).__name__, partial(opening, plate, ask, sections, meshed)
-    parts: list[Part] = [(kind.lower(), partial(_drawing_section, plate, checked, opened))]
+    kind, opened = type(plate).__name__, partial(opening, plate, ask, names, meshed)
+    made: list[Part] = [(kind.lower(), partial(_drawing_section, plate, checked, opened))]
     driven = plate.actuator if isinstance(plate, Stage) else plate.layout.actuators
-    for name in (name for name in SECTIONS if name in sections and (name != "drive" or driven)):
-        if name == "stress":
-            parts.append((name, partial(_stress_section, plate)))
-            continue
-        usual = partial(life, amplitude=amplitude) if name == "life" else QUESTIONS[name][1]
-        questions = (usual,) if stage else OF_MECHANISMS.get(name, (usual,))
-        parts.append((name, partial(_answers_section, name, ask, questions)))
-    parts.append(("sources", partial(_provenance_section, _provenance(plate, assumed, not_stated), "source")))
-    return Subject(plate.name, kind, assumed, not_stated, parts)
+    for name, (_, of_stage, of_mechanism) in ANSWERED.items():
+        if name == "stress" and name in names:
+            made.append((name, partial(_stress_section, plate)))
+        elif name in names and (name != "drive" or driven):
+            questions = of_stage if stage else of_mechanism
+            questions = (partial(life, amplitude=amplitude),) if name == "life" else questions
+            made.append((name, partial(_answers_section, name, ask, questions)))
+    made.append(("sources", partial(_provenance_section, _provenance(plate, assumed, not_stated), "source")))
+    return Subject(plate.name, kind, assumed, not_stated, made)
 
 
 def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
@@ -331,42 +319,35 @@ def _assumptions(records: Sequence[Any]) -> tuple[list[str], list[str]]:
 def _provenance(stage: PlateFile, assumed: list[str], not_stated: list[str]) -> list[list[str]]:
     """Return rows of key, kind and source for all values of a file, those assumed first."""
     sources = {key: text for key, text in stage.sources.items() if text and key in stage.values}
-    all_assumed = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
-    rows = [[key, "assumed", sources.get(key, "not a number of the file")] for key in all_assumed]
+    assumed = list(dict.fromkeys([*assumed, *(key for key, text in sources.items() if is_assumed(text))]))
+    rows = [[key, "assumed", sources.get(key, "not a number of the file")] for key in assumed]
     rows += [[key, "source not stated", "no source in the file"] for key in not_stated]
-    return rows + [[key, "stated", text] for key, text in sources.items() if key not in {*all_assumed, *not_stated}]
-
-
-# sections
-
-
-def _section(name: str, title: str, *parts: Markup) -> PageSection:
-    return PageSection(name, title, Markup("").join(parts))
+    return rows + [[key, "stated", text] for key, text in sources.items() if key not in {*assumed, *not_stated}]
 
 
 def _answers_section(name: str, ask: Ask, questions: Sequence[Question]) -> PageSection:
     """Return the tables of the results of questions, and their figures."""
-    title, _, description = QUESTIONS[name]
-    answers = [ask(question) for question in questions]
-    figures = [
-        shown_figure(f"{name}-figure", lambda found=found: figures_of(found)[""], description)  # type: ignore[misc]
-        for found in answers
-        if description and found.figure
-    ]
-    return _section(name, title, *map(tables_of, answers), *figures)
+    title, answers = ANSWERED[name][0], [ask(question) for question in questions]
+    drawn = [found for found in answers if found.figure and name not in ("analytic", "elements")]
+    figures = [shown_figure(f"{name}-figure", partial(_main_figure, found), title) for found in drawn]
+    return section(name, title, *map(parts.answered, answers), *figures)
 
 
-def _drawing_section(subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Opened) -> PageSection:
+def _main_figure(found: Any) -> Any:
+    return figures_of(found)[""]
+
+
+def _drawing_section(
+    subject: Stage | Mechanism, checked: StageReport | MechanismReport, opened: Callable[[Markup], Markup]
+) -> PageSection:
     """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
     pairs, tables = record_parts(checked, plain=False)
     pairs = [pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))]  # in another section
     draw = partial(drawing_figure, subject) if isinstance(subject, Stage) else partial(mechanism_figure, subject)
-    figure = shown_figure(
-        "drawing", draw, f"Drawing to scale of {subject.name}: bodies, hinges and drive.", table(tables[0])
-    )
-    parts = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
     kind = type(subject).__name__.lower()
-    return _section(kind, f"The {kind}", opened(figure), notes(checked.warnings), parts)
+    figure = shown_figure("drawing", draw, f"Drawing to scale of {subject.name}", table(tables[0]))
+    listed = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
+    return section(kind, f"The {kind}", opened(figure), notes(checked.warnings), listed)
 
 
 def _stress_section(subject: Stage | Mechanism) -> PageSection:
@@ -389,21 +370,19 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
         for name, stress in stresses.items()
     )
     note = f"The other directions are held; the amplitudes are assumed. {highest}."
-    text = f"The deformed {type(subject).__name__.lower()} coloured by von Mises stress."
-    figure = shown_figure("stress-figure", partial(stress_figure, drawn), text, data)
-    return _section("stress", "Stress", notes([note], "note"), figure)
+    figure = shown_figure("stress-figure", partial(stress_figure, drawn), "Von Mises stress when displaced", data)
+    return section("stress", "Stress", notes([note], "note"), figure)
 
 
 def _design_section(design: Designed, name: str, number: int) -> PageSection:
     """Return one section of the tables of a design, with its figure."""
-    title, draw, description = DESIGN_SECTIONS[name]
-    pairs = [("requirements", design.file), ("base stage", design.base), ("result", f"it {design.state}")]
-    parts = list[Markup]()
+    (title, draw), anchor, made = DESIGN_SECTIONS[name], f"design-{number}-{name}", list[Markup]()
+    title = f"{title}: {design.name}"
     if name == "design":
-        parts += facts([*pairs, ("seed", str(design.seed))]), notes(design.warnings), notes(design.sentences(), "note")
-    parts += [shown_figure(f"design-{number}-{name}-figure", partial(draw, design), description)] if draw else []
-    parts += map(table, design.sections(plain=False)[name])
-    return _section(f"design-{number}-{name}", f"{title}: {design.name}", *parts)
+        pairs = [("requirements", design.file), ("base stage", design.base), ("result", f"it {design.state}")]
+        made += facts([*pairs, ("seed", str(design.seed))]), notes(design.warnings), notes(design.sentences(), "note")
+    made += [shown_figure(f"{anchor}-figure", partial(draw, design), title)] if draw else []
+    return section(anchor, title, *made, *map(table, design.sections(plain=False)[name]))
 
 
 def _case_section(result: Verification, number: int) -> PageSection:
@@ -417,18 +396,15 @@ def _case_section(result: Verification, number: int) -> PageSection:
             columns[f"{label}: error in {symbol} ({unit})"] = (values, unit)
     texts = [[significant(value * unit.factor, 5) for value in values] for values, unit in columns.values()]
     data = table(TextTable([*columns], [*map(list, zip(*texts, strict=True))], 0))
-    description = f"Error curves of the case {result.name} in three panels, X, Y and θ; the table lists their points."
-    figure = shown_figure(f"curves-{number}", partial(error_figure, result), description, data)
-    return _section(f"case-{number}", result.name, figure, tables_of(result))
+    figure = shown_figure(f"curves-{number}", partial(error_figure, result), f"Errors of {result.name}", data)
+    return section(f"case-{number}", result.name, figure, parts.answered(result))
 
 
 def _provenance_section(rows: Sequence[Sequence[str]], last: str) -> PageSection:
     """Return the table of rows of a key, its kind, and its source or records; `last` is the heading of these."""
-    counts = [sum(row[1] == kind for row in rows) for kind in KINDS.values()]
-    opening = Markup("<p><strong>{} assumed</strong>, {} no stated source.</p>").format(
-        counted(counts[0], "of these numbers is", "of these numbers are"), counted(counts[1], "has", "have")
-    )
+    assumed, not_stated = (sum(row[1] == kind for row in rows) for kind in KINDS.values())
     tag = Markup('<span class="tag">{}</span>')
-    marked = [[row[0], row[1] if row[1] == "stated" else tag.format(row[1]), row[2]] for row in rows]
-    listed = folded("All numbers with their sources", table(TextTable(["key of the file", "kind", last], marked, 3)))
-    return _section("provenance", PROVENANCE, opening, listed)
+    marked = [[key, kind if kind == "stated" else tag.format(kind), text] for key, kind, text in rows]
+    counts = counted(assumed, "of these numbers is", "of these numbers are"), counted(not_stated, "has", "have")
+    listed = TextTable(["key of the file", "kind", last], marked, 3)
+    return section("provenance", PROVENANCE, parts.sources(listed, *counts))

@@ -1,4 +1,7 @@
-"""Sections, tables and figures of a page, combined into one self-contained HTML file."""
+"""Sections, tables and figures of a page, combined into one self-contained HTML file.
+
+The parts of a section are the macros of `templates/parts.html`: `table`, `facts`, `notes`, `folded` and others.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,7 @@ import base64
 import colorsys
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cache
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,8 +25,6 @@ from flexfem.plot.text import significant
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from flexfem.results import Result, TextTable
 
 TEMPLATES = Path(__file__).with_name("templates")
 NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ufffe\uffff]")
@@ -47,19 +47,26 @@ class PageSection(NamedTuple):
     html: Markup
 
 
-@cache
-def templates() -> Environment:
-    """Return the template environment, with escaping and an error for an undefined name."""
-    loader = FileSystemLoader(TEMPLATES)
-    return Environment(loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+def sentence(text: str) -> str:
+    """Return the text with an initial capital and a final full stop."""
+    text = text.strip()
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) or not text else '.'}"
 
 
-def markup(template: str, **values: Any) -> Markup:
-    """Return a rendered template; values other than Markup are escaped."""
-    return Markup(templates().get_template(template).render(**values))
+ENVIRONMENT = Environment(
+    loader=FileSystemLoader(TEMPLATES), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+)
+ENVIRONMENT.filters["sentence"] = sentence
+parts: Any = ENVIRONMENT.get_template("parts.html").module
+table, facts, notes, folded = parts.table, parts.facts, parts.notes, parts.folded
 
 
-def html_of(sections: Sequence[PageSection], **page: Any) -> str:
+def section(name: str, title: str, *html: Markup) -> PageSection:
+    """Return a section of some parts."""
+    return PageSection(name, title, Markup("").join(html))
+
+
+def html_of(sections: list[PageSection], **page: Any) -> str:
     """Return the text of an HTML file.
 
     `page` : title, subtitle, notice of assumptions, command that makes the page again, time and versions.
@@ -72,56 +79,13 @@ def html_of(sections: Sequence[PageSection], **page: Any) -> str:
     dark = "".join(f"--c{colour}: {dark_of(colour)}; " for colour in used)
     style += f"@media screen and (prefers-color-scheme: dark) {{ svg.drawn {{ {dark}}} }}\n"
     code = {"policy": policy, "script": Markup(script), "style": Markup(style)}
-    return str(markup("page.html", sections=sections, **page, **code))
+    return ENVIRONMENT.get_template("page.html").render(sections=sections, **page, **code)
 
 
 def dark_of(colour: str) -> str:
     """Return the colour of the dark theme in place of six hexadecimal digits: the hue stays, light becomes dark."""
-    hue, light, saturation = colorsys.rgb_to_hls(*(int(colour[k : k + 2], 16) / 255 for k in (0, 2, 4)))
-    return "#" + "".join(
-        f"{round(255 * part):02x}" for part in colorsys.hls_to_rgb(hue, 0.92 - 0.83 * light, saturation)
-    )
-
-
-def table(content: TextTable, sortable: bool = True) -> Markup:
-    """Return a table, empty without rows; `sortable` adds buttons to the headings that sort the rows."""
-    sortable = sortable and len(content.rows) > 1
-    return markup("table.html", table=content, sortable=sortable) if content.rows else Markup("")
-
-
-def tables_of(result: Result) -> Markup:
-    """Return all tables, sentences and warnings of a result."""
-    about = sentence(result.heading().removeprefix(f"{result.about.name}: "))
-    tables = [table(content, sortable=False) for content in result.tables(plain=False)]
-    texts = notes(result.warnings), notes(result.sentences(), "note")
-    return Markup("").join([Markup('<p class="settings">{}</p>').format(about), *tables, *texts])
-
-
-def beside(*parts: Markup) -> Markup:
-    """Return parts in columns, on narrow screens below each other."""
-    return Markup('<div class="beside">{}</div>').format(Markup("").join(parts))
-
-
-def folded(title: str, *parts: Markup) -> Markup:
-    """Return parts that are shown on request."""
-    html = Markup("").join(parts)
-    return Markup("<details><summary>{}</summary>\n{}\n</details>").format(title, html) if html.strip() else html
-
-
-def facts(pairs: Iterable[tuple[str, str | Markup]]) -> Markup:
-    """Return a list of names with their values."""
-    return markup("facts.html", pairs=list(pairs))
-
-
-def notes(texts: Sequence[str], kind: str = "warning") -> Markup:
-    """Return a list of sentences, empty without texts; `kind` is warning or note."""
-    return markup("notes.html", texts=texts, kind=kind) if texts else Markup("")
-
-
-def sentence(text: str) -> str:
-    """Return the text with an initial capital and a final full stop."""
-    text = text.strip()
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) or not text else '.'}"
+    hue, light, saturation = colorsys.rgb_to_hls(*(part / 255 for part in bytes.fromhex(colour)))
+    return f"#{bytes(round(255 * x) for x in colorsys.hls_to_rgb(hue, 0.92 - 0.83 * light, saturation)).hex()}"
 
 
 def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: Markup | None = None) -> Markup:
@@ -131,13 +95,8 @@ def shown_figure(name: str, draw: Callable[[], Figure], description: str, data: 
     """
     with headless() as lines:
         figure = draw()
-    return framed(name, inline_svg(figure, name), " ".join(map(sentence, lines)), description, data)
-
-
-def framed(name: str, svg: Markup, caption: str, description: str, data: Markup | None = None) -> Markup:
-    """Return an SVG element with its caption; arguments as of `shown_figure`."""
-    numbers = folded("Numbers of this figure", data) if data else Markup("")
-    return markup("figure.html", name=name, svg=svg, caption=caption, description=description, data=numbers)
+    svg = inline_svg(figure, name)
+    return Markup(parts.framed(name, svg, " ".join(map(sentence, lines)), description, data))
 
 
 def moving_svg(nodes: Array, triangles: AnyArray, field: Array, swings: bool = True) -> Markup:
@@ -166,7 +125,7 @@ def moving_svg(nodes: Array, triangles: AnyArray, field: Array, swings: bool = T
         return "".join("M" + " ".join(f"{x:.1f},{y:.1f}" for x, y in moved[loop].tolist()) + "Z" for loop in loops)
 
     rest, ends = path(0.0), (path(1.0), path(-1.0)) if swings else (path(0.0), path(1.0))
-    return markup("moving.html", wide=WIDE, high=float(width[1] * scale), rest=rest, ends=ends)
+    return Markup(parts.moving(WIDE, float(width[1] * scale), rest, ends))
 
 
 def inline_svg(figure: Figure, name: str) -> Markup:

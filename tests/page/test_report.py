@@ -286,7 +286,7 @@ def test_a_page_has_every_table_of_a_design_and_its_figures(monkeypatch, tmp_pat
         monkeypatch.setattr(page_of_files, name, made)
     report(tmp_path / "one.json", tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
-    assert shown == [draw for _, draw, _ in page_of_files.DESIGN_SECTIONS.values() if draw]
+    assert shown == [draw for _, draw in page_of_files.DESIGN_SECTIONS.values() if draw]
     found = cells(page)
     for one in recorded().tables(plain=False):
         assert {cell for row in (one.head, *one.rows) for cell in row} <= set(found)
