@@ -23,7 +23,7 @@ from random_stages import dimensions, scattered
 
 from flexfem.analytic.responses import rates_of
 from flexfem.arrays import Array
-from flexfem.design.proof import CORNER_COLUMNS, quantity_band
+from flexfem.design.proof import CORNER_COLUMNS, column_band
 from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
 from flexfem.fem.structure import plate_of
@@ -165,10 +165,7 @@ def judged(found: Solved) -> dict[str, Judged]:
 def _of_columns(found: Solved, names: tuple[str, ...]) -> Judged:
     values = found.columns[:, :, [COLUMNS.index(name) for name in names]]
     bands = [
-        [
-            quantity_band(frozenset({name}), np.array(RESOLUTIONS, dtype=float), each[:3, k])
-            for k, name in enumerate(names)
-        ]
+        [column_band(name, np.array(RESOLUTIONS, dtype=float), each[:3, k]) for k, name in enumerate(names)]
         for each in values
     ]
     order = CORNER_ORDER if names[0] in CORNER_COLUMNS else STRESS_ORDER

@@ -18,7 +18,6 @@ from flexfem.design.scatter import REFUSED, NeckScatter
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
-from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.bands import error_matrix
 from flexfem.refused import BadInput
 from flexfem.study.answer import answer_designs, joined
@@ -33,7 +32,6 @@ ROUND_OFF = 1e-9  # relative to the size of a requirement: smaller violations co
 BETWEEN = 0.45  # largest guard at each end, as a part of the distance between two ends
 NEAR = 0.1  # least ratio of finite elements and model, either way, at which the correction is a factor, not a term
 WHOLE = 6  # stepped dimensions up to which all combinations of neighbours are evaluated; of more, all pairs
-
 
 Say = Callable[[str], object]
 
@@ -82,10 +80,9 @@ class DesignSpace:
 
     def snapped(self, values: Array) -> Array:
         """Return the nearest designs (n, d) whose dimensions have allowed values."""
-        designs = values.copy()
-        for k in map(int, np.flatnonzero(~self.continuous)):
-            designs[:, k] = self.allowed[k][self._nearest(k, values[:, k])]
-        return designs
+        columns = [x if free else self.allowed[k][self._nearest(k, x)]
+                   for k, (x, free) in enumerate(zip(values.T, self.continuous, strict=True))]  # fmt: skip
+        return np.column_stack(columns)
 
     def adjacent(self, k: int, x: float) -> list[float]:
         """Return the allowed value of dimension k nearest to `x` and those next to it; `x` for a continuous one."""
@@ -97,13 +94,12 @@ class DesignSpace:
     def neighbours(self, values: Array) -> Array:
         """Return the designs (n, d) within one step of `values` (d,) in all dimensions, or in pairs of many."""
         adjacent = [self.adjacent(k, float(x)) for k, x in enumerate(values)]
-        if sum(len(options) > 1 for options in adjacent) <= WHOLE:
-            return np.array(list(product(*adjacent)))
-        designs = [values]
-        for pair in combinations(range(self.size), 2):
-            for moved in product(*(adjacent[k] for k in pair)):
-                designs.append(values.copy())
-                designs[-1][list(pair)] = moved
+        moves: list[tuple[int, ...]] = [tuple(range(self.size))]
+        if sum(len(options) > 1 for options in adjacent) > WHOLE:
+            moves = list(combinations(range(self.size), 2))
+        designs = [
+            one for move in moves for one in product(*(adjacent[k] if k in move else [x] for k, x in enumerate(values)))
+        ]
         return np.unique(np.array(designs), axis=0)
 
     def _nearest(self, k: int, x: Array) -> AnyArray:
@@ -128,9 +124,10 @@ def correction_of(model: float, elements: float) -> Correction:
 class Model:
     """The corrected analytic model of the requirements; it counts its evaluations, and searches report to `say`.
 
-    `corrections` are by column. `guard` (m,) tightens the ends of each requirement, relative to its size. The objective
-    with index `objective` is minimised while `bounds` limit the signed values of others. The requirement with index
-    `soft` is not enforced: its violation is minimised instead of the objective.
+    `corrections` are by column. Quantities (q,) are the objectives, then the required ones; `low` and `high` are their
+    ends, infinite without one, and `sizes` the larger end, zero without one. `guard` (q,) tightens the ends, relative
+    to the sizes. The objective with index `objective` is minimised while `bounds` limit the signed values of others.
+    The quantity with index `soft` may miss its ends: its violation is minimised instead of the objective.
     """
 
     loaded: LoadedRequirements
@@ -144,21 +141,23 @@ class Model:
     known: dict[bytes, Rows] = field(default_factory=dict)  # rows of mechanisms, which take 20 ms each
 
     def __post_init__(self) -> None:
-        requirements = self.loaded.requirements
-        self.space, self.objectives = DesignSpace(self.loaded.columns), len(requirements.objective)
-        self.signs = np.array([objective.sign for objective in requirements.objective])
-        ends = [(requirement.at_least, requirement.at_most) for requirement in requirements.require]
+        self.required, self.space = self.loaded.requirements, DesignSpace(self.loaded.columns)
+        self.signs = np.array([objective.sign for objective in self.required.objective])
+        ends: list[tuple[float | None, float | None]] = [(None, None)] * len(self.signs)
+        for k, most in self.bounds.items():
+            ends[k] = (None, most) if self.signs[k] > 0 else (-most, None)
+        ends += [(requirement.at_least, requirement.at_most) for requirement in self.required.require]
         self.low = np.array([-np.inf if low is None else low for low, _ in ends])
         self.high = np.array([np.inf if high is None else high for _, high in ends])
         self.sizes = np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
+        self.sizes[np.isinf(self.low) & np.isinf(self.high)] = 0.0
         self.room = BETWEEN * (self.high - self.low)  # infinite where there is one end
 
     @property
     def scatter(self) -> NeckScatter | None:
         """Scatter of the nine necks if a coupling under tolerance is requested, else None."""
-        requirements = self.loaded.requirements
-        tolerance = requirements.tolerance if requirements.used & {*SCATTERED} else None
-        return NeckScatter.drawn(tolerance, requirements.seed) if tolerance else None
+        wanted = self.required.tolerance is not None and self.required.used & {*SCATTERED}
+        return NeckScatter.drawn(self.required.tolerance, self.required.seed) if wanted else None
 
     def evaluate(self, values: Array) -> Array:
         """Return the quantities (n, q) of designs (n, d) in file units, objectives first; nan without a solution."""
@@ -167,38 +166,37 @@ class Model:
 
     def columns(self, values: Array) -> tuple[dict[str, Array], AnyArray]:
         """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for designs without any."""
-        study, requirements = self.loaded.study, self.loaded.requirements
-        rows = self._rows(values)
+        study, required, rows = self.loaded.study, self.required, self._rows(values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
-        columns = dict(zip(study.outputs, rows.values.T, strict=True))
-        columns |= {column.name: values[:, k] for k, column in enumerate(study.columns)}
-        if isinstance(self.loaded.base, Mechanism):
-            return columns, reason
+        columns = dict(zip(study.outputs, rows.values.T, strict=True)) | dict(
+            zip(self.space.names, values.T, strict=True)
+        )
         with np.errstate(all="ignore"):
-            designs = designs_of(study, values)
-            if requirements.used & {*MASS}:
+            if required.used & {*MASS}:
                 columns["mass_kg"] = self._masses(values, reason)
-            if requirements.used & {*ERRORS}:
+            if required.used & {*ERRORS}:
                 K = np.array([columns[name] for name in STIFFNESSES]).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
-                columns |= dict(zip(ERRORS, formula_errors(designs, K, requirements.paper_formula).T, strict=True))
+                errors = formula_errors(designs_of(study, values), K, required.paper_formula)
+                columns |= dict(zip(ERRORS, errors.T, strict=True))
             if self.scatter is not None:
                 self.counts["analytic with scattered necks"] += len(values) * len(self.scatter.searched)
-                couplings = self.scatter.quantiles(designs, requirements.formula, requirements.mobility)
+                couplings = self.scatter.quantiles(designs_of(study, values), required.formula, required.mobility)
                 reason[(reason == "") & np.isnan(couplings).any(axis=1)] = REFUSED
                 columns |= dict(zip(SCATTERED, couplings.T, strict=True))
         return columns, reason
 
     def _rows(self, values: Array) -> Rows:
         """Return the rows of designs (n, d) by the analytic model; those of a mechanism are kept."""
-        if not isinstance(self.loaded.base, Mechanism):
+        study = self.loaded.study
+        if not self.required.on_mechanism:
             self.counts["analytic"] += len(values)
-            return answer_designs(self.loaded.study, values)
-        names = [row.tobytes() for row in np.ascontiguousarray(values)]
-        for name, row in zip(names, values, strict=True):
-            if name not in self.known:
+            return answer_designs(study, values)
+        keys = [row.tobytes() for row in values]
+        for key, row in zip(keys, values, strict=True):
+            if key not in self.known:
                 self.counts["analytic"] += 1
-                self.known[name] = answer_designs(self.loaded.study, row[None])
-        return joined(self.loaded.study, [self.known[name] for name in names])
+                self.known[key] = answer_designs(study, row[None])
+        return joined(study, [self.known[key] for key in keys])
 
     def _masses(self, values: Array, reason: AnyArray) -> Array:
         """Return the masses (n,), kg, of the drawn stages; write why a design cannot be drawn to `reason` (n,)."""
@@ -218,33 +216,27 @@ class Model:
 
     def quantities(self, columns: Mapping[str, Array]) -> Array:
         """Return the quantities (n, q) of columns (n,) by name; derived outputs are computed first."""
-        requirements, study, known = self.loaded.requirements, self.loaded.study, dict(columns)
-        n = len(next(iter(known.values())))
-        for output in requirements.output:
-            known[output.name] = evaluated(study, output.expression, known, n)
-        return np.column_stack([evaluated(study, text, known, n) for text in requirements.quantities])
-
-    @property
-    def ends(self) -> tuple[Array, Array]:
-        """Least and greatest allowed values (m,), guards included; infinite without a limit."""
-        guard = np.minimum(self.guard * self.sizes, self.room)
-        return self.low + guard, self.high - guard
+        known, n = dict(columns), len(next(iter(columns.values())))
+        for output in self.required.output:
+            known[output.name] = evaluated(self.loaded.study, output.expression, known, n)
+        return np.column_stack([evaluated(self.loaded.study, text, known, n) for text in self.required.quantities])
 
     def signed(self, quantities: Array) -> Array:
         """Return all objectives (n, k) of quantities (n, q), with the signs for minimisation."""
-        return self.signs * quantities[:, : self.objectives]
+        return self.signs * quantities[:, : len(self.signs)]
+
+    def both_margins(self, quantities: Array) -> tuple[Array, Array]:
+        """Return the relative margins (n, q) to the lower and to the upper ends, guards included."""
+        guard = np.minimum(self.guard * self.sizes, self.room)
+        with np.errstate(all="ignore"):  # quantities without a finite value, or without an end
+            return (quantities - self.low - guard) / self.sizes, (self.high - guard - quantities) / self.sizes
 
     def margins(self, quantities: Array) -> Array:
-        """Return the relative margins (n, m + bounds): the smaller one of each requirement, then those of bounds."""
-        low, high = self.ends
-        q, signed = quantities[:, self.objectives :], self.signed(quantities)
-        with np.errstate(invalid="ignore"):  # quantities without a finite value
-            of_ends = np.minimum(q - low, high - q) / self.sizes
-        of_bounds = [(most - signed[:, k]) / max(abs(most), 1e-30) for k, most in self.bounds.items()]
-        return np.column_stack([of_ends, *of_bounds])
+        """Return the relative margin (n, q) of each quantity, the smaller one of both ends."""
+        return np.minimum(*self.both_margins(quantities))
 
     def violations(self, quantities: Array) -> Array:
-        """Return the relative violations (n, m + bounds) of requirements and bounds, zero where these hold."""
+        """Return the relative violations (n, q) of requirements and bounds, zero where these hold."""
         missed = -self.margins(quantities)
         if self.soft is not None:
             missed[:, self.soft] = 0.0
@@ -269,8 +261,8 @@ class Model:
         return np.where(np.isfinite(quantities).all(axis=1), merit, REFUSED_MERIT)
 
     def drawable(self, values: Array) -> bool:
-        """Return whether a design (d,) can be drawn, without overlap of its bodies."""
-        if isinstance(self.loaded.base, Mechanism):  # each with a result is drawn
+        """Return whether a design (d,) can be drawn, without overlap of its bodies, as any mechanism with a result."""
+        if self.required.on_mechanism:
             return True
         self.counts["drawn"] += 1
         try:
@@ -281,12 +273,9 @@ class Model:
 
     def constraints(self, values: Array, quantities: Array) -> Array:
         """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, gaps over the link width."""
-        low, high = self.ends
-        q = quantities[:, self.objectives :]
-        ends = [((q - low) / self.sizes)[:, np.isfinite(low)], ((high - q) / self.sizes)[:, np.isfinite(high)]]
-        ends.append(self.margins(quantities)[:, len(self.sizes) :])
-        if isinstance(self.loaded.base, Mechanism):
-            return np.hstack(ends)
+        ends = np.hstack(self.both_margins(quantities))[:, np.isfinite([*self.low, *self.high])]
+        if self.required.on_mechanism:
+            return ends
         with np.errstate(all="ignore"):
             designs = designs_of(self.loaded.study, values)
             checks = conditions(designs)
@@ -295,7 +284,7 @@ class Model:
                 for word in ("notch", "covers", "closer", "hub larger")
             )
             gaps = np.hstack([notch, clear, apart.min(axis=1, keepdims=True), hub]) / designs.link_width[:, None]
-        return np.hstack([*ends, gaps])
+        return np.hstack([ends, gaps])
 
 
 def formula_errors(designs: Designs, stiffness: Array, formula: str) -> Array:

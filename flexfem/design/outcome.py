@@ -12,7 +12,7 @@ from flexfem.analytic.model import best_model
 from flexfem.arrays import Array
 from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
-from flexfem.design.proof import ElementSolver, Proof, Proposal, Store, proof, searched, space_mapping
+from flexfem.design.proof import ElementSolver, Proof, Proposal, proof, space_mapping
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
 from flexfem.design.scatter import OTHERS, deviations
 from flexfem.design.search import optimum
@@ -55,16 +55,16 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     """
     rounds, agreed = space_mapping(Model(loaded, counts=solver.counts, say=solver.say), solver)
     _, best, last = rounds[-1]
-    model, required = rounds[-1].model, loaded.requirements
+    model, required, space = last.model, loaded.requirements, last.model.space
     solver.say("sensitivities")
-    requirements, stage, space = _requirements(rounds[-1]), designed_stage(loaded, last.values), model.space
+    requirements, stage = _requirements(rounds[-1]), designed_stage(loaded, last.values)
     feasible = all(each.verdict != "missed" for each in requirements)
     alternatives, front = list[record.SoleRelaxation](), list[record.FrontDesign]()
     if best.merit >= MISSED and not feasible:
         alternatives = relaxations(replace(model, guard=0.0), last.values)
-    if model.objectives > 1 and best.merit < MISSED:
-        designs = front_of(model, best.relaxed, required.front, solver.store)
-        front = [_front_design(model, proof(model, solver, values)) for values in designs]
+    if len(required.objective) > 1 and best.merit < MISSED:
+        designs = front_of(model, best.relaxed, required.front)
+        front = [_front_design(proof(model, solver, values)) for values in designs]
     coordinates = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
     history = rounds[0].best.history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
@@ -83,19 +83,19 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         feasible=feasible,
         agreed=agreed,
         objectives=[
-            record.Goal(**_quantity(model, last, k, objective), better="larger" if objective.sign < 0 else "smaller")
+            record.Goal(**_quantity(last, k, objective), better="larger" if objective.sign < 0 else "smaller")
             for k, objective in enumerate(required.objective)
         ],
         requirements=requirements,
         alternatives=alternatives,
         at_ends=[name for name, listed, u in coordinates if not listed and not END < u < 1 - END],
-        sensitivities=_sensitivities(model, last),
+        sensitivities=_sensitivities(last),
         rounds=[
             record.Round(design=space.named(b.values), gap_percent=100 * verified.gap, evaluations=b.history[-1][0])
             for _, b, verified in rounds
         ],
         front=front,
-        scattered=_scattered(model, last),
+        scattered=_scattered(last),
         history=[record.Step(**dict(zip(record.Step.model_fields, history[k], strict=True))) for k in shown],
         evaluations=dict(sorted(solver.counts.items())),
         versions=dict(versions()),
@@ -136,9 +136,9 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
     return "finite elements in three dimensions" if solid else "finite elements"
 
 
-def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
+def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
     """Return the fields of `Stated` for the quantity with index `k`."""
-    loaded = model.loaded
+    model, loaded = verified.model, verified.model.loaded
     names = loaded.requirements.names_of(requested.quantity)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
     spread = None
@@ -165,11 +165,10 @@ def _quantity(model: Model, verified: Proof, k: int, requested: Objective | Requ
 
 def _requirements(last: Proposal) -> list[record.Requirement]:
     """Return the records of all requirements at the last design."""
-    proposing, model, records = last.proposing, last.model, list[record.Requirement]()
-    tight = 100 * np.minimum(proposing.guard, model.room / model.sizes)
+    proposing, model, records = last.proposing, last.proof.model, list[record.Requirement]()
     slack = proposing.margins(proposing.evaluate(last.best.relaxed[None]))[0]
-    for k, required in enumerate(model.loaded.requirements.require):
-        fields = _quantity(model, last.proof, model.objectives + k, required)
+    for k, required in enumerate(model.required.require, start=len(model.signs)):
+        fields = _quantity(last.proof, k, required)
         value, band, size = fields["value"], fields["band"] or 0.0, float(model.sizes[k])
         margin = float(min(value - model.low[k], model.high[k] - value))
         requirement = record.Requirement(
@@ -182,7 +181,7 @@ def _requirements(last: Proposal) -> list[record.Requirement]:
             band_percent=None if fields["band"] is None else 100 * band / size,
             verdict="met" if margin >= band else "within the band" if margin >= -band else "missed",
             active=bool(abs(slack[k]) <= ACTIVE),
-            tightened_percent=float(tight[k]),
+            tightened_percent=100 * float(min(np.broadcast_to(proposing.guard, slack.shape)[k], model.room[k] / size)),
         )
         records.append(requirement)
     return records
@@ -190,22 +189,20 @@ def _requirements(last: Proposal) -> list[record.Requirement]:
 
 def relaxations(model: Model, near: Array) -> list[record.SoleRelaxation]:
     """Return the smallest sufficient relaxation of each requirement alone, by one search each."""
-    found, requirements = list[record.SoleRelaxation](), model.loaded.requirements
-    for k, requirement in enumerate(requirements.require):
+    found = list[record.SoleRelaxation]()
+    for k, requirement in enumerate(model.required.require, start=len(model.signs)):
         softened = replace(model, soft=k)
-        best = optimum(softened, near)
-        relax_to = percent = None
+        best, relax_to, percent = optimum(softened, near), None, None
         if best.merit < MISSED:
             quantities = softened.evaluate(best.values[None])
-            relax_to, missed = float(quantities[0, model.objectives + k]), float(softened.cost(quantities)[0])
+            relax_to, missed = float(quantities[0, k]), float(softened.cost(quantities)[0])
             percent = 100 * missed if missed > ROUND_OFF else 0.0
-        found.append(
-            record.SoleRelaxation(requirement=requirements.title_of(requirement), relax_to=relax_to, percent=percent)
-        )
+        title = model.required.title_of(requirement)
+        found.append(record.SoleRelaxation(requirement=title, relax_to=relax_to, percent=percent))
     return found
 
 
-def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array]:
+def front_of(model: Model, first: Array, count: int) -> list[Array]:
     """Return the designs (d,) of the Pareto front, from the best in the first objective to the best in the second.
 
     Notes
@@ -214,7 +211,7 @@ def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array
     IEEE Trans. Syst. Man Cybern. 1 (1971) 296-297) in the middle of the widest gap so far. Each search is global,
     because overlaps of bodies can divide the feasible region.
     """
-    last = searched(replace(model, objective=1), first, store)
+    last = optimum(replace(model, objective=1), first)
     if last.merit >= MISSED:
         return []
     designs = [_improved_in_turn(model, end) for end in (optimum(model, first, False).values, last.values)]
@@ -230,7 +227,7 @@ def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array
             break
         k = int(open_gaps[0])
         closed.add(float(bounds[k]))
-        between = searched(replace(model, bounds={1: float(bounds[k])}), designs[k + 1], store)
+        between = optimum(replace(model, bounds={1: float(bounds[k])}), designs[k + 1])
         if between.merit < MISSED:
             designs.append(between.values)
         model.say(f"front: {len(designs)} of {count} designs, {model.counts['analytic']:,} analytic evaluations")
@@ -239,7 +236,7 @@ def front_of(model: Model, first: Array, count: int, store: Store) -> list[Array
 
 def _improved_in_turn(model: Model, values: Array) -> Array:
     """Return the design (d,) after local optimisation of each objective in turn while the others are kept."""
-    for k in range(model.objectives):
+    for k in range(len(model.signs)):
         signed = model.signed(model.evaluate(values[None]))[0]
         others = {j: float(x + KEPT * abs(x)) for j, x in enumerate(signed) if j != k}
         bounded = replace(model, objective=k, bounds=others)
@@ -256,14 +253,15 @@ def _non_dominated(model: Model, designs: list[Array]) -> list[Array]:
     return [designs[k] for k in first[non_dominated(-different)]]
 
 
-def _front_design(model: Model, verified: Proof) -> record.FrontDesign:
-    k, margins = model.objectives, replace(model, guard=0.0).margins(verified.elements[None])[0]
+def _front_design(verified: Proof) -> record.FrontDesign:
+    model, k = verified.model, len(verified.model.signs)
+    margins = replace(model, guard=0.0).margins(verified.elements[None])[0, k:]
     return record.FrontDesign(
         design=model.space.named(verified.values),
         values=verified.elements[:k].tolist(),
         predicted=verified.predicted[:k].tolist(),
         margins_percent=(100 * margins).tolist(),
-        met=bool(np.all(margins >= -verified.bands[k:] / model.sizes)),
+        met=bool(np.all(margins >= -verified.bands[k:] / model.sizes[k:])),
         stage=designed_stage(model.loaded, verified.values).to_toml(),
     )
 
@@ -283,50 +281,49 @@ def sensitivities(model: Model, values: Array) -> Array:
         return np.where(np.abs(relative) < FLAT, 0.0, relative)
 
 
-def _sensitivities(model: Model, verified: Proof) -> dict[str, dict[str, float | None]]:
+def _sensitivities(verified: Proof) -> dict[str, dict[str, float | None]]:
     """Return sensitivities by dimension and quantity; None for a quantity that its band does not separate from zero."""
+    model = verified.model
     rows = sensitivities(model, verified.values)
     rows[:, np.abs(verified.elements) <= verified.bands] = np.nan
-    names = model.loaded.requirements.quantities
-    return {
-        column.name: {n: float(x) if math.isfinite(x) else None for n, x in zip(names, row, strict=True)}
-        for column, row in zip(model.loaded.columns, rows, strict=True)
-    }
+    columns = ([float(x) if math.isfinite(x) else None for x in row] for row in rows)
+    quantities = model.required.quantities
+    return {n: dict(zip(quantities, row, strict=True)) for n, row in zip(model.space.names, columns, strict=True)}
 
 
-def _scattered(model: Model, last: Proof) -> record.Scattered | None:
+def _scattered(last: Proof) -> record.Scattered | None:
     """Return the effect of neck scatter on the design, None without a tolerance."""
-    requirements, couplings = model.loaded.requirements, last.scattered
-    tolerance, notes = requirements.tolerance, list[str]()
+    required, couplings, notes = last.model.required, last.scattered, list[str]()
+    tolerance = required.tolerance
     if tolerance is None:
         return None
     for k, name in enumerate(SCATTERED):
-        if couplings is not None and name in requirements.used:
-            searched, others, low, high = (values[k] for values in couplings[:4])
+        if couplings is not None and name in required.used:
+            others, low, high = (values[k] for values in couplings[:3])
             text = (
                 f"{name} of {OTHERS:,} stages outside the search, by the model: {others:.4g}, 95 % interval "
-                f"{low:.4g} to {high:.4g}; of the {tolerance.stages:,} of the search: {searched:.4g}"
+                f"{low:.4g} to {high:.4g}; of the {tolerance.stages:,} of the search: {last.analytic[name]:.4g}"
             )
             solved = f"; finite elements of {tolerance.checked}: {couplings.factors[-1, k]:.4f} times the model, within"
             notes.append(text + (f"{solved} {couplings.misfit[k]:.2g}" if np.any(couplings.misfit) else ""))
-    return record.Scattered(share=share_kept(model, last, tolerance), stages=SHARED, notes=notes)
+    return record.Scattered(share=share_kept(last, tolerance), stages=SHARED, notes=notes)
 
 
-def share_kept(model: Model, verified: Proof, tolerance: Tolerance) -> float:
+def share_kept(verified: Proof, tolerance: Tolerance) -> float:
     """Return the share of stages with scattered necks that keep every requirement, by the corrected model.
 
     Columns that the study does not compute, such as masses and couplings under tolerance, stay as in the design.
     """
-    study, stage = model.loaded.study, stage_of(model.loaded.study, verified.values)
-    off = deviations(tolerance, SHARED, (model.loaded.requirements.seed + 1) % 2**63).reshape(-1, 9)
+    model, study = replace(verified.model, guard=0.0), verified.model.loaded.study
+    stage = stage_of(study, verified.values)
+    off = deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63).reshape(-1, 9)
     hinges = [(k, name) for k in (1, 2, 3) for name in HINGE_NAMES]
     columns = columns_of(Factor(key=f"override.{k}.{name}.neck_mm", values=(0.5,)) for k, name in hinges)
     necks = off + [stage.hinge(*hinge).neck for hinge in hinges]
     rows = answer_designs(replace(study, base=stage, columns=columns), necks)
     by_name = model.corrected(dict(zip(study.outputs, rows.values.T, strict=True)))
     quantities = model.quantities({n: np.full(SHARED, x) for n, x in verified.columns.items()} | by_name)
-    margins = replace(model, guard=0.0).margins(quantities)
-    return float(np.mean((rows.status == "ok") & np.all(margins >= -ROUND_OFF, axis=1)))
+    return float(np.mean((rows.status == "ok") & np.all(model.margins(quantities) >= -ROUND_OFF, axis=1)))
 
 
 def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
@@ -11,7 +12,7 @@ from pathlib import Path
 from flexfem.arguments import integer
 from flexfem.design.model import silent
 from flexfem.design.outcome import designed
-from flexfem.design.proof import ElementSolver, Store
+from flexfem.design.proof import ElementSolver
 from flexfem.design.requirements import load_requirements
 from flexfem.design.result import Designed
 from flexfem.files.refusals import checked_path
@@ -70,12 +71,12 @@ def run_design(
         names += [f"{stem}-design{part}.{form}" for part in ("", "-sensitivity", "-front") for form in ("png", "pdf")]
         for name in sorted(names, key=len, reverse=True):
             check_name(folder / name, base, loaded.path)
-    store = Store(None if folder is None else folder / f".{stem}-design.found")
+    kept = None if folder is None else folder / f".{stem}-design.found"
     with nullcontext() if workers == 1 else Workers(workers) as pool:
-        found = designed(loaded, ElementSolver(loaded, Counter(), pool, store, say))
-    if folder is not None:
+        found = designed(loaded, ElementSolver(loaded, Counter(), pool, kept, say))
+    if folder is not None and kept is not None:
         _write(found, folder, base)
-        store.remove()
+        shutil.rmtree(kept, ignore_errors=True)
     return found
 
 

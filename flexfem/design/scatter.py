@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial.chebyshev import chebvander
+from scipy.interpolate import BarycentricInterpolator
 from scipy.special import ndtri
 
 from flexfem.analytic.model import chain_compliance, hinge_compliances
@@ -25,10 +25,8 @@ from flexfem.study.loaded import INSIDE, monte_carlo
 LEVEL = 0.95  # of the quantiles
 CONFIDENCE = 0.95  # of the intervals of the quantiles
 OTHERS = 100_000  # stages, not seen by the search, for the final quantiles
-BLOCK = 10_000  # stages at a time: bounds the memory
-NODES = 12  # interpolation nodes of each hinge
-CHEBYSHEV = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
-LAGRANGE = np.linalg.inv(chebvander(CHEBYSHEV, NODES - 1))  # Lagrange polynomials as sums of Chebyshev polynomials
+BLOCKS = 10  # of these stages, one after the other: bounds the memory
+NODES = 14  # necks of each hinge between which compliances are interpolated
 WIDEST = 0.5  # deviation over neck up to which the interpolation error is 1e-6
 UPPER = (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)  # entries of a symmetric matrix: xx, xy, xt, yy, yt, tt
 REFUSED = f"tolerance.neck_um: a scattered neck is outside the chart of its hinge, or deviates by over {WIDEST:.0%}"
@@ -54,60 +52,54 @@ class NeckScatter:
         return cls(deviations(tolerance, tolerance.stages, seed), deviations(tolerance, OTHERS, (seed + 1) % 2**63))
 
     @cached_property
-    def _ends(self) -> tuple[Array, Array]:
-        a, b = self.searched, self.others
-        return np.minimum(a.min(axis=0), b.min(axis=0)), np.maximum(a.max(axis=0), b.max(axis=0))
-
-    @cached_property
     def nodes(self) -> Array:
-        """Deviations (NODES, 3, 3) of the interpolation nodes, from the least to the greatest deviation."""
-        low, high = self._ends
-        return np.asarray(low + (high - low) * (CHEBYSHEV[:, None, None] + 1) / 2)
+        """Deviations (NODES,) of the interpolation nodes, from the least to the greatest deviation."""
+        low, high = min(self.searched.min(), self.others.min()), max(self.searched.max(), self.others.max())
+        return np.asarray(low + (high - low) * (1 + np.cos(np.pi * np.arange(NODES) / (NODES - 1))) / 2)
+
+    def _basis(self, off: Array) -> Array:
+        """Return the Lagrange polynomials (3 chains, 3 hinges x NODES, stages) at deviations (stages, 3, 3)."""
+        polynomials = BarycentricInterpolator(self.nodes, np.eye(NODES), rng=0)(off)
+        return np.ascontiguousarray(np.moveaxis(polynomials, 0, -1).reshape(3, 3 * NODES, len(off)))
 
     @cached_property
     def _searched_basis(self) -> Array:
         return self._basis(self.searched)
 
-    def _basis(self, off: Array) -> Array:
-        """Return the Lagrange polynomials (3 chains, 3 hinges x NODES, stages) at deviations (stages, 3, 3)."""
-        low, high = self._ends
-        polynomials = chebvander(2 * (off - low) / (high - low) - 1, NODES - 1) @ LAGRANGE
-        return np.ascontiguousarray(np.moveaxis(polynomials, 0, -1).reshape(3, 3 * NODES, len(off)))
-
     def quantiles(self, designs: Designs, formula: str, mobility: int | None) -> Array:
         """Return the 95 % quantiles (n, 4) of n designs over the stages of the search; nan without a solution."""
         at_nodes = self._at_nodes(designs, formula, mobility)
-        return np.array([_quantiles(_couplings(chains @ self._searched_basis)) for chains in at_nodes]).reshape(-1, 4)
+        sizes = [_sizes(_couplings(chains @ self._searched_basis)) for chains in at_nodes]
+        return np.array([np.quantile(size, LEVEL, axis=-1) for size in sizes]).reshape(-1, 4)
 
-    def couplings(self, designs: Designs, formula: str, mobility: int | None, off: Array) -> Array:
-        """Return the couplings (3, stages) of one design with neck deviations `off` (stages, 3, 3)."""
+    def couplings(self, designs: Designs, formula: str, mobility: int | None) -> Array:
+        """Return the couplings (3, stages) of the other stages of one design."""
         (at_nodes,) = self._at_nodes(designs, formula, mobility)
-        blocks = [off[k : k + BLOCK] for k in range(0, len(off), BLOCK)]
+        blocks = np.array_split(self.others, BLOCKS)
         return np.concatenate([_couplings(at_nodes @ self._basis(block)) for block in blocks], axis=-1)
 
     def _at_nodes(self, designs: Designs, formula: str, mobility: int | None) -> Array:
         """Return what each hinge at each node adds to its chain, (n, 3 chains, 6 entries, 3 hinges x NODES), or nan."""
         n = len(designs.thickness)
         varied = designs.chosen(np.repeat(np.arange(n), NODES))
-        varied.neck[:] += np.tile(self.nodes, (n, 1, 1))
+        varied.neck[:] += np.tile(self.nodes, n)[:, None, None]
         one_of_three = np.eye(3)[:, None, None, :]
         hinges = hinge_compliances(varied, formula)
         single = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
         frames = Frames(*(part[:, None, None] for part in designs.frames))
         parts = chain_compliance(frames, single, freedoms_of(mobility, designs.prismatic))[..., *UPPER]
-        parts[np.any(np.abs(self.nodes) > WIDEST * designs.neck[:, None], axis=(1, 2, 3))] = np.nan
+        parts[np.abs(self.nodes).max() > WIDEST * designs.neck.min(axis=(1, 2))] = np.nan
         return np.ascontiguousarray(parts.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 
 
 class CouplingQuantiles(NamedTuple):
-    """Quantiles (4,) of the couplings of a design, in the order of `requirements.SCATTERED`.
+    """Quantiles (4,) of the couplings of a design over the other stages, in the order of `requirements.SCATTERED`.
 
-    `searched` is over the stages of the search, `others` over the other stages, from `low` to `high` the 95 % interval;
-    all by the model. `factors` (meshes, 4), coarse to fine, are the ratios of finite elements to the model in stages
-    solved by both, 1 without any; `misfit` (4,) is the largest residual of the last ratio in one of these stages.
+    `others`, and from `low` to `high` their 95 % interval, are by the model. `factors` (meshes, 4), coarse to fine, are
+    the ratios of finite elements to the model in stages solved by both, 1 without any; `misfit` (4,) is the largest
+    residual of the last ratio in one of these stages.
     """
 
-    searched: Array
     others: Array
     low: Array
     high: Array
@@ -116,7 +108,7 @@ class CouplingQuantiles(NamedTuple):
 
     @property
     def elements(self) -> Array:
-        """Quantiles (meshes, 4) over the other stages by finite elements, or by the model without them."""
+        """Quantiles (meshes, 4) by finite elements, or by the model without them."""
         return self.factors * self.others
 
     @property
@@ -126,11 +118,8 @@ class CouplingQuantiles(NamedTuple):
         return np.asarray(half * self.factors[-1] + self.misfit)
 
 
-def coupling_quantiles(searched: Array, couplings: Array, checked: list[Array]) -> CouplingQuantiles:
-    """Return the quantiles of the couplings (3, stages) of the other stages by the model.
-
-    `checked` holds the couplings of the first stages by finite elements on each mesh; `searched` (4,) the quantiles
-    over the stages of the search.
+def coupling_quantiles(couplings: Array, checked: list[Array]) -> CouplingQuantiles:
+    """Return the quantiles of couplings (3, stages) by the model; `checked` are those of the first stages on each mesh.
 
     Notes
     -----
@@ -140,26 +129,21 @@ def coupling_quantiles(searched: Array, couplings: Array, checked: list[Array]) 
     """
     from scipy.stats import binom
 
-    ordered = np.sort(_sizes(couplings), axis=-1)
-    low, high = binom.ppf(0.5 + np.array([-0.5, 0.5]) * CONFIDENCE, ordered.shape[-1], LEVEL).astype(int)
-    factors, misfit = [np.ones(4)], np.zeros(4)
-    for of_mesh in checked:
-        elements, model = _sizes(of_mesh), _sizes(couplings[:, : of_mesh.shape[-1]])
+    sizes = _sizes(couplings)
+    low, high = binom.ppf(0.5 + np.array([-0.5, 0.5]) * CONFIDENCE, sizes.shape[-1], LEVEL).astype(int)
+    ordered, factors, misfit = np.sort(sizes, axis=-1), [np.ones(4)], np.zeros(4)
+    for elements in map(_sizes, checked):
+        model = sizes[:, : elements.shape[-1]]
         factors.append(np.sum(elements * model, axis=-1) / np.sum(model**2, axis=-1))
         misfit = np.max(np.abs(elements - factors[-1][:, None] * model), axis=-1)
     interval = ordered[..., low - 1], ordered[..., high]
-    return CouplingQuantiles(searched, _quantiles(couplings), *interval, np.array(factors[1:] or factors), misfit)
+    return CouplingQuantiles(np.quantile(sizes, LEVEL, axis=-1), *interval, np.array(factors[1:] or factors), misfit)
 
 
 def _sizes(couplings: Array) -> Array:
     """Return the magnitudes (4, stages) of couplings (3, stages), the last row being the largest of the three."""
     size = np.abs(couplings)
     return np.concatenate([size, size.max(axis=0, keepdims=True)])
-
-
-def _quantiles(couplings: Array) -> Array:
-    """Return the 95 % quantiles (4,) of couplings (3, stages)."""
-    return np.asarray(np.quantile(_sizes(couplings), LEVEL, axis=-1))
 
 
 def _couplings(chains: Array) -> Array:

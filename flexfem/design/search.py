@@ -11,6 +11,8 @@ from scipy.stats import qmc
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.design.model import MISSED, REFUSED_MERIT, Model
+from flexfem.files.refusals import place_of
+from flexfem.refused import BadInput
 
 AGREED = 1e-4  # relative spread of the merits of a generation at convergence
 NARROW = 0.06  # half-width, as a part of every range, of the local search
@@ -43,11 +45,6 @@ FULL = Effort()
 SPARING = Effort(256, 16, 40, 8, 30, 16, 6, 2, 12, 1e-6)  # for mechanisms, of which each design takes 20 ms
 
 
-def effort_of(model: Model) -> Effort:
-    """Return the effort of searches."""
-    return SPARING if model.loaded.requirements.on_mechanism else FULL
-
-
 class BestDesign(NamedTuple):
     """Result of a search: the best design (d,) on the steps, in file units, and the best one without steps, `relaxed`.
 
@@ -62,11 +59,19 @@ class BestDesign(NamedTuple):
 
 
 def optimum(model: Model, near: Array | None = None, everywhere: bool = True) -> BestDesign:
-    """Return the best design, with `near` (d,) as an initial guess; without `everywhere` the search is local to it."""
+    """Return the best design, with `near` (d,) as an initial guess; without `everywhere` the search is local to it.
+
+    Raises BadInput when no design has a solution.
+    """
     search = _Search(model)
     start = search.global_optimum(near) if near is None or everywhere else near
     relaxed = search.local_optimum(start)
     values, merit = search.on_steps(relaxed, near)
+    if merit >= REFUSED_MERIT:
+        finite = np.isfinite(model.evaluate(values[None])).all()
+        why = "its bodies cannot be drawn" if finite else "a quantity without a finite value"
+        reason = model.columns(values[None])[1][0] or why
+        raise BadInput(f"{place_of(model.loaded.path)}: no design of the free dimensions has a result: {reason}")
     return BestDesign(values, relaxed, merit, search.history)
 
 
@@ -74,9 +79,9 @@ class _Search:
     """State of a search: `best` merit of a design that can be drawn, and the history."""
 
     def __init__(self, model: Model) -> None:
-        self.model, self.space, self.seed = model, model.space, model.loaded.requirements.seed
+        self.model, self.space, self.seed = model, model.space, model.required.seed
         self.best, self.noted, self.history = np.inf, np.inf, list[tuple[int, float | None, float]]()
-        self.effort = effort_of(model)
+        self.effort = SPARING if model.required.on_mechanism else FULL
         self.drawable, self.evaluations_before = dict[bytes, bool](), model.counts["analytic"]
 
     def merit(self, values: Array) -> Array:
@@ -85,7 +90,7 @@ class _Search:
         for k in np.argsort(merits, kind="stable"):
             if merits[k] >= min(self.best, REFUSED_MERIT):
                 break
-            key = np.ascontiguousarray(values[k]).tobytes()
+            key = values[k].tobytes()
             if key not in self.drawable:
                 self.drawable[key] = self.model.drawable(values[k])
             if self.drawable[key]:
@@ -97,51 +102,18 @@ class _Search:
     def note(self, merit: float) -> None:
         """Add the lesser of the best merit so far and `merit` to the history."""
         self.noted = merit = min(merit, self.noted)
-        missed = max(merit / MISSED - 1, 0.0)
         objective = None if merit >= MISSED else merit * float(self.model.signs[self.model.objective])
         evaluations = self.model.counts["analytic"] - self.evaluations_before
-        self.history.append((evaluations, objective, float(missed)))
+        self.history.append((evaluations, objective, float(max(merit / MISSED - 1, 0.0))))
 
-    def global_optimum(self, near: Array | None) -> Array:
-        """Return the best design (d,) without steps by differential evolution over the design space."""
-        d = self.space.size
-        guesses = [self.model.loaded.base_values] if near is None else [self.model.loaded.base_values, near]
-        u = np.vstack([self.space.to_unit(np.array(guesses)), self._sample()])
-
-        def merit(u: Array) -> Array:
-            merits = self.merit(self.space.from_unit(u))
-            self.note(float(merits.min()))
-            *_, (evaluations, objective, _) = self.history
-            shown = "none feasible" if objective is None else f"{objective:.6g}"
-            self.model.say(f"{evaluations:,} analytic evaluations, best: {shown}")
-            return merits
-
-        order = np.argsort(merit(u), kind="stable")
-        size = int(np.clip(self.effort.each * d, self.effort.least, self.effort.most))
-        best = self._evolved(merit, u[order[:size]], np.zeros(d), np.ones(d), self.effort.generations)
-        return np.asarray(self.space.from_unit(best[None])[0])
-
-    def _sample(self) -> Array:
-        """Return the Sobol sample (n, d) in the unit cube."""
-        return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed)).random(self.effort.sample))
-
-    def local_optimum(self, start: Array) -> Array:
-        """Return the best design (d,) without steps near `start` (d,), by SLSQP and evolution, which passes kinks."""
-        start = self.polished(start)
-        centre = self.space.to_unit(start[None])[0]
-        low = np.clip(centre - NARROW, 0, 1)
-        high = np.clip(low + 2 * NARROW, 0, 1)
-        sample = qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + 2)).random(self.effort.near)
-        population = low + (high - low) * sample
-        population[0] = np.clip(centre, low, high)
-        best = self._evolved(lambda u: self.merit(self.space.from_unit(u)), population, low, high, self.effort.local)
-        candidates = np.vstack([start, self.polished(self.space.from_unit(best[None])[0])])
-        return np.asarray(candidates[int(np.argmin(self.merit(candidates)))])
+    def _sample(self, count: int, stream: int = 0) -> Array:
+        """Return a Sobol sample (count, d) in the unit cube."""
+        return np.asarray(qmc.Sobol(self.space.size, rng=np.random.default_rng(self.seed + stream)).random(count))
 
     def _evolved(self, merit: Callable[[Array], Array], population: Array, low: Array, high: Array, most: int) -> Array:
-        """Return the best point (d,) of differential evolution of a population (n, d) between two corners."""
+        """Return the best design (d,) of differential evolution of a population (n, d) between two corners."""
         found = differential_evolution(
-            lambda u: merit(u.T),
+            lambda u: merit(self.space.from_unit(u.T)),
             list(zip(low, np.where(high > low, high, low + 1e-9), strict=True)),
             init=np.clip(population, low, high),
             maxiter=most,
@@ -152,19 +124,37 @@ class _Search:
             polish=False,
             rng=np.random.default_rng(self.seed + 1),
         )
-        return np.asarray(found.x)
+        return np.asarray(self.space.from_unit(found.x[None])[0])
 
-    def polished(self, start: Array, free: AnyArray | None = None) -> Array:
-        """Return the design (d,) that SLSQP reaches from `start` (d,), or `start` if it is as good.
+    def global_optimum(self, near: Array | None) -> Array:
+        """Return the best design (d,) without steps by differential evolution over the design space."""
+        guesses = [self.model.loaded.base_values, *([] if near is None else [near])]
+        u = np.vstack([self.space.to_unit(np.array(guesses)), self._sample(self.effort.sample)])
 
-        `free` (d,) marks the variable dimensions, by default all without a list of values.
-        """
-        free = ~self.space.listed if free is None else free
-        if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
-            return start
-        found = polished(self.model, start, free)
-        merits = self.merit(np.vstack([start, found]))
-        return found if merits[1] < merits[0] else start
+        def merit(values: Array) -> Array:
+            merits = self.merit(values)
+            self.note(float(merits.min()))
+            *_, (evaluations, objective, _) = self.history
+            shown = "none feasible" if objective is None else f"{objective:.6g}"
+            self.model.say(f"{evaluations:,} analytic evaluations, best: {shown}")
+            return merits
+
+        order = np.argsort(merit(self.space.from_unit(u)), kind="stable")
+        size = int(np.clip(self.effort.each * self.space.size, self.effort.least, self.effort.most))
+        corners = np.zeros(self.space.size), np.ones(self.space.size)
+        return self._evolved(merit, u[order[:size]], *corners, self.effort.generations)
+
+    def local_optimum(self, start: Array) -> Array:
+        """Return the best design (d,) without steps near `start` (d,), by SLSQP and evolution, which passes kinks."""
+        start = self.polished(start)
+        centre = self.space.to_unit(start[None])[0]
+        low = np.clip(centre - NARROW, 0, 1)
+        high = np.clip(low + 2 * NARROW, 0, 1)
+        population = low + (high - low) * self._sample(self.effort.near, 2)
+        population[0] = centre
+        evolved = self._evolved(self.merit, population, low, high, self.effort.local)
+        candidates = np.vstack([start, self.polished(evolved)])
+        return np.asarray(candidates[int(np.argmin(self.merit(candidates)))])
 
     def on_steps(self, relaxed: Array, near: Array | None) -> tuple[Array, float]:
         """Return the best design on the steps near the one without steps, or near `near`, and its merit.
@@ -184,11 +174,11 @@ class _Search:
             rounded = {(*x[:k], value, *x[k + 1 :]) for x in beam for value in space.adjacent(k, x[k])}
             candidates = np.array([self.polished(np.array(start), free) for start in sorted(rounded)])
             beam = candidates[np.argsort(self.merit(candidates), kind="stable")[: self.effort.beam]]
-        starts = space.snapped(np.vstack([beam] if near is None else [beam, near]))
-        values, merit = min(map(self._descended, np.unique(starts, axis=0)), key=lambda end: end[1])
+        ends = space.snapped(np.vstack([beam] if near is None else [beam, near]))
+        values, merit = min(map(self._descended, np.unique(ends, axis=0)), key=lambda end: end[1])
         if merit < REFUSED_MERIT:
             return values, merit
-        sample = space.snapped(space.from_unit(self._sample()))  # no neighbour can be drawn
+        sample = space.snapped(space.from_unit(self._sample(self.effort.sample)))  # no neighbour can be drawn
         self.best = np.inf
         return self._descended(sample[int(np.argmin(self.merit(sample)))])
 
@@ -197,7 +187,7 @@ class _Search:
         self.best, continuous = np.inf, self.space.continuous  # the best merit so far may be of a design without steps
         values = self.polished(values, continuous)
         merit = float(self.merit(values[None])[0])
-        for _ in range(MOVES if not continuous.all() else 0):
+        for _ in range(MOVES):
             neighbours = self.space.neighbours(values)
             candidates = neighbours[np.argsort(self.merit(neighbours), kind="stable")[:RESOLVED]]
             if continuous.any():
@@ -210,53 +200,63 @@ class _Search:
         self.note(merit)
         return values, merit
 
+    def polished(self, start: Array, free: AnyArray | None = None) -> Array:
+        """Return the design (d,) that SLSQP reaches from `start` (d,), or `start` if it is as good.
 
-def polished(model: Model, start: Array, free: AnyArray) -> Array:
-    """Return the design (d,) that SLSQP reaches from `start` (d,) in the dimensions `free` (d,).
+        `free` (d,) marks the variable dimensions, by default all without a list of values. All finite differences of an
+        iterate are one batch. SLSQP overwrites the arrays that it receives, hence the copies.
+        """
+        free = ~self.space.listed if free is None else free
+        if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
+            return start
+        space, model, variable, known = self.space, self.model, np.flatnonzero(free), dict[bytes, _Linear]()
+        d, u0 = len(variable), space.to_unit(start[None])[0]
+        size = max(abs(float(model.cost(model.evaluate(start[None]))[0])), 1e-30)
 
-    All finite differences of an iterate are one batch. SLSQP overwrites the arrays that it receives, hence the copies.
-    """
-    space, variable, known = model.space, np.flatnonzero(free), dict[bytes, tuple[Array, Array]]()
-    d, u0 = len(variable), space.to_unit(start[None])[0]
+        def linearised(x: Array) -> _Linear:
+            if x.tobytes() not in known:
+                u = np.tile(u0, (2 * d + 1, 1))
+                steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
+                u[:, variable] = np.clip(np.clip(x, 0, 1) + steps, 0, 1)
+                values = space.from_unit(u)
+                quantities = model.evaluate(values)
+                f = np.column_stack([model.cost(quantities) / size, model.constraints(values, quantities) - INWARD])
+                known[x.tobytes()] = _differences(f, u[:, variable])
+            return known[x.tobytes()]
 
-    def linearised(x: Array) -> tuple[Array, Array]:
-        """Return objective and constraints (1 + c,) at `x` (d,), and their slopes (1 + c, d)."""
-        if x.tobytes() not in known:
-            u = np.tile(u0, (2 * d + 1, 1))
-            steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
-            u[:, variable] = np.clip(np.clip(x, 0, 1) + steps, 0, 1)
-            values = space.from_unit(u)
-            quantities = model.evaluate(values)
-            f = np.column_stack([model.cost(quantities) / size, model.constraints(values, quantities) - INWARD])
-            known[x.tobytes()] = _differences(f, u[:, variable])
-        return known[x.tobytes()]
-
-    size = max(abs(float(model.cost(model.evaluate(start[None]))[0])), 1e-30)
-    found = minimize(
-        lambda x: float(linearised(x)[0][0]),
-        u0[variable],
-        jac=lambda x: linearised(x)[1][0].copy(),
-        bounds=Bounds(np.zeros(d), np.ones(d)),
-        constraints=[{"type": "ineq", "fun": lambda x: linearised(x)[0][1:].copy(),
-                      "jac": lambda x: linearised(x)[1][1:].copy()}],
-        method="SLSQP",
-        options={"maxiter": effort_of(model).iterations, "ftol": effort_of(model).accuracy},
-    )  # fmt: skip
-    u = u0.copy()
-    u[variable] = np.clip(found.x, 0, 1)
-    return np.where(free, space.from_unit(u[None])[0], start)
+        found = minimize(
+            lambda x: float(linearised(x).values[0]),
+            u0[variable],
+            jac=lambda x: linearised(x).slopes[0].copy(),
+            bounds=Bounds(np.zeros(d), np.ones(d)),
+            constraints={"type": "ineq", "fun": lambda x: linearised(x).values[1:].copy(),
+                         "jac": lambda x: linearised(x).slopes[1:].copy()},
+            method="SLSQP",
+            options={"maxiter": self.effort.iterations, "ftol": self.effort.accuracy},
+        )  # fmt: skip
+        u = u0.copy()
+        u[variable] = np.clip(found.x, 0, 1)
+        end = np.where(free, space.from_unit(u[None])[0], start)
+        merits = self.merit(np.vstack([start, end]))
+        return end if merits[1] < merits[0] else start
 
 
-def _differences(f: Array, u: Array) -> tuple[Array, Array]:
-    """Return values (k,) and slopes (k, d) from rows (2 d + 1, k) at `u` (2 d + 1, d): a point, below it, above it.
+class _Linear(NamedTuple):
+    """Objective and constraints (1 + c,) at a point, and their slopes (1 + c, d)."""
+
+    values: Array
+    slopes: Array
+
+
+def _differences(f: Array, u: Array) -> _Linear:
+    """Return values and slopes from rows (2 d + 1, 1 + c) at `u` (2 d + 1, d): a point, below it, above it.
 
     A difference is one-sided where the other side has no solution. A point without one is very infeasible.
     """
     d = u.shape[1]
-    unsolved = np.asarray(~np.isfinite(f).all(axis=1))
-    if unsolved[0]:
-        return np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d))
-    below, above = np.arange(1, d + 1), np.arange(d + 1, 2 * d + 1)
-    a, b = np.where(unsolved[below], 0, below), np.where(unsolved[above], 0, above)
+    solved = np.asarray(np.isfinite(f).all(axis=1))
+    if not solved[0]:
+        return _Linear(np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d)))
+    a, b = (np.where(solved[side], side, 0) for side in np.arange(1, 2 * d + 1).reshape(2, d))
     width = u[b, np.arange(d)] - u[a, np.arange(d)]
-    return np.asarray(f[0]), ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T
+    return _Linear(f[0], ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T)

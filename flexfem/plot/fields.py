@@ -41,12 +41,15 @@ WARM: dict[str, tuple[str, str, tuple[float, float]]] = {  # title, divisor of t
 
 def draw_field(ax: Axes, nodes: Array, triangles: AnyArray, moved: Array, values: Array, norm: Normalize) -> None:
     """Draw a mesh with displaced nodes, coloured by nodal values, and its undeformed outline in grey."""
-    boundary = boundary_of(triangles)
-    grid = Triangulation(moved[:, 0], moved[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
-    ax.tripcolor(grid, values, shading="gouraud", cmap=COLOURS, norm=norm, rasterized=True, zorder=2)
-    draw_boundary(ax, nodes, boundary, "#8A8A8A", 0.9, zorder=1)
-    draw_boundary(ax, moved, boundary, INK, 0.5)
+    _shade(ax, moved, triangles, values, 2, cmap=COLOURS, norm=norm)
+    draw_boundary(ax, nodes, boundary_of(triangles), "#8A8A8A", 0.9, zorder=1)
+    draw_boundary(ax, moved, boundary_of(triangles), INK, 0.5)
     ax.set_axis_off()
+
+
+def _shade(ax: Axes, nodes: Array, triangles: AnyArray, values: Array, zorder: float, **colours: Any) -> None:
+    grid = Triangulation(nodes[:, 0], nodes[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
+    ax.tripcolor(grid, values, shading="gouraud", rasterized=True, zorder=zorder, **colours)
 
 
 def plot_displacement(
@@ -61,7 +64,8 @@ def plot_displacement(
     moved, triangles = fields.nodes + factor * fields.displacement, fields.triangles
     if isinstance(fields, PlateFields):
         elastic = np.any(fields.stress[triangles] > 0, axis=1)
-        _fill(ax, fields.nodes, triangles[~elastic])
+        _shade(ax, fields.nodes, triangles[~elastic], 0 * fields.stress, 1, cmap=ListedColormap([RIGID]))
+        draw_boundary(ax, fields.nodes, boundary_of(triangles[~elastic]), INK, 0.5)
         triangles = triangles[elastic]
     else:
         draw_hub(ax, fields.nodes, moved)
@@ -77,13 +81,6 @@ def plane_fields(fields: MeshFields) -> PlateFields:
     if fields.heights is not None:
         field, stress = field[:, 0, :2], stress.max(axis=1)
     return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
-
-
-def _fill(ax: Axes, nodes: Array, triangles: AnyArray) -> None:
-    """Fill rigid bodies."""
-    grid = Triangulation(nodes[:, 0], nodes[:, 1], triangles[:, QUARTERS].reshape(-1, 3))
-    ax.tripcolor(grid, np.zeros(len(nodes)), shading="gouraud", cmap=ListedColormap([RIGID]), rasterized=True, zorder=1)
-    draw_boundary(ax, nodes, boundary_of(triangles), INK, 0.5)
 
 
 def exaggeration(*fields: Fields, signs: tuple[float, ...] = (1.0,)) -> float:
@@ -156,9 +153,9 @@ def deformed_figure(result: Verification, fields: Mapping[str, Fields]) -> Figur
     models, command = result.models, unit_for(result.direction, result.commanded[-1])
     value = significant(result.commanded[-1] * command.factor, 3)
     title = f"Stress in the displaced stage, {NAMES[result.direction]} = {value} {command}"
+    solid = "Three dimensions: the mid-plane, with the highest stress through the thickness."
     lines = [f"{result.name}: finite elements at the largest command, displacements"]
-    if result.elements == "three_dimensional":
-        lines.append("Three dimensions: the mid-plane, with the highest stress through the thickness.")
+    lines += [solid] if result.elements == "three_dimensional" else []
     columns = max(2, len(fields) if len(fields) < 4 else int(np.ceil(np.sqrt(len(fields)))))
     drawn = {label: fields[label] for label in result.curves}
     figure, axes, factor = displaced(title, lines, drawn, columns, result)
@@ -193,16 +190,16 @@ def drift_figure(found: Drift) -> Figure:
     ]
     figure, axes = panels((12.0, 5.0), f"{about.name}: displacement and stress by heating", lines, 1, 3, about)
     factors = {name: exaggeration(each) for name, each in fields.items()}
-    moved = [each.nodes + factors[name] * each.displacement for name, each in fields.items()]
-    everywhere = np.concatenate(moved)
+    everywhere = np.concatenate([each.nodes + factors[name] * each.displacement for name, each in fields.items()])
     for letter, ax, name in zip("abc", axes, CASES, strict=True):
-        plot_drift(ax, found, name)
-        fit(ax, everywhere, 0.03)
+        fit(plot_drift(ax, found, name), everywhere, 0.03)
         pose, stress = (found.at(quantity, case=name, model=ELEMENTS) for quantity in ("pose", "stress"))
         title, per, _ = WARM[name]
         titled(ax, letter, f"{title}, displacements × {significant(factors[name], 1)}")
-        numbers = f"platform: {_pose(pose, about.lever)}\nnecks: up to {significant(float(np.max(stress)), 3)} {STRESS}"
-        label = f"von Mises stress ({STRESS} per {per})\n\n{numbers}"
+        label = (
+            f"von Mises stress ({STRESS} per {per})\n\nplatform: {_pose(pose, about.lever)}\n"
+            f"necks: up to {significant(float(np.max(stress)), 3)} {STRESS}"
+        )
         draw_scale(figure, ax, stress_scale(fields[name]), label, aspect=30, shrink=0.9, extend="min")
     return figure
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any, Literal
 
@@ -56,9 +57,9 @@ def modes_figure(found: NaturalModes) -> Figure:
     """Draw all modes, each with its frequency, its band and its largest effective mass."""
     count = len(found.axes["mode"])
     columns = min(3, count)
-    rows = -(-count // columns)
-    size, title = (max(columns * PANEL + 0.3, 7.4), rows * (0.8 * PANEL + 0.55) + 0.8), "natural modes"
-    figure, axes = panels(size, f"{found.about.name}: {title}", [_header(found)], rows, columns, found.about, count)
+    rows, title = -(-count // columns), f"{found.about.name}: natural modes"
+    size = (max(columns * PANEL + 0.3, 7.4), rows * (0.8 * PANEL + 0.55) + 0.8)
+    figure, axes = panels(size, title, [_header(found)], rows, columns, found.about, count)
     for number, ax in enumerate(axes, start=1):
         plot_mode(ax, found, number).set_title(title_of(found, number), size=10)
     draw_scale(figure, figure.axes, SHARE, "displacement / largest of the mode")
@@ -170,14 +171,13 @@ def response_figure(model: DynamicModel, found: NaturalModes) -> Figure:
     ]
     size, title = (12.6, 5.0 * len(kinds)), f"{found.about.name}: frequency response"
     figure, axes = panels(size, title, lines, 2 * len(kinds), 3, found.about)
-    for row, kind in enumerate(kinds):
-        for column, name in enumerate(DIRECTIONS):
-            upper, lower = axes[6 * row + column], axes[6 * row + 3 + column]
-            plot_response(upper, model, name, kind, "magnitude").set_xlabel("")
-            plot_response(lower, model, name, kind, "phase")
-            under = ("force" if name != "theta" else "moment") if kind == "load" else "strokes"
-            style.titled(upper, "abcdef"[3 * row + column], f"{NAMES[name]} under {under}")
-        if kind == "stroke":
+    for k, (kind, name) in enumerate(product(kinds, DIRECTIONS)):
+        upper, lower = axes[k + 3 * (k // 3)], axes[k + 3 * (k // 3) + 3]
+        plot_response(upper, model, name, kind, "magnitude").set_xlabel("")
+        plot_response(lower, model, name, kind, "phase")
+        under = "strokes" if kind == "stroke" else "moment" if name == "theta" else "force"
+        style.titled(upper, "abcdef"[k], f"{NAMES[name]} under {under}")
+        if under == "strokes" and name == "theta":
             style.legend_beside(upper, fontsize=8)
     return figure
 

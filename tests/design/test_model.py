@@ -64,9 +64,9 @@ def test_a_number_that_vanishes_is_corrected_by_a_term_and_others_by_a_factor():
 def test_ends_of_both_sides_and_bounds_of_zero_have_a_size(load):
     ends = require("kxx_n_per_mm", 30, 50), require("coupling_xy", -1, 0)
     model = Model(load(NECK, RADIUS, *ends, best("minimise", "envelope_mm")))
-    assert model.sizes.tolist() == [50.0, 1.0]
+    assert model.sizes.tolist() == [0.0, 50.0, 1.0]
     q = model.evaluate(BASE)
-    assert model.violations(q)[:, 0] == pytest.approx(np.maximum(0, q[:, 1] - 50) / 50)
+    assert model.violations(q)[:, 1] == pytest.approx(np.maximum(0, q[:, 1] - 50) / 50)
 
 
 def test_an_objective_goes_the_way_that_is_asked_and_a_miss_is_worse_than_any_value(load):
@@ -80,5 +80,6 @@ def test_an_objective_goes_the_way_that_is_asked_and_a_miss_is_worse_than_any_va
 
 @pytest.mark.parametrize(("high", "ends"), [(10.0, (7.5, 9.5)), (7.2, (7.09, 7.11))])
 def test_a_guard_moves_each_end_inward_by_its_part_of_the_size_as_far_as_there_is_room(load, high, ends):
-    model = Model(load(THICKNESS, require("thickness_mm", 7.0, high), STIFFEST), guard=np.array([0.05]))
-    assert np.ravel(model.ends) == pytest.approx(ends)
+    model = Model(load(THICKNESS, require("thickness_mm", 7.0, high), STIFFEST), guard=np.array([0.0, 0.05]))
+    low, high = (model.both_margins(np.array([[0.0, end]]))[side][0, 1] for side, end in enumerate(ends))
+    assert [low, high] == pytest.approx([0.0, 0.0], abs=1e-12)

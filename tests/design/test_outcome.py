@@ -11,7 +11,7 @@ import pytest
 import flexfem
 from flexfem.design import outcome
 from flexfem.design.model import Correction, Model
-from flexfem.design.proof import ElementSolver, Store, proof
+from flexfem.design.proof import ElementSolver, proof
 from flexfem.design.requirements import load_requirements
 from flexfem.mechanism.stage import Stage
 
@@ -156,7 +156,7 @@ def test_the_front_of_two_lengths_within_a_circle_is_the_circle(load):
     goals = best("maximise", NECK_MM), best("maximise", RADIUS_MM)
     loaded = load(NECK, RADIUS, require(circle, None, 1.0), *goals)
     start = np.array([0.7 * (1 - 0.375**2) ** 0.5, 1.5])
-    designs = outcome.front_of(Model(loaded), start, 5, Store())
+    designs = outcome.front_of(Model(loaded), start, 5)
     t, R = np.array(designs).T / [[0.7], [4.0]]
     assert t**2 + R**2 == pytest.approx(np.ones(5), abs=1e-5)
     assert [t[0], R[0], t[-1]] == pytest.approx([(1 - 0.375**2) ** 0.5, 0.375, 3 / 7], abs=1e-4)

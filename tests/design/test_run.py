@@ -22,7 +22,7 @@ def test_a_stage_those_of_the_front_and_the_record_are_written_and_what_was_kept
     path, folder, seen = load(NECK, *WANTED, RANGE).path, tmp_path / "out", []
 
     def found(loaded, elements):
-        elements.store.put("a question", 1.0)
+        elements._keep("a question", [1.0])
         seen.append((sorted(path.name for path in folder.iterdir()), elements.workers is None))
         return recorded(seed=11)
 

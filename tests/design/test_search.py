@@ -87,7 +87,7 @@ def test_what_cannot_be_met_is_missed_least_and_each_requirement_says_how_much_i
     assert found.values == pytest.approx([0.7, 1.5], rel=1e-3)
     q = model.evaluate(found.values[None])
     envelope, stiffness = relaxations(model, found.values)
-    assert model.violations(q)[0, 0] == 0 and (envelope.relax_to, envelope.percent) == (None, None)
+    assert model.violations(q)[0, 1] == 0 and (envelope.relax_to, envelope.percent) == (None, None)
     assert stiffness.relax_to == pytest.approx(q[0, 2], rel=1e-6)
     assert stiffness.percent == pytest.approx(100 * (1 - q[0, 2] / 400), rel=1e-6)
 
