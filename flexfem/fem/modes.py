@@ -18,7 +18,7 @@ from flexfem.fem.mesh import Sector, StageMesh, joined
 from flexfem.fem.response import factorised_stage
 from flexfem.fem.structure import Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import Space, full_space, whole_fields
-from flexfem.mechanism.designs import CHAIN_TURN
+from flexfem.mechanism.designs import chain_rotation
 from flexfem.refused import ComputationFailed
 
 if TYPE_CHECKING:
@@ -124,11 +124,9 @@ def stage_modes(
         return modes(vibrating, count)
     single, motion = _ritz(stage.spaces[0], vibrating, count)
     double, pairs = _ritz(stage.spaces[1], vibrating, -(-count // 2))
-    real, imaginary = np.split(pairs * np.sqrt(2 / 3), 2, axis=1)
-    parts = [
-        np.concatenate([motion / np.sqrt(3), c * real - s * imaginary, s * real + c * imaginary], axis=1)
-        for c, s in ((np.cos(chain * CHAIN_TURN), np.sin(chain * CHAIN_TURN)) for chain in range(3))
-    ]
+    motion, vector = motion / np.sqrt(3), np.split(pairs * np.sqrt(2 / 3), 2, axis=1)  # real and imaginary parts
+    turns = [chain_rotation(chain)[:2, :2] for chain in range(3)]
+    parts = [np.hstack([motion, *np.tensordot(turn, vector, axes=1)]) for turn in turns]
     mesh, sector_nodes = joined(sectors)
     whole = structure(mesh, plate, layers)
     shapes = whole.loads(whole_fields(len(mesh.nodes), sector_nodes, [stage.structure.fields(part) for part in parts]))
