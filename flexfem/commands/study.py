@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -85,11 +85,6 @@ def progress_line(step: Progress, seconds: float) -> str:
     minutes, s = divmod(round((step.designs - done) / rate), 60) if rate > 0 else (0, 0)
     left = f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left" if rate > 0 else "waiting for the first"
     return f"{done:,}/{step.designs:,} designs, {rate:,.{0 if rate > 10 else 2}f}/s, {left}, {failed:,} failed"
-
-
-def _warn(texts: Iterable[str]) -> None:
-    for text in texts:
-        _note(f"warning: {text}")
 
 
 def _note(text: str) -> None:
@@ -173,7 +168,8 @@ def plot(study: StudyFile, output: Output = REPORTS, partial: Partial = False, j
     warnings = source.table.warnings
     findings = {name: studies.facts_of(finding) for name, finding in found.items()}
     show_written([table.path, *written], json, warnings=warnings, findings=findings)
-    _warn(warnings)
+    for text in warnings:
+        _note(f"warning: {text}")
     refused = {name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)}
     for name, reason in refused.items():
         _note(f"{name} is not drawn: {reason}")

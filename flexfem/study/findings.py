@@ -492,7 +492,9 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # designs that were drawn before they were solved can be drawn
     front = drawable_front(points, larger, stages_at, attempts)
-    best, power = points[front.places], power_of(points[front.places])
+    best, power = points[front.places], None
+    if best.min() > 0 and np.ptp(best[:, 0]) > 0:
+        power = float(np.polyfit(np.log(best[:, 0]), np.log(best[:, 1]), 1)[0])
     gain = _gain(source, figure, rows, front.undrawable, stages_at)
     log = {column.name for column in loaded.columns if column.factor.scale == "log"}
     along = [np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)]
@@ -582,14 +584,6 @@ def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
         check_layout(plate.layout) if isinstance(plate, Mechanism) else check_feasible(plate)
         return plate
     return None
-
-
-def power_of(points: Array) -> float | None:
-    """Return the least-squares slope of log y over log x (m, 2); None for a single x or for values not above zero."""
-    if points.min() <= 0 or np.ptp(points[:, 0]) == 0:
-        return None
-    x, y = np.log(points).T
-    return float(np.polyfit(x, y, 1)[0])
 
 
 def _gain(
