@@ -69,33 +69,26 @@ def driven(mechanism: Mechanism, C: Array) -> Driven:
 
 def drive(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismDrive:
     """Return the motion of a mechanism by the full free stroke of each of its actuators."""
-    actuators = mechanism.layout.actuators
-    strokes, drives = np.array([actuator.stroke for actuator in actuators]), mechanism.layout.drive_ports
+    actuators, drives = mechanism.layout.actuators, mechanism.layout.drive_ports
+    strokes, numbers = np.array([actuator.stroke for actuator in actuators]), np.arange(len(actuators))
 
     def values(response: Responses) -> dict[str, Any]:
         C, found = response.compliance, driven(mechanism, response.compliance)
         motion = (C[: 3 * len(mechanism.layout.points), drives] @ found.Y).reshape(-1, 3, len(drives))
         output, opening = motion[0].T, C[np.ix_(drives, drives)] @ found.Y  # (a, 3), (a, a)
         main = np.argmax(np.abs(output[:, :2]), axis=1)
-        along, across = (np.take_along_axis(output, each[:, None], 1)[:, 0] for each in (main, 1 - main))
-        forces = np.zeros((len(actuators), len(response.compliance)))
-        forces[:, drives] = (found.Y * strokes).T
-        others = opening.T.copy()
-        np.fill_diagonal(others, np.nan)
-        moves = np.abs(along) > ROUND_OFF * np.max(np.abs(motion))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            cross, rotation = (np.where(moves, part / along, np.nan) for part in (across, output[:, 2]))
-        rotation[np.abs(rotation) * mechanism.layout.lever < ROUND_OFF] = 0.0
-        cross[np.abs(cross) < ROUND_OFF], others[np.abs(others) < ROUND_OFF] = 0.0, 0.0
+        along = np.where(np.abs(one := output[numbers, main]) > ROUND_OFF * np.max(np.abs(motion)), one, np.nan)
+        cross, rotation = output[numbers, 1 - main] / along, output[:, 2] / along
+        coupled = np.where(numbers == numbers[:, None], np.nan, opening.T)
         return {
             "motion": np.moveaxis(motion * strokes, -1, 0),
             "transmission": output,
             "used": 100 * np.diag(opening),
-            "coupling": 100 * others,
-            "cross": 100 * cross,
-            "rotation": rotation,
+            "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
+            "cross": 100 * np.where(np.abs(cross) < ROUND_OFF, 0.0, cross),
+            "rotation": np.where(np.abs(rotation) * mechanism.layout.lever < ROUND_OFF, 0.0, rotation),
             "force": np.diag(found.Y) * strokes,
-            "stress": response.stress(forces),
+            "stress": response.stress((found.Y * strokes).T @ np.eye(len(C))[drives]),
             "engaged": found.stiffness,
         }
 
@@ -105,9 +98,8 @@ def drive(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismD
         loads = driven(mechanism, response.compliance).Y * strokes
         return {a.name: np.tensordot(loads[:, k], response.fields[drives], 1) for k, a in enumerate(actuators)}
 
-    found, fields = of_models(mechanism, mesh, models, values), None
-    if mesh is not None and not mesh.layers:
-        fields = MeshFields(meshed(mechanism, mesh.resolution), made)
+    found = of_models(mechanism, mesh, models, values)
+    fields = MeshFields(meshed(mechanism, mesh.resolution), made) if mesh is not None and not mesh.layers else None
     labels = {"other": [actuator.name for actuator in actuators]}
     warnings = over_yield(mechanism, found, "stress", "full stroke")
     return answer(MechanismDrive, mechanism, found, mesh, axes=labels, warnings=warnings, fields=fields)
@@ -141,12 +133,11 @@ def reach(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismR
         scale, held = np.max(np.abs(motion), axis=1), np.zeros((2, 3))
         if len(strokes) < 3:
             return {"ends": np.stack([ends, np.full((2, 3), np.nan)])}
-        for direction, (end, sign) in ((d, e) for d in range(3) for e in enumerate((1.0, -1.0))):
+        for direction, end in np.ndindex(3, 2):
             others = [k for k in range(3) if k != direction and scale[k] > ROUND_OFF * np.max(scale)]
-            rows = motion[others] / scale[others, None]
-            solution = linprog(sign * motion[direction] / max(scale[direction], 1e-300), A_eq=rows if others else None,
-                               b_eq=np.zeros(len(others)) if others else None, bounds=(0, 1))  # fmt: skip
-            held[end, direction] = sign * solution.fun * scale[direction]
+            fixed = {"A_eq": motion[others] / scale[others, None], "b_eq": np.zeros(len(others))} if others else {}
+            size, sign = max(scale[direction], 1e-300), 1 - 2 * end
+            held[end, direction] = sign * size * linprog(sign * motion[direction] / size, **fixed, bounds=(0, 1)).fun
         return {"ends": np.stack([ends, held])}
 
     found = of_models(mechanism, mesh, models, values)

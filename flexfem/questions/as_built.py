@@ -30,7 +30,7 @@ from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.plates import PART_RESOLUTION, ElasticParts, parts_in, parts_of
-from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, about, for_mechanisms, question
+from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, about, for_mechanisms
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -285,7 +285,6 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
 
 
 @for_mechanisms(AsBuilt, MechanismAsBuilt, not_for="analytic")
-@question
 def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt | MechanismAsBuilt:
     """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the measurement uncertainty.
 

@@ -23,7 +23,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, warnings
 from flexfem.questions.bands import SAFETY, command_errors, error_matrix, levels, solve_solid
 from flexfem.questions.plates import MechanismBudget
-from flexfem.questions.setup import about, for_mechanisms, on_meshes, question, solved
+from flexfem.questions.setup import about, for_mechanisms, on_meshes, solved
 from flexfem.refused import BadInput
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -64,7 +64,6 @@ class Budget(Result):
 
 
 @for_mechanisms(Budget, MechanismBudget, not_for="amplitude")
-@question
 def budget(
     stage: Stage | Mechanism,
     *,

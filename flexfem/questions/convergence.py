@@ -11,7 +11,7 @@ from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import grid_convergence, refinements
 from flexfem.questions.plates import ON_MESHES
-from flexfem.questions.setup import answer, for_mechanisms, on_meshes, question, solved
+from flexfem.questions.setup import answer, for_mechanisms, on_meshes, solved
 from flexfem.results import COARSER, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
@@ -57,7 +57,6 @@ class MechanismConvergence(Result):
 
 
 @for_mechanisms(MeshConvergence, MechanismConvergence)
-@question
 def converge(
     stage: Stage | Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
 ) -> MeshConvergence | MechanismConvergence:

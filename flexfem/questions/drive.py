@@ -40,7 +40,7 @@ from flexfem.questions.driven import (
     sections_of,
     stress_along,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question, usual_solid
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, usual_solid
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
 
@@ -148,7 +148,6 @@ class DrivenElements(NamedTuple):
 
 
 @for_mechanisms(Drive, MechanismDrive, not_for="pose load analytic", only_for="layers")
-@question
 def drive(
     stage: Stage | Mechanism,
     *,

@@ -70,7 +70,6 @@ class MechanismGravity(Result):
 
 
 @setup.for_mechanisms(Gravity, MechanismGravity, not_for="payload analytic")
-@setup.question
 def gravity(
     stage: Stage | Mechanism,
     *,

@@ -127,7 +127,6 @@ class WarmFields(NamedTuple):
 
 
 @setup.for_mechanisms(Drift, MechanismDrift, not_for="analytic")
-@setup.question
 def drift(
     stage: Stage | Mechanism,
     *,

@@ -26,7 +26,7 @@ from flexfem.questions import large_mechanism
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import percentages
 from flexfem.questions.large_mechanism import MechanismLarge
-from flexfem.questions.setup import about, for_mechanisms, mesh_of, meshed, question, solved
+from flexfem.questions.setup import about, for_mechanisms, mesh_of, meshed, solved
 from flexfem.results import Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
@@ -81,7 +81,6 @@ class Large(Result):
 
 
 @for_mechanisms(Large, MechanismLarge, only_for="force")
-@question
 def large(
     stage: Stage | Mechanism,
     *,

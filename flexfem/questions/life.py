@@ -32,7 +32,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import levels, stress_bands
-from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms, question
+from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
 from flexfem.units import COMMANDS, Unit
@@ -282,7 +282,6 @@ def _of_mechanism(
 
 
 @for_mechanisms(Life, MechanismLife, not_for="notch_sensitivity analytic")
-@question
 def life(
     stage: Stage | Mechanism,
     *,

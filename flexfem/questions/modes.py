@@ -263,7 +263,6 @@ class Vibration(NamedTuple):
 
 
 @for_mechanisms(NaturalModes, MechanismModes, not_for="payload tilting damping")
-@question
 def modes(
     stage: Stage | Mechanism,
     *,

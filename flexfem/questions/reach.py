@@ -22,7 +22,7 @@ from flexfem.questions import warnings as warning
 from flexfem.questions.actuators import MechanismReach
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
 from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, question, usual_solid
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, usual_solid
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
@@ -122,7 +122,6 @@ class ReachedPoses(NamedTuple):
 
 
 @for_mechanisms(Reach, MechanismReach, not_for="load analytic", only_for="layers")
-@question
 def reach(
     stage: Stage | Mechanism,
     *,

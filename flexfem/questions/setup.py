@@ -61,18 +61,20 @@ SHARED = {
     "layers : int, optional": "Three-dimensional model with this number of layers in half the thickness, from 3.",
     "progress : callable, optional": "Called with a line of text after each completed part.",
 }
-RAISES = """
+RAISES = """Raises
+------
 BadInput
     The stage cannot be made, the analytic model does not suit it, or an argument or a file is not valid.
 ComputationFailed
     The stage is at a singular configuration, or a mesh or a solution does not pass its checks."""
 
 
-def question(function: Function) -> Function:
+def question(function: Function, not_for: str = "", only_for: str = "") -> Function:
     """Complete the docstring of a function at `{shared}` with common parameters, returns and raises.
 
     The returned function raises BadInput for a stage that cannot be made, for a word that its `Literal` lacks, for a
-    model that is no `Analytic`, and for a mechanism that its annotation does not name.
+    model that is no `Analytic`, for a mechanism that its annotation does not name, and for options `not_for` mechanisms
+    or `only_for` them.
     """
     text, signature = inspect.cleandoc(function.__doc__ or ""), inspect.signature(function)
     of_mechanism = " or Mechanism" * ("Mechanism" in str(function.__annotations__.get("stage")))
@@ -83,8 +85,10 @@ def question(function: Function) -> Function:
             shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
     kinds = str(function.__annotations__["return"]).split(" | ")
     returns = ", or ".join(kinds) + " of a mechanism" * bool(of_mechanism)
-    ends = ["", "Returns", "-------", returns, "", "Raises", f"------{RAISES}"]
-    function.__doc__ = text.replace("{shared}", "\n".join([*shared, *ends]))
+    text = text.replace("{shared}", "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES]))
+    for key in not_for.split():
+        text = re.sub(rf"(?m)^({key} : .*(?:\n    .*)*)", r"\1 Not for a mechanism.", text)
+    function.__doc__ = text
 
     @cache
     def hints_of() -> dict[str, Any]:
@@ -93,9 +97,15 @@ def question(function: Function) -> Function:
     @wraps(function)
     def checked(*positional: Any, **named: Any) -> Any:
         hints, bound = hints_of(), signature.bind(*positional, **named).arguments
-        if isinstance(subject := bound.get("stage"), Mechanism) and not of_mechanism:
-            raise BadInput(f"{subject.origin}: {function.__name__} is for the nine-hinge stage, not for a mechanism")
+        options, known, other = only_for, "a mechanism", "the nine-hinge stage"
+        if isinstance(subject := bound.get("stage"), Mechanism):
+            options, known, other = not_for, other, known
+            if not of_mechanism:
+                raise BadInput(f"{subject.origin}: {function.__name__} is for {known}, not for {other}")
         for name, value in bound.items():
+            if name in options.split() and value != signature.parameters[name].default:
+                option = "mobility, formula or links" if name == "analytic" else f"{name} {value!r}"
+                raise BadInput(f"{option}: an option for {known}, not for {other}")
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
             is_known = isinstance(value, str) and value in words
@@ -124,33 +134,12 @@ def for_mechanisms(
 ) -> Callable[
     [Callable[Concatenate[Stage | Mechanism, Options], OfStage | OfMechanism]], OfBoth[Options, OfStage, OfMechanism]
 ]:
-    """Declare the kinds of result of a question about stages and mechanisms, and options for one of the two.
-
-    Options `not_for` mechanisms are refused with a mechanism, as the docstring says, those `only_for` them with a
-    stage.
-    """
+    """Declare the kinds of result of a `question` about stages and mechanisms, and options for one of the two."""
 
     def decorate(
         function: Callable[Concatenate[Stage | Mechanism, Options], OfStage | OfMechanism],
     ) -> OfBoth[Options, OfStage, OfMechanism]:
-        signature = inspect.signature(function)
-        for key in not_for.split():
-            stated = rf"(?m)^({key} : .*(?:\n    .*)*)"
-            function.__doc__ = re.sub(stated, r"\1 Not for a mechanism.", function.__doc__ or "")
-
-        @wraps(function)
-        def suited(*positional: Any, **named: Any) -> Any:
-            given = signature.bind(*positional, **named).arguments
-            options, known, other = not_for, "the nine-hinge stage", "a mechanism"
-            if not isinstance(given["stage"], Mechanism):
-                options, known, other = only_for, other, known
-            for key in options.split():
-                if key in given and given[key] != signature.parameters[key].default:
-                    option = "mobility, formula or links" if key == "analytic" else f"{key} {given[key]!r}"
-                    raise BadInput(f"{option}: an option for {known}, not for {other}")
-            return function(*positional, **named)
-
-        return cast(OfBoth[Options, OfStage, OfMechanism], suited)
+        return cast(OfBoth[Options, OfStage, OfMechanism], question(function, not_for, only_for))
 
     return decorate
 

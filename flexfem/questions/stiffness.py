@@ -159,7 +159,6 @@ class MechanismSummary(Summary):
 
 
 @setup.for_mechanisms(Stiffness, MechanismStiffness, not_for="analytic")
-@setup.question
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -402,7 +401,6 @@ def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
 
 
 @setup.for_mechanisms(Summary, MechanismSummary, not_for="analytic")
-@setup.question
 def summary(
     stage: Stage | Mechanism,
     *,
