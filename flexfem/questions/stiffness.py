@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -10,10 +11,11 @@ import numpy as np
 from flexfem import arguments
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, free_stiffness, is_largest
-from flexfem.fem.elements import Plate, nodal_stress, von_mises
-from flexfem.fem.fields import neck_stresses, plane_stress
+from flexfem.fem.elements import Layers, Plate, nodal_stress, von_mises
+from flexfem.fem.fields import neck_stresses
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.structure import sheet_of
+from flexfem.fem.structure import out_of_plane_ratio_of, sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -24,22 +26,19 @@ from flexfem.questions.bands import (
     compliance_bands,
     levels,
     solid_bands,
-    solid_levels,
     solve_solid,
     stress_bands,
 )
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import ON_MESHES, PEAK, Responses, Values
 from flexfem.questions.reach import reach
-from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models, on_meshes
+from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import (
     ANALYTIC,
     COARSER,
-    ELEMENTS,
     FRESH,
     SHEET,
-    SOLID,
     SOLVED,
     STRESS,
     Gate,
@@ -207,11 +206,9 @@ def stiffness(
     chosen = analytic.chosen(stage, warnings, models)
     if models != "elements":
         result = analyse(*chosen)
-        results[ANALYTIC] = ModelAnswer(at_rest(stage, result.compliance, result.stress))
-        if (F := load_for(result.stiffness)) is not None:
-            pose = result.compliance @ F
-            stress = result.neck_stress(chosen.stage, pose)
-            results[ANALYTIC].values.update(force=F, pose=pose, neck_stress=stress, energy=F @ pose / 2)
+        C = result.compliance
+        response = Responses(C, lambda loads: result.neck_stress(chosen.stage, loads @ C))
+        results[ANALYTIC] = ModelAnswer(_values(stage, response, load_for))
         values = {f"hinge_{name}": getattr(result.hinges, name) for name in ("rotation", "axial", "shear")}
         settings["analytic model"] = chosen.name
         notes.append(f"hinge formula {result.formula}: {FORMULAS[result.formula].source}")
@@ -219,15 +216,15 @@ def stiffness(
         warnings += warning.of_result(chosen.stage, result)
     if (thickness := warning.stiffer_by_thickness(stage)) is not None:
         values["thickness"] = thickness
-    if mesh is not None and mesh.layers:
-        solid, fields = _in_three_dimensions(stage, mesh, load_for)
-        results |= solid
-        warnings += warning.held_faces(stage)
-    elif mesh is not None:
-        results[ELEMENTS], fields = _in_plane(stage, mesh.resolution, load_for, progress)
-        warnings += warning.of_thickness(stage)
+    if mesh is not None:
+        results |= _by_elements(stage, load_for, mesh, progress)
+        warnings += (warning.held_faces if mesh.layers else warning.of_thickness)(stage)
     reference = list(results.values())[-1].values
     if "pose" in reference:
+        if mesh is not None:
+            solution = _solved(stage, *mesh)
+            layers_used, ratio = solution.structure.layers, out_of_plane_ratio_of(stage)
+            fields = _fields(solution.mesh, layers_used, lambda: solution, reference["force"], ratio)
         highest = float(np.max(reference["neck_stress"]))
         warnings += warning.of_yield(highest, stage.material.yield_strength, "under this load")
         warnings += warning.of_motion(stage, reference["pose"], "under this load")
@@ -238,139 +235,141 @@ def stiffness(
     )
 
 
-def at_rest(plate: Stage | Mechanism, compliance: Array, stress: Array | None = None) -> dict[str, Array]:
-    """Return values at rest from the compliance (3, 3) and the stress (..., 3), MPa, per displacement."""
+def at_rest(compliance: Array) -> dict[str, Array]:
+    """Return the stiffness of the output from its compliance (3, 3)."""
     K = np.asarray(np.linalg.inv(compliance))
     K = (K + K.T) / 2
-    values = {"compliance": compliance, "stiffness": K, "free": free_stiffness(K)}
-    if stress is not None:
-        range_at_yield = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
-        values |= {"stress": stress, "yield_range": range_at_yield, "yield_force": np.diag(K) * range_at_yield}
-    return values
+    return {"compliance": compliance, "stiffness": K, "free": free_stiffness(K)}
 
 
-def of_ports(mechanism: Mechanism, response: Responses) -> dict[str, Array]:
-    """Return the values at rest of a mechanism, and the inputs seen from its drives.
+def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
+    """Return the values at rest, for a mechanism with the inputs seen from its drives.
 
     The amplification is the motion of the output, which is free, per opening of one actuator.
     """
-    C, drives = response.compliance, mechanism.layout.drive_ports
-    loads = np.linalg.inv(C[:3, :3]) @ np.eye(3, len(C))
-    values = at_rest(mechanism, C[:3, :3], response.stress(loads).T)
-    if drives:
+    C = response.compliance
+    values: dict[str, Any] = at_rest(C[:3, :3])
+    stress = np.moveaxis(response.stress(values["stiffness"] @ np.eye(3, len(C))), 0, -1)
+    reach = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
+    values |= {"stress": stress, "yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
+    if isinstance(plate, Mechanism) and (drives := plate.layout.drive_ports):
         opening = np.diag(C)[drives]
         values |= {"input_stiffness": 1 / opening, "amplification": (C[:3, drives] / opening).T}
     return values
 
 
+def _values(plate: Stage | Mechanism, response: Responses, load_for: Loads) -> dict[str, Any]:
+    """Return the values at rest, and those under the load if there is one."""
+    values, C = of_ports(plate, response), response.compliance
+    if (F := load_for(values["stiffness"])) is not None:
+        loads, motions = F @ np.eye(3, len(C)), C[:, :3] @ F
+        values |= {"force": F, "pose": motions, "energy": F @ motions[:3] / 2}
+        stress = "neck_stress"
+        if isinstance(plate, Mechanism):
+            values["pose"], stress = motions[: 3 * len(plate.layout.points)].reshape(-1, 3), "hinge_stress"
+        values[stress] = response.stress(loads)
+    return values
+
+
+def _compliance_bands(
+    sizes: Array, each: list[Values], ends: Sequence[Values]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return the bands of the compliance and of its diagonal, and in three dimensions both parts of the former."""
+    solutions, parts = np.array([one["compliance"] for one in each]), dict[str, Array]()
+    if ends:
+        levels_solved = SolidLevels(solutions, *(one["compliance"] for one in ends))
+        parts = dict(zip(("band_plane", "band_thickness"), solid_bands(levels_solved, int(sizes[-1])), strict=True))
+    bands = sum(parts.values()) if ends else compliance_bands(sizes, solutions)
+    return {"compliance": bands, "free": each[-1]["free"] * np.diag(bands) / np.diag(solutions[-1])}, parts
+
+
 def _of_mechanism(
     mechanism: Mechanism, load_for: Loads, mesh: Mesh | None, models: Models, progress: Progress | None
 ) -> MechanismStiffness:
-    def values(response: Responses) -> dict[str, Any]:
-        found: dict[str, Any] = of_ports(mechanism, response)
-        F, C = load_for(found["stiffness"]), response.compliance
-        if F is not None:
-            poses = (C[:, :3] @ F)[: 3 * len(mechanism.layout.points)].reshape(-1, 3)
-            stress = response.stress(F @ np.eye(3, len(C)))
-            found |= {"force": F, "pose": poses, "energy": F @ poses[0] / 2, "hinge_stress": stress}
-        return found
-
     def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
-        found, solutions = plates.value_bands(sizes, each, ends), np.array([one["compliance"] for one in each])
-        C = compliance_bands(sizes, solutions)
-        if ends:
-            plane, through = solid_bands(SolidLevels(solutions, *(one["compliance"] for one in ends)), int(sizes[-1]))
-            C = plane + through
-        return found | {"compliance": C, "free": each[-1]["free"] * np.diag(C) / np.diag(each[-1]["compliance"])}
+        return plates.value_bands(sizes, each, ends) | _compliance_bands(sizes, each, ends)[0]
+
+    def values(response: Responses) -> Values:
+        return _values(mechanism, response, load_for)
 
     found, fields, warnings = plates.of_models(mechanism, mesh, models, values, progress, bands), None, list[str]()
     force = list(found.values())[-1].values.get("force")
     if force is not None:
         warnings = plates.over_yield(mechanism, found, "hinge_stress", "this load")
-        fields = None if mesh is None else _fields_of_mechanism(mechanism, mesh, force)
+        if mesh is not None:  # in three dimensions those of the coarsest mesh
+            size = (levels(mesh.resolution)[0] if mesh.layers else mesh.resolution), mesh.layers
+            plate, ratio = plates.meshed(mechanism, size[0]), mechanism.layout.out_of_plane
+            solve = partial(plates.solved, mechanism, *size)
+            fields = _fields(plate, plates.layers_of(mechanism, mesh.layers), solve, force, ratio)
     return setup.answer(MechanismStiffness, mechanism, found, mesh, fields=fields, warnings=warnings)
 
 
-def _fields_of_mechanism(mechanism: Mechanism, mesh: Mesh, force: Array) -> MeshFields:
-    """Return displacement and stress under a load (3,) on the output; in three dimensions on the coarsest mesh."""
-    layers = plates.layers_of(mechanism, mesh.layers)
-    level = levels(mesh.resolution)[0] if layers else mesh.resolution
+def element_responses(stage: Stage, response: Response) -> Responses:
+    """Return the response of finite elements to loads on the platform; the stress is that of (3 chains, 3 hinges)."""
+    return Responses(
+        response.compliance,
+        lambda loads: neck_stresses(stage, response, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3),
+    )
+
+
+def _solved(stage: Stage, resolution: int, layers: int) -> Response:
+    return solve_solid(stage, resolution, layers) if layers else setup.solved(stage, resolution)
+
+
+def _by_elements(stage: Stage, load_for: Loads, mesh: Mesh, progress: Progress | None) -> dict[str, ModelAnswer]:
+    """Return values and bands by finite elements; three dimensions lie between plane stress and plane strain."""
+    parts = dict[str, Array]()
+
+    def of_size(resolution: int, layers: int) -> Values:
+        response = _solved(stage, resolution, layers)
+        values = _values(stage, element_responses(stage, response), load_for)
+        if "force" in values:
+            values["reaction"] = values["force"] @ response.reactions
+        if "force" in values and layers:
+            values["neck_height"] = neck_stresses(stage, response, values["force"][None]).height[0]
+        return values
+
+    def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
+        found, in_depth = _compliance_bands(sizes, each, ends)
+        parts.update(in_depth)
+        if ends:
+            return {"compliance": found["compliance"]}
+        stresses = np.array([one["stress"] for one in each])
+        highest = np.max(stresses, axis=(1, 2))  # of each direction
+        band = stress_bands(sizes, highest)
+        return found | {
+            "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
+            "yield_range": each[-1]["yield_range"] * band / highest[-1],
+        }
+
+    ((label, (values, widths)),) = plates.by_elements(mesh, of_size, progress, bands, whole=True).items()
+    K, C = np.abs(values["stiffness"]), widths["compliance"]
+    widths = {**widths, "stiffness": K @ C @ K}  # dK = -K dC K
+    if "force" in values:
+        widths["pose"] = C @ np.abs(values["force"])
+    sheets = zip((SHEET, HELD), bounding(stage, _solved(stage, *mesh)), strict=True) if mesh.layers else ()
+    bounds = {name: ModelAnswer(dict(at_rest(compliance))) for name, compliance in sheets}
+    return bounds | {label: ModelAnswer(values | parts, widths)}
+
+
+def _fields(
+    mesh: StageMesh, layers: Layers | None, solve: Callable[[], Response], force: Array, ratio: float
+) -> MeshFields:
+    """Return displacement, mm, and stress, MPa, of all nodes under a load (3,) on the output; fixed bodies have none."""
 
     def made() -> dict[str, Array]:
-        solid = layers and plates.solid_response(mechanism, level, mesh.layers)
-        response = solid or plates.solved(mechanism, level)
-        field, whole = np.tensordot(force, response.fields[:3], axes=1), response.structure
-        moving, stress = np.unique(whole.mesh.triangles), np.zeros(field.shape[:-1])  # fixed bodies have none
-        found = nodal_stress(whole.mesh, whole.plate, field, moving, whole.layers)
-        stress[moving] = von_mises(found, mechanism.layout.out_of_plane).reshape(stress[moving].shape)
-        return {"displacement": field, "von_mises": stress}
+        whole = solve().whole
+        part, field = whole.structure, np.tensordot(force, whole.nodal[:3], axes=1)
+        moving, highest = np.unique(part.mesh.triangles), np.zeros(field.shape[:-1])
+        stress = nodal_stress(part.mesh, part.plate, field, moving, part.layers)
+        highest[moving] = von_mises(stress, ratio).reshape(highest[moving].shape)
+        found = {"displacement": field, "von_mises": highest}
+        if part.layers is not None:
+            found["stress"] = np.zeros((*highest.shape, 9))
+            found["stress"][moving] = stress.reshape(*highest[moving].shape, 9)
+        return found
 
-    return MeshFields(plates.meshed(mechanism, level), made, layers.heights if layers else None)
-
-
-def _stiffness_bands(K: Array, bands: Array) -> dict[str, Array]:
-    """Return the bands of compliance and stiffness from those of the compliance: `dK = -K dC K`."""
-    return {"compliance": bands, "stiffness": np.abs(K) @ bands @ np.abs(K)}
-
-
-def _in_plane(
-    stage: Stage, resolution: int, load_for: Loads, progress: Progress | None
-) -> tuple[ModelAnswer, MeshFields | None]:
-    """Return values and bands by plane finite elements on three meshes, and fields under the load."""
-    sizes = np.array(levels(resolution), dtype=float)
-    responses = on_meshes(levels(resolution), lambda level: setup.solved(stage, level), progress)
-    C, stresses = responses[-1].compliance, np.array([element_stress(stage, response) for response in responses])
-    bands = compliance_bands(sizes, np.array([response.compliance for response in responses]))
-    values: dict[str, Any] = at_rest(stage, C, stresses[-1])
-    highest = np.max(stresses, axis=(1, 2))  # of each direction
-    band = stress_bands(sizes, highest)
-    value_bands = _stiffness_bands(values["stiffness"], bands) | {
-        "free": values["free"] * np.diag(bands) / np.diag(C),
-        "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
-        "yield_range": values["yield_range"] * band / highest[-1],
-    }
-    force, fields = load_for(values["stiffness"]), None
-    if force is not None:
-        finest, case = responses[-1], responses[-1].under(force[None])
-        values.update(force=force, pose=C @ force, energy=case.energy[0, 0] / 2)
-        values.update(reaction=case.reactions[0], neck_stress=neck_stresses(stage, finest, force[None]).highest[0])
-        value_bands["pose"] = bands @ np.abs(force)
-        field, mesh = case.nodal[0], finest.mesh
-        fields = MeshFields(mesh, lambda: {"displacement": field, "von_mises": plane_stress(stage, mesh, field)})
-    return ModelAnswer(values, value_bands), fields
-
-
-def element_stress(stage: Stage, response: Response) -> Array:
-    """Return the highest stress (3 chains, 3 hinges, 3 directions) at necks per displacement by finite elements."""
-    K = np.asarray(np.linalg.inv(response.compliance))
-    return np.moveaxis(neck_stresses(stage, response, K.T).highest, 0, -1)
-
-
-def _in_three_dimensions(stage: Stage, mesh: Mesh, load_for: Loads) -> tuple[dict[str, ModelAnswer], MeshFields | None]:
-    """Return values in three dimensions and, on the same plane mesh, in plane stress and strain, which bound them."""
-    response = solve_solid(stage, *mesh)
-    plane, thickness = solid_bands(solid_levels(stage, *mesh), mesh.resolution)
-    C, total = response.compliance, plane + thickness
-    values: dict[str, Any] = at_rest(stage, C, element_stress(stage, response))
-    bands = _stiffness_bands(values["stiffness"], total)
-    values |= {"band_plane": plane, "band_thickness": thickness}
-    sheet, held = (ModelAnswer(dict(at_rest(stage, compliance))) for compliance in bounding(stage, response))
-    force, fields = load_for(values["stiffness"]), None
-    if force is not None:
-        necks = neck_stresses(stage, response, force[None])
-        values.update(force=force, pose=C @ force, reaction=force @ response.reactions)
-        values.update(neck_stress=necks.highest[0], neck_height=necks.height[0])
-        values["energy"] = force @ response.energy @ force / 2
-        bands["pose"] = total @ np.abs(force)
-        fields = MeshFields(response.mesh, lambda: _solid_fields(stage, response, force), response.layers.heights)
-    return {SHEET: sheet, HELD: held, SOLID: ModelAnswer(values, bands)}, fields
-
-
-def _solid_fields(stage: Stage, response: Response, force: Array) -> dict[str, Array]:
-    """Return displacement, mm, and stress, MPa, at all nodes in three dimensions under a load (3,)."""
-    field = np.tensordot(force, response.fields, axes=1)
-    stress = nodal_stress(response.mesh, sheet_of(stage), field, layers=response.layers)
-    return {"displacement": field, "von_mises": von_mises(stress), "stress": stress.reshape(*field.shape[:2], 9)}
+    return MeshFields(mesh, made, layers.heights if layers else None)
 
 
 def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
