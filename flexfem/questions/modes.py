@@ -16,7 +16,7 @@ from flexfem.analytic.model import DEFAULT_FORMULA, ModelChoice, analyse, best_m
 from flexfem.analytic.network import with_springs
 from flexfem.analytic.plates import modes as network_modes
 from flexfem.analytic.responses import dynamics
-from flexfem.arrays import Array, brief
+from flexfem.arrays import Array, Index, brief
 from flexfem.fem.export import write_vtu
 from flexfem.fem.mesh import StageMesh, build_mesh
 from flexfem.fem.modes import Modes as ModesOfStructure
@@ -34,7 +34,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, coarser, grid_convergence, levels
+from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence
 from flexfem.questions.plates import ON_MESHES
 from flexfem.questions.setup import (
     LIFTED,
@@ -46,12 +46,11 @@ from flexfem.questions.setup import (
     answer,
     for_mechanisms,
     mesh_of,
-    on_meshes,
     question,
     sectors_of,
 )
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
+from flexfem.results import FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
@@ -320,23 +319,22 @@ def modes(
         "inertia": mass_matrix[2, 2],
         "hub_mass": bodies.hub_moments(stage)[0] * bodies.mass_per_area(stage),
     }
-    analytic = {} if models == "elements" else _analytic(stage, carried, drive, warnings)
-    warnings += [ABOVE_THIRD] * (bool(analytic) and count > RIGID_MODES)
-    elements, planar = dict[str, ModelAnswer](), list(range(count))
-    axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in planar]}
+    found = dict[str, ModelAnswer]()
+    if models != "elements":
+        found = {name: ModelAnswer({"frequency": w}) for name, w in _analytic(stage, carried, drive, warnings).items()}
+        warnings += [ABOVE_THIRD] * (count > RIGID_MODES)
+    axes: dict[str, Sequence[str]] = {"mode": [str(k + 1) for k in range(count)]}
     fields: Vibration | None = None
-    if mesh is not None and mesh.layers:
-        elements, extra, fields = _in_three_dimensions(stage, carried, count, mesh, progress)
-        planar = [k for k, tilting in enumerate(fields.tilting) if not tilting]  # analytic models are plane
-        axes = {"mode": [f"{k} {KINDS[kind]}" for k, kind in enumerate(fields.tilting, start=1)], "base": ALL_BASES}
-        values |= extra
-        warnings += [*warning.held_faces(stage), *([AT_ITS_PLACE] if any(carried) else [])]
-    elif mesh is not None:
-        elements[ELEMENTS], extra, fields = _in_plane(stage, carried, drive, count, mesh.resolution, ratio, progress)
-        values |= extra
-        notes = [fields.reduced.truncation_note] if fields.reduced else []
-        warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
-    results = {name: ModelAnswer({"frequency": _placed(w, planar, count)}) for name, w in analytic.items()} | elements
+    if mesh is not None:
+        elements, extra, fields = _by_elements(stage, carried, drive, count, mesh, ratio, progress)
+        found, values = found | elements, values | extra
+        if fields.reduced is not None:
+            notes = [fields.reduced.truncation_note]
+            warnings += [*warning.of_thickness(stage), OUT_OF_PLANE, *[NO_STACKS] * (drive is not None)]
+        else:
+            axes = {"mode": [f"{k} {KINDS[out]}" for k, out in enumerate(fields.tilting, start=1)], "base": ALL_BASES}
+            warnings += [*warning.held_faces(stage), *[AT_ITS_PLACE] * any(carried)]
+    results = _sorted(found, _order(found, count), count)
     payload_text = f"{carried.mass * KILOGRAM:g} kg, {carried.inertia * INERTIA:g} kg mm^2" if any(carried) else None
     settings = {"drives": drives, "payload": payload_text}
     return answer(
@@ -355,7 +353,7 @@ def _of_mechanism(
 
     def of_network(elastic: bool) -> dict[str, Array]:
         parts = plates.joined_parts(mechanism, elastic)
-        return {"frequency": _placed(network_modes(layout, parts.bodies, engaged, parts.hinges), range(count), count)}
+        return {"frequency": network_modes(layout, parts.bodies, engaged, parts.hinges)}
 
     def of_size(resolution: int, layers: int) -> dict[str, Array]:
         """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
@@ -369,15 +367,8 @@ def _of_mechanism(
         return {"frequency": frequency, "share": share}
 
     found = plates.by_models(mesh, models, of_network, of_size, progress)
-    sorted_modes = np.argsort(found[SOLID].values["frequency"], kind="stable") if SOLID in found else np.arange(count)
-    order = sorted_modes[:count]
-    lifted, planar = order >= count, np.flatnonzero(order < count).tolist()  # models of the plane have no others
-
-    def placed(label: str, part: Mapping[str, Array]) -> dict[str, Array]:
-        at = {"frequency": part["frequency"]} if part else {}
-        return {name: w[order] if label == SOLID else _placed(w, planar, count) for name, w in at.items()}
-
-    answers = {label: ModelAnswer(*(placed(label, part) for part in one)) for label, one in found.items()}
+    order = _order(found, count)
+    lifted, answers = order >= count, _sorted(found, order, count)
     names, values, fields = [str(k + 1) for k in range(count)], dict[str, Array](), None
     if mesh is not None:
         share = list(found.values())[-1].values["share"][order]
@@ -454,11 +445,26 @@ def payload_of(mass: float, inertia: float, tilting: float = 0.0) -> Payload:
     return Payload(mass / KILOGRAM, inertia / INERTIA, tilting / INERTIA)
 
 
-def _placed(values: Array, positions: Sequence[int], count: int) -> Array:
-    """Place values, in order, at positions of an array (count,), nan elsewhere and for freedoms without a frequency."""
-    column, positions = np.full(count, np.nan), positions[: len(values)]
-    column[positions] = np.where(np.isfinite(values), values, np.nan)[: len(positions)]
-    return column
+def _order(found: Mapping[str, ModelAnswer], count: int) -> Index:
+    """Return which modes are the lowest (count,): in three dimensions those from `count` are out of the plane."""
+    if SOLID not in found:
+        return np.arange(count)
+    return np.argsort(found[SOLID].values["frequency"], kind="stable")[:count]
+
+
+def _sorted(found: Mapping[str, ModelAnswer], order: Index, count: int) -> dict[str, ModelAnswer]:
+    """Return the frequencies in an order; models of the plane have none out of it."""
+    planar = np.flatnonzero(order < count)
+
+    def placed(label: str, part: Mapping[str, Array]) -> dict[str, Array]:
+        """Place frequencies, in order, at their modes; freedoms without a frequency have nan."""
+        if "frequency" not in part or label == SOLID:
+            return {name: part[name][order] for name in part if name == "frequency"}
+        column, kept = np.full(count, np.nan), part["frequency"][: len(planar)]
+        column[planar[: len(kept)]] = np.where(np.isfinite(kept), kept, np.nan)
+        return {"frequency": column}
+
+    return {label: ModelAnswer(*(placed(label, part) for part in one)) for label, one in found.items()}
 
 
 def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings: list[str]) -> dict[str, Array]:
@@ -486,79 +492,68 @@ def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive
     return vibrating_structure(mass, loads, springs)
 
 
-def _in_plane(
-    stage: Stage,
-    payload: Payload,
-    drive: StageDrive | None,
-    count: int,
-    resolution: int,
-    damping: float,
-    progress: Progress | None,
-) -> tuple[ModelAnswer, dict[str, Any], Vibration]:
-    """Return modes on the finest of three plane meshes, values without an axis of models, and fields."""
-
-    def solve(level: int) -> tuple[VibratingStructure, ModesOfStructure]:
-        body = vibrating(stage, build_mesh(stage, level), payload, drive)
-        return body, modes_of(body, count)
-
-    meshes = on_meshes(levels(resolution), solve, progress)
-    (body, finest), bands = meshes[-1], _frequency_bands(resolution, [solution.frequencies for _, solution in meshes])
-    values = {"share": _shares(finest), "meshed_mass": finest.total[0, 0]}
-    shapes, reduced = np.array([finest.field(k) for k in range(count)]), _reduce(body, finest, damping, drive)
-    fields = Vibration(body.structure.mesh, shapes, [False] * count, None, reduced)
-    return ModelAnswer({"frequency": finest.frequencies}, {"frequency": bands}), values, fields
-
-
 def _shares(solution: ModesOfStructure) -> Array:
     """Return effective modal masses (k, 3), % of the total mass or moment of inertia."""
     return 100 * solution.participation**2 / np.diag(solution.total)
 
 
-def _in_three_dimensions(
-    stage: Stage, payload: Payload, count: int, mesh: Mesh, progress: Progress | None
+def _by_elements(
+    stage: Stage,
+    payload: Payload,
+    drive: StageDrive | None,
+    count: int,
+    mesh: Mesh,
+    damping: float,
+    progress: Progress | None,
 ) -> tuple[dict[str, ModelAnswer], dict[str, Any], Vibration]:
-    """Return the lowest modes of both kinds, sorted together; relative bands come from the meshes of each kind."""
-    plate, density = sheet_of(stage), stage.material.density * DENSITY
+    """Return frequencies, with layers in the plane and then out of it, values without an axis of models, and fields."""
     carried = bodies.carried(stage, payload), bodies.carried_out_of_plane(stage, payload)
+    plate, density = sheet_of(stage), stage.material.density * DENSITY
+    last, vibrated, extra = list[ModesOfStructure](), list[VibratingStructure](), dict[str, Any]()
 
-    def by_kind(kind: int) -> tuple[ModesOfStructure, Array]:
-        """Return modes of one kind, and their frequencies with both bands (3, k)."""
+    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+        if layers:
+            last[:] = [
+                stage_modes(
+                    sectors_of(stage, resolution), plate, layers_of(stage, layers, out), density, carried[out], count
+                )
+                for out in (False, True)
+            ]
+        else:
+            vibrated[:] = [vibrating(stage, build_mesh(stage, resolution), payload, drive)]
+            last[:] = [modes_of(vibrated[0], count)]
+        return {"frequency": np.concatenate([each.frequencies for each in last])}
 
-        def solve(level: int, layers: int) -> ModesOfStructure:
-            return stage_modes(
-                sectors_of(stage, level), plate, layers_of(stage, layers, kind == 1), density, carried[kind], count
-            )
+    def bands(sizes: Array, each: list[plates.Values], ends: Sequence[plates.Values]) -> dict[str, Array]:
+        by_mesh = np.array([one["frequency"] for one in each])
+        plane = np.array([frequency_convergence(sizes, values).band for values in by_mesh.T])
+        if not ends:
+            return {"frequency": plane}
+        (few, many), finest = (one["frequency"] for one in ends), np.concatenate([each.frequencies for each in last])
+        extra["band_plane"] = finest * plane / by_mesh[-1]  # bands relative to the frequencies on these meshes
+        extra["band_thickness"] = finest * SAFETY * np.abs(many - few) / many
+        return {"frequency": extra["band_plane"] + extra["band_thickness"]}
 
-        by_mesh, (few, many) = coarser(lambda *sizes: solve(*sizes).frequencies, *mesh)
-        bands = _frequency_bands(mesh.resolution, by_mesh) / by_mesh[-1], SAFETY * np.abs(many - few) / many
-        solution = solve(*mesh)
-        return solution, solution.frequencies * np.array([np.ones(count), *bands])
-
-    (planar, planar_rows), (tilting, tilting_rows) = on_meshes((0, 1), by_kind, progress)
-    rows = np.hstack([planar_rows, tilting_rows])
-    order = np.argsort(rows[0], kind="stable")[:count]
-    frequency, plane_band, thickness_band = rows[:, order]
-    chosen = [divmod(int(k), count) for k in order]  # kind, and number within the kind
-    shares = np.zeros((2 * count, len(ALL_BASES)))
+    found = plates.by_elements(mesh, of_size, progress, bands, whole=True)
+    if not mesh.layers:
+        ((finest,), (body,)) = last, vibrated
+        shapes, reduced = np.array([finest.field(k) for k in range(count)]), _reduce(body, finest, damping, drive)
+        values = {"share": _shares(finest), "meshed_mass": finest.total[0, 0]}
+        return found, values, Vibration(body.structure.mesh, shapes, [False] * count, None, reduced)
+    (planar, tilting), order = last, _order(found, count)
+    shares, lifted = np.zeros((2 * count, len(ALL_BASES))), order >= count
     shares[:count, :3], shares[count:, 3:] = _shares(planar), _shares(tilting)
-    values = {
-        "share": shares[order],
-        "band_plane": plane_band,
-        "band_thickness": thickness_band,
+    values = {name: part[order] for name, part in (extra | {"share": shares}).items()} | {
         "tilting_inertia": np.diag(tilting.total)[1:],
         "meshed_mass": planar.total[0, 0],
         "first_out_of_plane": tilting.frequencies[0],
     }
-    sheet = np.append(_in_plane_stress(stage, planar, carried[0], count), np.full(count, np.nan))
-    models = {
-        SHEET: ModelAnswer({"frequency": sheet[order]}),
-        SOLID: ModelAnswer({"frequency": frequency}, {"frequency": plane_band + thickness_band}),
-    }
-    half, signs = planar.layers.heights, np.array([[1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])  # mirror u, v, w
-    upper = np.array([(planar, tilting)[kind].field(k) for kind, k in chosen])
-    lower = signs[[kind for kind, _ in chosen], None, None] * upper[:, :, :0:-1]
+    sheet = {SHEET: ModelAnswer({"frequency": _in_plane_stress(stage, planar, carried[0], count)})}
+    half, mirror = planar.layers.heights, np.where(lifted[:, None], -1.0, 1.0) * [1.0, 1.0, -1.0]  # of u, v, w
+    upper = np.array([last[int(k >= count)].field(k % count) for k in order])
+    lower = mirror[:, None, None] * upper[:, :, :0:-1]
     shapes, heights = np.concatenate([lower, upper], axis=2), np.concatenate([-half[:0:-1], half])
-    return models, values, Vibration(planar.mesh, shapes, [kind == 1 for kind, _ in chosen], heights)
+    return sheet | found, values, Vibration(planar.mesh, shapes, lifted.tolist(), heights)
 
 
 def _in_plane_stress(stage: Stage, solid: ModesOfStructure, carried: Array, count: int) -> Array:
@@ -571,12 +566,6 @@ def _in_plane_stress(stage: Stage, solid: ModesOfStructure, carried: Array, coun
     inertia = sheet.mass.loads(mid_plane)
     overlap = np.abs(modes.shapes.T @ inertia) / np.sqrt(np.sum(mid_plane * inertia, axis=0))
     return np.where(np.max(overlap, axis=0) > SAME_SHAPE, modes.frequencies[np.argmax(overlap, axis=0)], np.nan)
-
-
-def _frequency_bands(resolution: int, frequencies: Sequence[Array]) -> Array:
-    """Return the bands (k,) of frequencies (k,) on three meshes, coarse to fine."""
-    steps = np.array(levels(resolution))
-    return np.array([frequency_convergence(steps, values).band for values in np.transpose(frequencies)])
 
 
 def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
