@@ -355,7 +355,7 @@ def _by_elements(stage: Stage, load_for: Loads, mesh: Mesh, progress: Progress |
 def _fields(
     mesh: StageMesh, layers: Layers | None, solve: Callable[[], Response], force: Array, ratio: float
 ) -> MeshFields:
-    """Return displacement, mm, and stress, MPa, of all nodes under a load (3,) on the output; fixed bodies have none."""
+    """Return displacement, mm, and stress, MPa, at all nodes under a load (3,) on the output; none in fixed bodies."""
 
     def made() -> dict[str, Array]:
         whole = solve().whole
