@@ -368,7 +368,7 @@ def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
             check_triangles(mesh, drawn_area(plate), 1)
             ports, C = list[str](DIRECTIONS), platform_response(mesh, plate_of(plate)).compliance
         else:
-            check_triangles(mesh, plate_area(plate.layout), len([*components(plate.layout)]))
+            check_triangles(mesh, plate_area(plate.layout), len(components(plate.layout)))
             C = plate_response(plate.layout, mesh).compliance
             ports = [port.label.replace(" ", "_") for port in plate.layout.ports]
     except (KeyError, IndexError, ValueError, ComputationFailed) as error:

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from itertools import pairwise
 from subprocess import PIPE, Popen
 from tempfile import TemporaryFile
 from threading import Thread
@@ -22,7 +23,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.mechanism.outlines import Face, Segment
+from flexfem.mechanism.outlines import Face, Segment, area, reverse
 from flexfem.mechanism.profiles import Curve, Spline
 from flexfem.refused import ComputationFailed, SourcesChanged
 from flexfem.sources import CHANGED, child_command, manifest
@@ -33,7 +34,6 @@ CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
 RAY = "ray"  # label of lines between equal sectors of a body
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
-STRAIGHT = complex(np.nan)  # centre of a straight edge
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
 MOST_KEPT = 10_000_000  # bytes of meshes; after a larger result the process ends to free its memory
@@ -405,38 +405,35 @@ def _repeat(model: Any, job: PlateMesh, rays: list[int]) -> None:
             left = {tag: at for tag, at in left.items() if tag not in done}
 
 
-def contours_of(job: PlateContours) -> NamedArrays:
-    """Return the boundary of the union of regions as lines and arcs in the order of each loop.
+def contours_of(job: PlateContours) -> list[list[Segment]]:
+    """Return the boundary of the union of regions as closed loops of lines and arcs.
 
-    Returns
-    -------
-    starts, centres (n,) complex, mm, a centre nan for a line; loops, parts (n,) indices of closed loop and of part.
+    They are counter-clockwise, around holes clockwise. Those of a connected part follow each other, the outer first.
     """
-    starts, centres, numbers = list[complex](), list[complex](), list[tuple[int, int]]()
+    contours = list[list[Segment]]()
     with gmsh_session() as gmsh:
         kernel = gmsh.model.occ
         union = _union(kernel, job.regions)
         kernel.synchronize()
-        outlines = [(part, tags) for part, (_, face) in enumerate(union) for tags in kernel.getCurveLoops(face)[1]]
-        for loop, (part, tags) in enumerate(outlines):
-            ends = {int(t): gmsh.model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
-            at = ends[int(tags[0])][0]
-            while ends:
-                tag = next(t for t, pair in ends.items() if at in pair)
-                first, *last = ends.pop(tag)
-                places, about = _arcs(gmsh.model, tag)
-                if at != first:
-                    places, about = places[::-1], about[::-1]
-                at = last[0] if at == first and last else first
-                starts += places[:-1]
-                centres += about
-                numbers += [(loop, part)] * len(about)
-    loops, parts = np.transpose(numbers)
-    return {"starts": np.array(starts), "centres": np.array(centres), "loops": loops, "parts": parts}
+        for _, face in union:
+            loops = list[list[Segment]]()
+            for tags in kernel.getCurveLoops(face)[1]:
+                ends = {int(t): gmsh.model.getBoundary([(1, int(t))], combined=False, oriented=False) for t in tags}
+                at, loop = ends[int(tags[0])][0], list[Segment]()
+                while ends:
+                    tag = next(t for t, pair in ends.items() if at in pair)
+                    first, *last = ends.pop(tag)
+                    forwards = at == first
+                    loop += _arcs(gmsh.model, tag) if forwards else reverse(_arcs(gmsh.model, tag))
+                    at = last[0] if forwards and last else first
+                loops.append(loop)
+            loops.sort(key=lambda loop: -abs(area(loop)))
+            contours += [loop if (area(loop) > 0) == (k == 0) else reverse(loop) for k, loop in enumerate(loops)]
+    return contours
 
 
-def _arcs(model: Any, tag: int) -> tuple[list[complex], list[complex]]:
-    """Return points (n + 1) on a curve from its start to its end, and centres (n) of the arcs between them."""
+def _arcs(model: Any, tag: int) -> list[Segment]:
+    """Return a curve as lines and arcs from its start to its end."""
     (low,), (high,) = model.getParametrizationBounds(1, tag)
 
     def at(shares: AnyArray, value: Any = model.getValue) -> AnyArray:
@@ -446,12 +443,12 @@ def _arcs(model: Any, tag: int) -> tuple[list[complex], list[complex]]:
     shares = np.linspace(0, 1, 9)
     points, slopes = at(shares), at(shares, model.getDerivative)
     if np.ptp(slopes.real) + np.ptp(slopes.imag) < SAME_POINT:
-        return points[[0, -1]].tolist(), [STRAIGHT]
+        return [Segment(*points[[0, -1]].tolist())]
     for spokes in (1j * slopes, -1j * slopes):  # of a circle, whose parameter is the angle
         centre = np.mean(points + spokes)
         if np.max(np.abs(points + spokes - centre)) < SAME_POINT:
             n = int(np.ceil((high - low) / LONGEST_TURN))
-            return at(np.arange(n + 1) / n).tolist(), [complex(centre)] * n
+            return [Segment(a, b, complex(centre)) for a, b in pairwise(at(np.arange(n + 1) / n).tolist())]
     n, error = 4, np.inf
     while error > CURVE_ERROR and n < 1000:
         points = at(np.arange(4 * n + 1) / (4 * n))
@@ -460,12 +457,12 @@ def _arcs(model: Any, tag: int) -> tuple[list[complex], list[complex]]:
             turn = (np.conj(u) * v).imag
             centres = a + 0.5j * (u * np.abs(v) ** 2 - v * np.abs(u) ** 2) / turn
         straight = np.abs(turn) < 1e-9 * np.abs(v) ** 2
-        centres = np.where(straight, STRAIGHT, centres)
         off = np.stack([points[1::4], points[3::4]])
         round_ = np.abs(np.abs(off - centres) - np.abs(a - centres))
         error = float(np.max(np.where(straight, np.abs(((off - a) / v).imag * np.abs(v)), round_)))
         n *= 2
-    return points[::4].tolist(), centres.tolist()
+    curved = [None if line else centre for line, centre in zip(straight, centres.tolist(), strict=True)]
+    return list(map(Segment, a.tolist(), points[4::4].tolist(), curved))
 
 
 def main() -> None:
@@ -509,12 +506,12 @@ class MeshTimeout(ComputationFailed):
     """gmsh exceeded its time limit and was stopped."""
 
 
-def run_mesher(request: Request, time_limit: float | Limit) -> NamedArrays:
+def run_mesher(request: Request, time_limit: float | Limit) -> Any:
     """Serve one request with `run_jobs`."""
     return run_jobs([request], time_limit)[0]
 
 
-def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[NamedArrays]:
+def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Any]:
     """Serve requests one after the other in one process and return their results.
 
     Raises ComputationFailed when one fails, MeshTimeout when they take more than `time_limit` s, SourcesChanged when
@@ -528,7 +525,7 @@ def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Nam
     except BaseException:  # Ctrl-C too: a late result would be taken for that of the next request
         process.end()
         raise
-    if sum(array.nbytes for result in results for array in result.values()) > MOST_KEPT:
+    if sum(array.nbytes for result in results if isinstance(result, dict) for array in result.values()) > MOST_KEPT:
         process.end()
     else:
         _idle.append(process)
@@ -547,10 +544,10 @@ class _Process:
     def alive(self) -> bool:
         return self._child.poll() is None
 
-    def run(self, requests: list[Request], limit: Limit) -> list[NamedArrays]:
+    def run(self, requests: list[Request], limit: Limit) -> list[Any]:
         """Serve requests as `run_jobs`; time during which flexfem is suspended does not count."""
         self._request += pickle.dumps(requests)
-        received: list[list[NamedArrays]] = []
+        received = list[list[Any]]()
         exchange, allowed = Thread(target=self._exchange, args=(received,), daemon=True), limit.left
         exchange.start()
         limit.start()
@@ -563,7 +560,7 @@ class _Process:
             raise self._failure()
         return received[0]
 
-    def _exchange(self, received: list[list[NamedArrays]]) -> None:
+    def _exchange(self, received: list[list[Any]]) -> None:
         """Send the requests and append the results, in a thread; append nothing when the process ends early."""
         assert self._child.stdin and self._child.stdout
         with suppress(OSError, EOFError, ValueError, pickle.UnpicklingError):

@@ -208,7 +208,7 @@ def _narrow_places(body: Body, width: float) -> Iterator[tuple[complex, float]]:
 def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:
     """Return the mesh. Raises ComputationFailed unless it is the drawn plate, with all hinges and clamped edges."""
     mesh = mesh_of(arrays)
-    check_triangles(mesh, float(arrays["areas"].sum()), len([*components(layout)]))
+    check_triangles(mesh, float(arrays["areas"].sum()), len(components(layout)))
     meshed = np.bincount(mesh.bodies, jacobians(mesh)[:, -1] / 2, minlength=len(arrays["areas"]))
     count, names = len(layout.bodies), [part[0] for part in (*layout.bodies, *layout.joints)]
     worst = int(np.argmax(np.abs(meshed / arrays["areas"] - 1)))
@@ -237,17 +237,5 @@ def plate_contours(layout: Layout) -> list[list[Segment]]:
     connected part follow each other, the outer one first.
     """
     check_layout(layout)
-    found = run_mesher(PlateContours(regions_of(layout)), TIME_LIMIT)
-    parts: dict[int, list[list[Segment]]] = {}
-    for number in np.unique(found["loops"]):
-        at = found["loops"] == number
-        starts, centres = found["starts"][at].tolist(), found["centres"][at].tolist()
-        ends, about = [*starts[1:], starts[0]], [None if cmath.isnan(centre) else centre for centre in centres]
-        loop = list(map(Segment, starts, ends, about))
-        parts.setdefault(int(found["parts"][at][0]), []).append(loop)
-    contours = list[list[Segment]]()
-    for loops in parts.values():
-        outer, *holes = sorted(loops, key=lambda loop: -abs(area(loop)))
-        contours.append(outer if area(outer) > 0 else reverse(outer))
-        contours += [hole if area(hole) < 0 else reverse(hole) for hole in holes]
+    contours: list[list[Segment]] = run_mesher(PlateContours(regions_of(layout)), TIME_LIMIT)
     return contours

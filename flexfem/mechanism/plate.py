@@ -6,12 +6,13 @@ Points are complex, mm.
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 import shapely
+from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import Array
 from flexfem.mechanism.layout import Body, Joint, Layout
@@ -211,13 +212,9 @@ def _check_grounded(layout: Layout) -> None:
             raise BadInput(f"{_key(body)}: hinges connect it to {what}, expected a connection to ground")
 
 
-def components(layout: Layout) -> Iterator[set[int]]:
-    """Yield the sets of bodies that hinges connect."""
-    left = set(range(len(layout.bodies)))
-    while left:
-        found, ahead = set[int](), {min(left)}
-        while ahead:
-            found |= ahead
-            ahead = {body for joint in layout.joints if found & {*joint.bodies} for body in joint.bodies} - found
-        yield found
-        left -= found
+def components(layout: Layout) -> list[set[int]]:
+    """Return the sets of bodies that hinges connect."""
+    first, second = np.array([joint.bodies for joint in layout.joints], dtype=np.int64).reshape(-1, 2).T
+    links = sp.coo_array((np.ones(len(first)), (first, second)), shape=2 * (len(layout.bodies),))
+    count, number = connected_components(links, directed=False)
+    return [set(np.flatnonzero(number == k).tolist()) for k in range(count)]
