@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 from flexfem import arguments
 from flexfem.arrays import brief
-from flexfem.files.provenance import Assumptions
 from flexfem.files.refusals import checked_path, nearest, place_of, shown
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
@@ -19,7 +18,7 @@ from flexfem.mechanism.feasibility import check_feasible, placed
 from flexfem.mechanism.mechanism import Mechanism, read_mechanism
 from flexfem.mechanism.plate import check_layout, clashes
 from flexfem.mechanism.plate_file import located, of_stage
-from flexfem.mechanism.stage import Stage, load_partly
+from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import BadInput
 from flexfem.sources import read_data
 
@@ -44,14 +43,12 @@ class NewFiles(NamedTuple):
 
 
 class View(NamedTuple):
-    """Drawing of a stage or mechanism file: missing keys, files written, and whether a window was opened."""
+    """Drawing of a stage or mechanism file: files written, and whether a window was opened."""
 
     file: str
     name: str
-    missing: list[str]
     written: list[str]
     window: bool
-    warnings: list[str]
     assumed: list[str]
     not_stated: list[str]
 
@@ -111,7 +108,7 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
 
 
 def view(file: Path, *, output: Path | None = None) -> View:
-    """Draw a mechanism, or a stage with its dimensions, also an incomplete one; in a window if possible.
+    """Draw a mechanism, or a stage with its dimensions, in a window if possible.
 
     Parameters
     ----------
@@ -123,7 +120,7 @@ def view(file: Path, *, output: Path | None = None) -> View:
     Raises
     ------
     BadInput
-        The file is invalid or has nothing to draw, or the folder is not writable. What the file describes cannot be
+        The file is invalid, or the folder is not writable. What the file describes cannot be
         made; this is drawn as far as possible, with what clashes in red, before it is raised.
     """
     from flexfem.plot.plate import mechanism_figure, plot_mechanism
@@ -132,11 +129,9 @@ def view(file: Path, *, output: Path | None = None) -> View:
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    missing, warnings, refused = list[str](), list[str](), None
-    bodies, clashing = list[Any](), list[Any]()
+    refused, bodies, clashing = None, list[Any](), list[Any]()
     if kind_of(read_toml(source).data) == Mechanism.kind:
-        mechanism = read_mechanism(source)
-        name, doubts = mechanism.name, Assumptions(list(mechanism.assumed), list(mechanism.not_stated))
+        plate: Stage | Mechanism = (mechanism := read_mechanism(source))
         try:
             with located(mechanism):
                 check_layout(mechanism.layout)
@@ -144,23 +139,14 @@ def view(file: Path, *, output: Path | None = None) -> View:
             refused, clashing = refusal, clashes(mechanism.layout, refusal)
         page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
     else:
-        stage, missing = incomplete = load_partly(source)
-        name, doubts = stage.name, incomplete.assumptions
-        skeleton = incomplete.states("chain.link_lengths_mm", "chain.joint_angles_deg")
-        if not (incomplete.whole or skeleton or incomplete.states("platform.radius_mm")):
-            keys = "chain.link_lengths_mm and chain.joint_angles_deg"
-            raise BadInput(f"{source}: nothing to draw, expected {keys} first")
-        warnings += [f"{', '.join(missing)}: missing; the parts that need it are not drawn"] if missing else []
+        plate = (stage := load_stage(source))
         try:
-            if incomplete.whole:
-                check_feasible(stage)
+            check_feasible(stage)
         except BadInput as refusal:
             refused, (bodies, clashing) = refusal, placed(stage)
-        page = partial(drawing_figure, stage, missing, bodies)
-        plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
-    title = f"{source}: missing {', '.join(missing)}" if missing else name
+        page, plot = partial(drawing_figure, stage, bodies), partial(plot_dimensions, stage=stage, bodies=bodies)
     mark = partial(mark_clashes, refusal=refused, clashes=clashing)
-    window, written = target is None and show_window(lambda ax: mark(plot(ax)), title), list[Path]()
+    window, written = target is None and show_window(lambda ax: mark(plot(ax)), plate.name), list[Path]()
     if not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
@@ -168,7 +154,7 @@ def view(file: Path, *, output: Path | None = None) -> View:
         written = write_beside(place, figure)
     if refused is not None:
         raise BadInput(f"{refused}{f'; drawn in {written[0]}' if written else ''}")
-    return View(str(source), name, missing, list(map(str, written)), window, warnings, *doubts)
+    return View(**of_stage(plate), written=list(map(str, written)), window=window)
 
 
 class MeshReport(NamedTuple):

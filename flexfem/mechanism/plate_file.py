@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeAlias, TypeVar
+from functools import cached_property, partial
+from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, model_validator
 
@@ -202,14 +202,13 @@ def _file_and_line(origin: Origin, refusal: str) -> str:
 
 
 Plate = TypeVar("Plate", bound=PlateFile)
-Completed: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-def read_plate(model: type[Plate], path: PathLike, completed: Completed = dict) -> Plate:
-    """Read a file of a plate, with the material of another file, `completed`, and note where it came from.
+def read_plate(model: type[Plate], path: PathLike) -> Plate:
+    """Read a file of a plate, with the material of another file, and note where it came from.
 
     Raises BadInput as `validate`.
     """
-    plate = validate(model, path, lambda data: completed(with_material_of_file(path, data)))
+    plate = validate(model, path, partial(with_material_of_file, path))
     plate.__dict__["origin"] = Origin(os.fspath(path))
     return plate

@@ -1,26 +1,23 @@
-"""The stage: the validated content of a stage file, changed stages, and incomplete stage files."""
+"""The stage: the validated content of a stage file, and changed stages."""
 
 from __future__ import annotations
 
-import tomllib
-from typing import Any, NamedTuple
+from typing import Any
 
 from flexfem.arrays import AnyArray
 from flexfem.files.provenance import Assumptions
-from flexfem.files.refusals import key_path, needed
+from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
 from flexfem.mechanism.drives import check_drive
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.materials import materials
 from flexfem.mechanism.plate_file import read_plate
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
 from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.stage_file import Hinge as Hinge
 from flexfem.mechanism.stage_file import StageContent, actuators_of, hinges_of, of_drive, of_heat
-from flexfem.sources import read_data
 
 
 class Stage(StageContent):
@@ -154,54 +151,3 @@ def load_feasible(path: PathLike) -> Stage:
     check_feasible(stage)
     check_drive(stage)
     return stage
-
-
-DRAWN = ("chain.", "hinges.", "platform.")  # tables that determine a drawing
-
-
-class PartialStage(NamedTuple):
-    """A stage, and the keys that its file lacks, whose values in the stage are placeholders."""
-
-    stage: Stage
-    missing: list[str]
-
-    @property
-    def whole(self) -> bool:
-        """Whether the file has all keys that a drawing needs."""
-        return not any(key.startswith(DRAWN) for key in self.missing)
-
-    @property
-    def assumptions(self) -> Assumptions:
-        """Keys in the file whose numbers are assumed or have no stated source."""
-        both = self.stage.assumed, self.stage.not_stated
-        return Assumptions(*([key for key in keys if key not in self.missing] for keys in both))
-
-    def states(self, *keys: str) -> bool:
-        """Return whether the file has all of these keys."""
-        return not set(keys) & set(self.missing)
-
-
-def load_partly(path: PathLike) -> PartialStage:
-    """Read a stage file in which keys may be missing.
-
-    Raises BadInput as `load_stage` for invalid content; whether the stage can be made is not checked.
-    """
-    material = materials()["al-6061-t6"].model_dump(by_alias=True, exclude_none=True)  # drawings do not depend on it
-    spare = tomllib.loads(read_data("new-stage.toml")) | {"material": material | {"name": "unnamed"}, "name": "unnamed"}
-    missing = list[str]()
-
-    def completed(data: dict[str, Any]) -> dict[str, Any]:
-        stated = data.get("material")
-        registered = isinstance(stated, dict) and stated.get("name") in materials()
-        for key in needed((), Stage):
-            *tables, name = key.split(".")
-            table: Any = data
-            source: Any = spare
-            for part in tables:
-                table, source = table.setdefault(part, {}) if isinstance(table, dict) else None, source[part]
-            if isinstance(table, dict) and name not in table and not (registered and tables == ["material"]):
-                table[name] = source[name]
-                missing.append(key)
-        return data
-
-    return PartialStage(read_plate(Stage, path, completed), missing)

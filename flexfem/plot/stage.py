@@ -22,7 +22,7 @@ from flexfem.mechanism.drawing import LETTER as NARROW
 from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, PartialStage, Stage
+from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, page, panels, wrapped
 from flexfem.plot.text import minus, round_factor
 from flexfem.questions.errors import CurveModels, HingeDrawing
@@ -385,19 +385,15 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         place_label(axes, foot, f"chain {hinge.chain}", obstacles, 0.06 * size, size=10)
 
 
-def plot_dimensions(ax: Axes | None, stage: Stage, missing: Sequence[str] = (), bodies: Sequence[Any] = ()) -> Axes:
+def plot_dimensions(ax: Axes | None, stage: Stage, bodies: Sequence[Any] = ()) -> Axes:
     """Draw a stage to scale with its dimensions, in mm; return `ax`, or new axes.
 
-    `missing` : key paths that the stage file does not give; the parts that depend on them are not drawn.
     `bodies` : polygons of a stage that cannot be made, which are drawn as they are.
 
-    Raises BadInput when nothing is missing and the bodies cannot be drawn.
+    Raises BadInput when the bodies cannot be drawn.
     """
-    incomplete, ax = PartialStage(stage, list(missing)), ax or new_axes()
-    rim = _draw_whole(ax, stage) if incomplete.whole and not bodies else _draw_partial(ax, incomplete)
-    for body in bodies:
-        ax.add_patch(Polygon(body.exterior.coords, facecolor=PALE, edgecolor=INK, linewidth=0.5, zorder=1))
-    fit(ax, np.vstack([rim, shapely.get_coordinates(list(bodies))]), 0.03)
+    ax = ax or new_axes()
+    fit(ax, _draw_bodies(ax, stage, bodies) if bodies else _draw_dimensioned(ax, stage), 0.03)
     label_axes(ax)
     return ax
 
@@ -413,7 +409,7 @@ def mark_clashes(ax: Axes, refusal: BadInput | None, clashes: Sequence[Any]) -> 
     ax.set_title(wrapped(text, 7.4, 9), color=CLASH, size=9)
 
 
-def _draw_whole(ax: Axes, stage: Stage) -> Array:
+def _draw_dimensioned(ax: Axes, stage: Stage) -> Array:
     """Draw a stage with lengths and labels; return points (n, 2) that must be within the axes."""
     rim = draw_outline(ax, stage)
     fit(ax, rim)
@@ -436,51 +432,29 @@ def _draw_whole(ax: Axes, stage: Stage) -> Array:
     return np.concatenate([rim, [xy(z) for z in visible]])
 
 
-def _draw_partial(ax: Axes, incomplete: PartialStage) -> Array:
-    """Draw the parts whose keys are given; return points (n, 2) that must be within the axes."""
-    stage, visible = incomplete.stage, [np.zeros((1, 2))]
-    for name, key, line in (("platform", "radius", "-"), ("hub", "hub_radius", "--")):
-        if incomplete.states(f"platform.{key}_mm"):
-            radius = getattr(stage.platform, key)
-            ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
-            write(ax, xy(radius * np.exp(-0.6j * np.pi)), f"{name} R {radius:.6g}", **DIMENSION_TEXT)
-            visible.append(1.15 * radius * np.array([[-1.0, -1.0], [1.0, 1.0]]))
-    if not incomplete.states("chain.link_lengths_mm", "chain.joint_angles_deg"):
-        return np.concatenate(visible)
-    lines = np.concatenate([stage_frames(stage).centres, np.zeros((3, 1, 2))], axis=1)
-    size = fit(ax, 1.2 * lines.reshape(-1, 2), 0.03)
-    obstacles: list[Any] = [shapely.MultiLineString(list(lines))]
-    labels = [(f"chain {chain}", line[0]) for chain, line in zip(CHAINS, lines, strict=True)]
-    labels += [(f"l{k + 1} {x:.6g}", lines[0, k : k + 2].mean(axis=0)) for k, x in enumerate(stage.chain.link_lengths)]
-    for line in lines:
-        ax.plot(*line.T, "o-", color=INK, linewidth=1.2, markersize=3.5, zorder=4)
-    labels += [(f"{name} hinge", lines[0, k]) for k, name in enumerate(HINGE_NAMES)]
-    for text, anchor in labels:
-        place_label(ax, anchor, text, obstacles, 0.04 * size, **DIMENSION_TEXT)
-    return np.concatenate([*visible, 1.2 * lines.reshape(-1, 2)])
+def _draw_bodies(ax: Axes, stage: Stage, bodies: Sequence[Any]) -> Array:
+    """Draw polygons, the circles of platform and hub, and the names of the chains; return points as above."""
+    for body in bodies:
+        ax.add_patch(Polygon(body.exterior.coords, facecolor=PALE, edgecolor=INK, linewidth=0.5, zorder=1))
+    for radius, line in ((stage.platform.radius, "-"), (stage.platform.hub_radius, "--")):
+        ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
+    for chain, at in zip(CHAINS, stage_frames(stage).centres[:, 0], strict=True):
+        write(ax, at, f"chain {chain}", **DIMENSION_TEXT)
+    return np.vstack([shapely.get_coordinates(list(bodies)), stage.platform.radius * np.array([[-1, -1], [1, 1]])])
 
 
 @in_house_style
-def drawing_figure(stage: Stage, missing: Sequence[str] = (), bodies: Sequence[Any] = ()) -> Figure:
-    """Draw a page with the dimensioned stage, and in its header further data and the missing keys."""
-    incomplete = PartialStage(stage, list(missing))
+def drawing_figure(stage: Stage, bodies: Sequence[Any] = ()) -> Figure:
+    """Draw a page with the dimensioned stage, and in its header further data."""
     angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles)))
-    facts = {
-        "thickness_mm": f"thickness {stage.thickness:.6g} {LENGTH}",
-        "chain.link_width_mm": f"link width {stage.chain.link_width:.6g} {LENGTH}",
-        "chain.joint_angles_deg": f"joint angles {angles} {DEGREE}",
-        "material.name": stage.material.name,
-    }
-    lines = ["; ".join(text for key, text in facts.items() if incomplete.states(key))]
-    lines += [f"missing: {', '.join(missing)}"] if missing else []
+    facts = [f"thickness {stage.thickness:.6g} {LENGTH}", f"link width {stage.chain.link_width:.6g} {LENGTH}"]
+    facts += [f"joint angles {angles} {DEGREE}", stage.material.name]
+    chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
+    said = f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models."
     if bodies:
-        lines.append("The stage cannot be made. Strips along the links stand for bodies that cannot be drawn.")
-    elif incomplete.whole:
-        chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
-        lines.append(f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models.")
-    title = stage.name if incomplete.states("name") else str(stage.origin)
-    plot = partial(plot_dimensions, stage=stage, missing=missing, bodies=bodies)
-    return page((8.27, 7.6), f"{title}: drawing", [*filter(None, lines)], plot, incomplete.assumptions)
+        said = "The stage cannot be made. Strips along the links stand for bodies that cannot be drawn."
+    plot = partial(plot_dimensions, stage=stage, bodies=bodies)
+    return page((8.27, 7.6), f"{stage.name}: drawing", ["; ".join(facts), said], plot, stage)
 
 
 def show_window(draw: Callable[[Axes], object], title: str) -> bool:
