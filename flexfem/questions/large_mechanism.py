@@ -25,7 +25,7 @@ class MechanismLarge(Result):
     """Displacement of the output under growing dead loads: linear, and with finite rotations by both models."""
 
     title = "large displacements"
-    main = ("pose", {})
+    main = ("pose", {"load": "100 %"})
     labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in STEPS)}
     reading = (
         "linear: the analytic network with rigid bodies; beams: the same with hinges as co-rotational beams; finite "

@@ -7,6 +7,7 @@ these programs bound it. Once every plane of the hull is a supporting plane, hul
 
 from __future__ import annotations
 
+import re
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -78,8 +79,10 @@ class LimitNames(tuple[str, ...]):
         return tuple(self.by_kind)
 
     def __str__(self) -> str:
-        """Return all names in a line, grouped by kind."""
-        return "; ".join(f"{kind}: {' | '.join(places)}" for kind, places in self.by_kind.items())
+        """Return all names in a line, grouped by kind; 1+ and 1- are the longest and shortest stroke in chain 1."""
+        short = {", chain ": " ", ", longest": "+", ", shortest": "-"}
+        found = "; ".join(f"{kind} of {', '.join(places)}" for kind, places in self.by_kind.items())
+        return re.sub("|".join(short), lambda match: short[match[0]], found)
 
 
 class Polytope(NamedTuple):
@@ -181,11 +184,10 @@ def reach(
     warnings += _warnings(commanded, drive, solid, lever)
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
     notes = [
-        f"{direction}, others {others}: "
-        + "; ".join(f"{end} end limited by {stops[others, direction, end]}" for end in ("low", "high"))
-        for others in ("zero", "free")
-        for direction in DIRECTIONS
-        if (others, direction, "low") in stops
+        f"{direction}, others {others}, {end} end: {stops[others, direction, end]}" for others, direction, end in stops
+    ]
+    notes[:0] = [
+        "limits of the ranges; base 2+ is the longest stroke of the stack base in chain 2, base 2- its shortest:"
     ]
     notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
     if solid.missed:
