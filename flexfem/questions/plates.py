@@ -267,15 +267,15 @@ def _compliances(mechanism: Mechanism, steps: Sequence[int], progress: Progress 
     return np.array([one.compliance[:3, :3] for one in on_meshes(steps, partial(solved, mechanism), progress)])
 
 
-def verification(mechanism: Mechanism, resolution: int = RESOLUTION) -> MechanismErrors:
+def verification(mechanism: Mechanism) -> MechanismErrors:
     """Return the errors of both analytic networks of a mechanism."""
-    mesh, lever, models = Mesh(resolution, 0), mechanism.layout.lever, dict[str, ModelAnswer]()
-    C = _compliances(mechanism, levels(resolution))
+    steps, lever, models = levels(RESOLUTION), mechanism.layout.lever, dict[str, ModelAnswer]()
+    C = _compliances(mechanism, steps)
     for label in (ANALYTIC, ELASTIC):
         K = np.asarray(np.linalg.inv(network(mechanism, label == ELASTIC).compliance[:3, :3]))
-        values, bands = error_bands(K, C, levels(resolution), lever)
+        values, bands = error_bands(K, C, steps, lever)
         models[label] = ModelAnswer({"percent": values.T, "stiffness": np.diag(K)}, {"percent": bands.T})
-    return answer(MechanismErrors, mechanism, models, mesh, {}, {"lever": lever})
+    return answer(MechanismErrors, mechanism, models, Mesh(RESOLUTION, 0), {}, {"lever": lever})
 
 
 def budget(mechanism: Mechanism, resolution: int, plane: bool, progress: Progress | None) -> MechanismBudget:
@@ -297,5 +297,4 @@ def budget(mechanism: Mechanism, resolution: int, plane: bool, progress: Progres
         flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
         shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
         shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
-    mesh = Mesh(resolution, 0)
-    return answer(MechanismBudget, mechanism, {}, mesh, {}, {"share": shares}, bands={"share": widths})
+    return answer(MechanismBudget, mechanism, {}, Mesh(resolution, 0), {}, {"share": shares}, bands={"share": widths})
