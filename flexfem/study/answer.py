@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
@@ -187,7 +187,9 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
     for name in dict.fromkeys(path.split(".")[0] for path in study.ask):
         question = getattr(flexfem, name)
         parameters = inspect.signature(question).parameters
-        result = question(stage, **{key: value for key, value in settings.items() if key in parameters})
+        words = get_args(get_type_hints(question).get("models"))
+        both = {"models": "both"} if words and models not in words else {}  # it has no finite elements alone
+        result = question(stage, **{key: value for key, value in (settings | both).items() if key in parameters})
         for entry in result.entries():
             numbers[f"{name}.{entry.path}"] = entry.value * entry.unit.factor, entry.band * entry.unit.factor
     for path in study.ask:

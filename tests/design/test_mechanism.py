@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 
 import flexfem
 from flexfem.design.model import REFUSED_MERIT, Model
+from flexfem.design.proof import ElementSolver
 from flexfem.design.search import optimum
 from flexfem.plot.design import design_figure
 from flexfem.refused import BadInput
@@ -79,6 +82,17 @@ def test_a_design_is_proven_by_finite_elements_and_its_file_has_the_same_numbers
     assert stiffness.value + stiffness.band <= 2.0 < again and frequency.margin > 0
     figure = design_figure(found)
     assert figure.axes[0].get_title(loc="left").endswith("designed mechanism")
+
+
+@pytest.mark.slow
+def test_numbers_of_a_drive_are_by_finite_elements(load):
+    """The question has no finite elements without the analytic model."""
+    motion = "drive.motion.drive.output.analytic.y"
+    ratio = '[[free]]\nkey = "parameters.ratio"\nfrom = 3.0\nto = 6.0\n'
+    loaded = load(ratio, best("maximise", f"abs({motion})"), head=head(LEVER, motion))
+    values = loaded.base_values
+    (solved,), found = ElementSolver(loaded, Counter()).solve(values), Model(loaded).columns(values[None])[0]
+    assert 0 < abs(solved[motion] / found[motion][0] - 1) < 0.05
 
 
 NECK = '[[free]]\nkey = "hinges.elbow.neck_mm"\nfrom = 0.3\nto = 0.7\n'
