@@ -26,7 +26,7 @@ from flexfem.arrays import Array
 from flexfem.design.proof import CORNER_COLUMNS, column_band
 from flexfem.fem.mesher import Limit
 from flexfem.fem.response import heat_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import CORNER_ORDER, STRESS_ORDER, pose_bands

@@ -18,7 +18,7 @@ from flexfem.analytic.model import network_of
 from flexfem.analytic.network import stiffness as at_output
 from flexfem.analytic.paper import freedoms_of
 from flexfem.hinges.formulas import FORMULAS
-from flexfem.mechanism.designs import frames
+from flexfem.mechanism.frames import frames
 
 
 def draw(count: int) -> dict[str, Any]:

@@ -22,8 +22,8 @@ from random_stages import unlike
 from flexfem.analytic.model import analyse
 from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array
-from flexfem.fem.mesh import build_mesh
 from flexfem.fem.modes import modes
+from flexfem.fem.stage_mesh import build_mesh
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage

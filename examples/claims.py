@@ -55,9 +55,9 @@ from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array, inverse
 from flexfem.fem.elements import Plate, sheet
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh, mesh_sectors, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, welded
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import mesh_sectors, plate_of
 from flexfem.files.writing import markdown_table
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import Designs, lower

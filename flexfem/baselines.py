@@ -22,11 +22,11 @@ import numpy as np
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import brief
-from flexfem.fem.mesh import RESOLUTION, StageMesh, build_mesh, check_triangles, drawn_area
+from flexfem.fem.mesh import RESOLUTION, StageMesh, check_triangles
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
 from flexfem.fem.response import platform_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import build_mesh, drawn_area, plate_of
 from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_bytes, read_toml

@@ -18,8 +18,8 @@ from flexfem.fem.plate_mesh import plate_contours, regions_of
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
 from flexfem.mechanism.bodies import necks
-from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.drawing import LETTER, TEXT, Dimensions, Part, cut_path, dimensions_of, part_of
+from flexfem.mechanism.frames import CHAIN_TURN
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import Segment, area, circle_of
 from flexfem.mechanism.plate_file import located, of_stage

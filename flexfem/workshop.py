@@ -187,9 +187,9 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
         The stage or mechanism cannot be made or is not plane, or the file cannot be written.
     """
     from flexfem.fem.export import check_format, write_mesh, write_plate_mesh
-    from flexfem.fem.mesh import RESOLUTION, build_mesh
+    from flexfem.fem.mesh import RESOLUTION
     from flexfem.fem.plate_mesh import mesh_layout
-    from flexfem.fem.structure import plate_of
+    from flexfem.fem.stage_mesh import build_mesh, plate_of
     from flexfem.questions import warnings as warning
 
     target = checked_path(output)

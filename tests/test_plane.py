@@ -10,9 +10,8 @@ import pytest
 
 from flexfem.analytic.model import analyse, hinge_compliance
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.mesh import build_mesh
 from flexfem.fem.response import platform_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.hinges.chart import thickness_factors as factors
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.setup import solved as solve_stage

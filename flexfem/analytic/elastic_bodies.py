@@ -18,7 +18,8 @@ from flexfem.files.tables import once
 from flexfem.hinges.chart import SHEAR_CORRECTION
 from flexfem.mechanism.bodies import body_sides, centrelines, cut_angle, necks, notch_side
 from flexfem.mechanism.contacts import bend_stresses
-from flexfem.mechanism.designs import CHAIN_TURN, Elastic, chain_rotation
+from flexfem.mechanism.designs import Elastic
+from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation
 from flexfem.mechanism.outlines import Pose, Segment, polyline, reverse
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
 

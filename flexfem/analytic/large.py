@@ -21,7 +21,8 @@ from flexfem.analytic.paper import KINDS, PaperModel, apply, first_order, restin
 from flexfem.analytic.responses import distal_share, link_pieces
 from flexfem.arrays import AnyArray, Array, Index, inverse
 from flexfem.mechanism.contacts import Follows, Push, Stack
-from flexfem.mechanism.designs import Frames, chain_rotation, stage_frames
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.frames import Frames, chain_rotation
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import ComputationFailed
 

@@ -17,8 +17,9 @@ from flexfem.files.tables import once
 from flexfem.hinges import chart, formulas
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
-from flexfem.mechanism.designs import Designs, Frames, lower, stage_frames
+from flexfem.mechanism.designs import Designs, lower, stage_frames
 from flexfem.mechanism.feasibility import Broken, check_closed_form
+from flexfem.mechanism.frames import Frames
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.profiles import Concentration
 from flexfem.mechanism.stage_file import HINGE_NAMES, Plane, key_of

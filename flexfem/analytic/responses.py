@@ -29,8 +29,9 @@ from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress, stress_raised
 from flexfem.mechanism import bodies as drawn
 from flexfem.mechanism.contacts import LINKS, PLATFORM, Push, Stack, Station, share_beyond
-from flexfem.mechanism.designs import Designs, Frames, chain_rotation, direction, lower, stage_frames
+from flexfem.mechanism.designs import Designs, lower, stage_frames
 from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.frames import Frames, chain_rotation, direction
 from flexfem.mechanism.plate_file import PlateFile
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.refused import BadInput

@@ -19,7 +19,8 @@ from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
 from flexfem.hinges.chart import Compliance
-from flexfem.mechanism.designs import Designs, Frames
+from flexfem.mechanism.designs import Designs
+from flexfem.mechanism.frames import Frames
 from flexfem.study.loaded import INSIDE, monte_carlo
 
 LEVEL = 0.95  # of the quantiles

@@ -1,25 +1,30 @@
-"""Quantities of stage fields: stress at necks and clamped edges, rotations of base hinges, envelope."""
+"""Loads of stacks on a stage, and quantities of its fields: stress and wrenches at necks, stress at clamped edges."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import nodal_stress, von_mises
-from flexfem.fem.mesh import StageMesh
-from flexfem.fem.response import Response, clamped_nodes
-from flexfem.fem.structure import out_of_plane_ratio_of, plate_of
+from flexfem.fem.elements import Plate, integration, nodal_stress, von_mises
+from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
+from flexfem.fem.stage_mesh import out_of_plane_ratio_of, plate_of
+from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.fem.symmetry import chain_values
+from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import BODIES
-from flexfem.mechanism.designs import chain_rotation, stage_frames
+from flexfem.mechanism.contacts import Push, Stack, body_forces
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation, turned
 from flexfem.mechanism.stage import Stage
 
 RIGID = (1.0, 2.0)  # distances from a base hinge, per radius, between which its two bodies count as rigid
 CORNER = 0.2  # share of a clamped edge excluded at both ends: stress at its corners is singular
+FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
 LARGEST = 4_000_000  # stress components computed at once
 
 
@@ -72,8 +77,8 @@ def notch_fields(stage: Stage, response: Response, loads: Array) -> Iterator[tup
 
     The stress is (k, p, 2, 2); with layers (k, p, m, 3, 3). Its axes are those of chain 1 if one sector represents all.
     """
-    for number, (turned, stress) in enumerate(_notches(stage, response, loads)):
-        yield divmod(number, 3), np.tensordot(turned, stress, axes=1)
+    for number, (rotation, stress) in enumerate(_notches(stage, response, loads)):
+        yield divmod(number, 3), np.tensordot(rotation, stress, axes=1)
 
 
 def _notches(stage: Stage, response: Response, loads: Array) -> Iterator[tuple[Array, Array]]:
@@ -131,3 +136,62 @@ def largest_within(places: Array, values: Array, low: float, high: float) -> Arr
     inside = (places > low) & (places < high)
     ends = make_interp_spline(places, values, k=1)([low, high])
     return np.asarray(np.max(np.concatenate([values[inside], ends]), axis=0))
+
+
+def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
+    """Solve for unit loads on the hub and for one newton of each of n stacks, with the ground clamped.
+
+    The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
+    """
+    whole = structure(mesh, plate)
+    return factorised_whole(whole, stack_loads(whole, stacks)).response()
+
+
+def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
+    """Return the unit loads (unknowns, 3 + n) of the three directions of the platform and of the stacks."""
+    nodal, hub = np.zeros((3 + len(stacks), *structure.mesh.nodes.shape)), np.eye(3, 3 + len(stacks))
+    for j, stack in enumerate(stacks, start=3):
+        for push in stack.pushes:
+            if push.station is not None:
+                nodal[j] += push_forces(structure.mesh, stack.chain, push)
+            elif push.body:
+                hub[:, j] += stack.placed(push)
+    loads = structure.loads(nodal)
+    loads[-3:] += hub
+    return loads
+
+
+def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
+    """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0), with its exact wrench."""
+    assert push.station is not None
+    link = _body_mesh(mesh, 4 * chain + push.body)
+    forces = np.zeros((3, *mesh.nodes.shape))
+    for batch in integration(link, FORCE_QUADRATURE):
+        at = turned(mesh.nodes[batch.triangles], -chain * CHAIN_TURN)
+        points = np.einsum("eid,iq->eqd", at, batch.phi)
+        density = body_forces(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
+        nodal = np.einsum("keqd,eq,iq->keid", density, batch.weights, batch.phi)
+        for force, values in zip(forces, nodal, strict=True):
+            np.add.at(force, batch.triangles, values)
+    resultants = resultants_of(turned(mesh.nodes, -chain * CHAIN_TURN), forces)
+    return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), forces, axes=1), chain * CHAIN_TURN)
+
+
+def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
+    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck, about the platform centre.
+
+    N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of the base-side body.
+    """
+    wrenches = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
+    for chain in range(3):
+        for hinge, name in enumerate(HINGE_NAMES):
+            body = structure(_body_mesh(mesh, 4 * chain + hinge), plate, held=NONE)
+            nodes = nodes_on(mesh, f"neck {chain + 1} {name}")
+            wrenches[chain, hinge] = resultants_of(mesh.nodes[nodes], body.forces(fields)[:, nodes])
+    return wrenches
+
+
+def _body_mesh(mesh: StageMesh, body: int) -> StageMesh:
+    """Return the triangles of a body, 4 * chain + body, with all nodes of the mesh."""
+    in_body = mesh.bodies == body
+    return mesh._replace(triangles=mesh.triangles[in_body], bodies=mesh.bodies[in_body])

@@ -15,18 +15,9 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray
-from flexfem.fem.mesh import (
-    COARSEST,
-    GROWTH,
-    PER_TURN,
-    TIME_LIMIT,
-    StageMesh,
-    check_triangles,
-    jacobians,
-    mesh_of,
-    ordered,
-)
+from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, mesh_of, ordered
 from flexfem.fem.mesher import RAY, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
+from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT
 from flexfem.mechanism.layout import Body, Layout
 from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, reverse
 from flexfem.mechanism.plate import (

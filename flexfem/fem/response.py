@@ -14,7 +14,6 @@ frame less that of the material. A gradient through the thickness is antisymmetr
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -22,19 +21,16 @@ from typing import Any
 import numpy as np
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Layers, Plate, integration, nodal_stress
+from flexfem.fem.elements import Layers, Plate, nodal_stress
 from flexfem.fem.mesh import Sector, StageMesh, joined, nodes_on
-from flexfem.fem.structure import NONE, Mass, Structure, structure
+from flexfem.fem.structure import Mass, Structure, structure
 from flexfem.fem.symmetry import Space, chain_values, full_space, harmonic_spaces, whole_fields
-from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.contacts import Push, Stack, body_forces
-from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
+from flexfem.mechanism.frames import chain_rotation
 from flexfem.refused import ComputationFailed
 
 BALANCE = 1e-9  # relative tolerance of reactions against loads and of energy against work
 MOST_SOLVES = 12  # in iterative refinement; three suffice for necks of some um and more
 REFINED = 0.1 * BALANCE  # ends refinement: energy and work differ by the error of the compliance
-FORCE_QUADRATURE = 8  # degree for stack forces, whose density is not polynomial in a triangle
 HEAT_CASES = np.eye(3)[
     [2, 0, 1]
 ]  # one kelvin, then one per mm along x and along y, of the cases of `Factorised.warmed`
@@ -283,68 +279,9 @@ def platform_response(mesh: StageMesh, plate: Plate, degree: int | None = None) 
     return factorised_whole(structure(mesh, plate, degree=degree)).response()
 
 
-def driven_response(mesh: StageMesh, plate: Plate, stacks: Sequence[Stack]) -> Response:
-    """Solve for unit loads on the hub and for one newton of each of n stacks, with the ground clamped.
-
-    The compliance (3 + n, 3 + n) is that of the pose and of the openings of the stacks.
-    """
-    whole = structure(mesh, plate)
-    return factorised_whole(whole, stack_loads(whole, stacks)).response()
-
-
 def heat_response(mesh: StageMesh, plate: Plate, stage_expansion: float, frame_expansion: float) -> Response:
     """Solve a stage in the plane for `HEAT_CASES` with expansions, 1/K. Raises ComputationFailed."""
     return factorised_whole(structure(mesh, plate)).warmed().under((frame_expansion - stage_expansion) * HEAT_CASES)
-
-
-def stack_loads(structure: Structure, stacks: Sequence[Stack]) -> Array:
-    """Return the unit loads (unknowns, 3 + n) of the three directions of the platform and of the stacks."""
-    nodal, hub = np.zeros((3 + len(stacks), *structure.mesh.nodes.shape)), np.eye(3, 3 + len(stacks))
-    for j, stack in enumerate(stacks, start=3):
-        for push in stack.pushes:
-            if push.station is not None:
-                nodal[j] += push_forces(structure.mesh, stack.chain, push)
-            elif push.body:
-                hub[:, j] += stack.placed(push)
-    loads = structure.loads(nodal)
-    loads[-3:] += hub
-    return loads
-
-
-def push_forces(mesh: StageMesh, chain: int, push: Push) -> Array:
-    """Return nodal forces (n, 2), N, of one newton of a stack on a link of a chain (from 0), with its exact wrench."""
-    assert push.station is not None
-    link = _body_mesh(mesh, 4 * chain + push.body)
-    forces = np.zeros((3, *mesh.nodes.shape))
-    for batch in integration(link, FORCE_QUADRATURE):
-        at = turned(mesh.nodes[batch.triangles], -chain * CHAIN_TURN)
-        points = np.einsum("eid,iq->eqd", at, batch.phi)
-        density = body_forces(push.station, points.reshape(-1, 2)).reshape(3, *points.shape)
-        nodal = np.einsum("keqd,eq,iq->keid", density, batch.weights, batch.phi)
-        for force, values in zip(forces, nodal, strict=True):
-            np.add.at(force, batch.triangles, values)
-    resultants = resultants_of(turned(mesh.nodes, -chain * CHAIN_TURN), forces)
-    return turned(np.tensordot(np.linalg.solve(resultants, push.wrench), forces, axes=1), chain * CHAIN_TURN)
-
-
-def neck_wrenches(mesh: StageMesh, plate: Plate, fields: Array) -> Array:
-    """Wrenches (3 chains, 3 hinges, 3, k) of the outboard on the base side of each neck, about the platform centre.
-
-    N and N mm, for fields (k, n, 2), mm; they sum the nodal forces at the neck of the triangles of the base-side body.
-    """
-    wrenches = np.empty((3, len(HINGE_NAMES), 3, len(fields)))
-    for chain in range(3):
-        for hinge, name in enumerate(HINGE_NAMES):
-            body = structure(_body_mesh(mesh, 4 * chain + hinge), plate, held=NONE)
-            nodes = nodes_on(mesh, f"neck {chain + 1} {name}")
-            wrenches[chain, hinge] = resultants_of(mesh.nodes[nodes], body.forces(fields)[:, nodes])
-    return wrenches
-
-
-def _body_mesh(mesh: StageMesh, body: int) -> StageMesh:
-    """Return the triangles of a body, 4 * chain + body, with all nodes of the mesh."""
-    in_body = mesh.bodies == body
-    return mesh._replace(triangles=mesh.triangles[in_body], bodies=mesh.bodies[in_body])
 
 
 def resultants_of(nodes: Array, forces: Array) -> Array:

@@ -29,47 +29,15 @@ from flexfem.fem.elements import (
     Plate,
     assembled,
     integration,
-    mirrored,
     sheet,
     stress_tensor,
 )
 from flexfem.fem.factor import Solve, factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
-from flexfem.mechanism.designs import lower
-from flexfem.mechanism.plate_file import located
-from flexfem.mechanism.stage import Stage
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.refused import ComputationFailed
 
 MOST_UNKNOWNS = 600_000  # in one factorisation in three dimensions: about 6 GB
 NONE = np.empty(0, dtype=np.int64)
-
-
-def plate_of(stage: Stage) -> Plate:
-    """Return the plate of the plane problem of a stage. Raises BadInput for a model that is not plane."""
-    with located(stage):
-        if stage.model == "corrected":
-            raise BadInput(
-                'model = "corrected", with three-dimensional hinges, expected "plane_stress" or "plane_strain": '
-                "the finite elements are plane"
-            )
-    E, nu = stage.elastic
-    return Plate(float(E), float(nu), stage.thickness)
-
-
-def sheet_of(stage: Stage) -> Plate:
-    """Return the material and thickness of a stage for a problem in three dimensions."""
-    return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
-
-
-def out_of_plane_ratio_of(stage: Stage) -> float:
-    """Ratio of the stress zz to the sum xx + yy, as `elements.von_mises` takes it."""
-    return float(lower(stage).out_of_plane[0])
-
-
-def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
-    """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out of it."""
-    layers = mirrored(stage.thickness, number, float(stage.array("neck").min()))
-    return layers.antisymmetric if antisymmetric else layers
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
-from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.outlines import Face, Pose, Segment, area_moments, offset, polyline, reverse, shortest_path
 from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
 from flexfem.refused import BadInput

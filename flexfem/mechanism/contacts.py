@@ -18,7 +18,7 @@ import numpy as np
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.actuators import BODY_NAMES, Body
 from flexfem.mechanism.bodies import centrelines
-from flexfem.mechanism.designs import chain_rotation
+from flexfem.mechanism.frames import chain_rotation
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent
 

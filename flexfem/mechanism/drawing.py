@@ -13,8 +13,8 @@ import shapely
 
 from flexfem.arrays import AnyArray
 from flexfem.mechanism.bodies import body_sides, necks, turn
-from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.frames import CHAIN_TURN
 from flexfem.mechanism.outlines import Segment, area, circle_of, disc, offset, polygon_points, polyline, reverse
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import CHAINS

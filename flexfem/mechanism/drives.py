@@ -24,7 +24,8 @@ from flexfem.mechanism.actuators import (
 )
 from flexfem.mechanism.bodies import FILLET, centrelines, draw_sector
 from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrench_of
-from flexfem.mechanism.designs import CHAIN_TURN, Designs, lower
+from flexfem.mechanism.designs import Designs, lower
+from flexfem.mechanism.frames import CHAIN_TURN
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator

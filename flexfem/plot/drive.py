@@ -17,9 +17,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 from flexfem.arrays import Array
 from flexfem.mechanism.actuators import BODY_NAMES
 from flexfem.mechanism.bodies import draw_sector, turn
-from flexfem.mechanism.designs import CHAIN_TURN
 from flexfem.mechanism.drawing import part_of
 from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.frames import CHAIN_TURN
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot import style

@@ -18,7 +18,7 @@ from flexfem import arguments
 from flexfem.arrays import Array, is_largest
 from flexfem.fem.mesh import LAYERS, SOLID_RESOLUTION
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.structure import layers_of, sheet_of
+from flexfem.fem.stage_mesh import layers_of, sheet_of
 from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import Stage

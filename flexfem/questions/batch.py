@@ -11,11 +11,10 @@ from flexfem.analytic.paper import Freedoms
 from flexfem.analytic.responses import DriftRates, in_plane, rates_of
 from flexfem.arrays import Array
 from flexfem.fem import fields
-from flexfem.fem.mesh import mesh_sectors
 from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.fem.modes import modes
 from flexfem.fem.response import Response, heat_response, unit_response
-from flexfem.fem.structure import layers_of, plate_of, sheet_of
+from flexfem.fem.stage_mesh import layers_of, mesh_sectors, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.designs import Designs, envelope, lower

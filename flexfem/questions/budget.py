@@ -17,7 +17,7 @@ from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, warnings

@@ -13,10 +13,9 @@ from flexfem.analytic.large import Serial, loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.fields import neck_maxima, plane_stress
-from flexfem.fem.mesh import StageMesh, build_mesh
-from flexfem.fem.response import driven_response, neck_wrenches
-from flexfem.fem.structure import plate_of
+from flexfem.fem.fields import driven_response, neck_maxima, neck_wrenches, plane_stress
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.drives import StageDrive, drive_of

@@ -19,8 +19,9 @@ from flexfem.analytic.model import at_necks
 from flexfem.arrays import Array, Index, inverse
 from flexfem.hinges.strength import stress_raised
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
-from flexfem.mechanism.designs import Designs, Frames
+from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.drives import StageDrive
+from flexfem.mechanism.frames import Frames
 from flexfem.questions.warnings import YIELD_MARGIN
 from flexfem.refused import ComputationFailed
 

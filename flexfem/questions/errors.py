@@ -19,7 +19,8 @@ from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.structure import plate_of, sheet_of, structure
+from flexfem.fem.stage_mesh import plate_of, sheet_of
+from flexfem.fem.structure import structure
 from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import checked_path, shown
 from flexfem.files.toml import bad_key, kind_of, read_toml

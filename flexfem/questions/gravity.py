@@ -20,7 +20,8 @@ from flexfem.fem.fields import neck_maxima
 from flexfem.fem.mesh import welded
 from flexfem.fem.ports import hinge_stress
 from flexfem.fem.response import factorised_whole
-from flexfem.fem.structure import layers_of, mass_of, out_of_plane_ratio_of, plate_of, sheet_of, structure
+from flexfem.fem.stage_mesh import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
+from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage

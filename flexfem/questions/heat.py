@@ -20,10 +20,10 @@ from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
-from flexfem.fem.mesh import StageMesh, build_mesh, nodes_on
+from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.ports import hinge_stress, warmed
 from flexfem.fem.response import HEAT_CASES, Response, factorised_stage, free_displacement, heat_response
-from flexfem.fem.structure import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
+from flexfem.fem.stage_mesh import build_mesh, layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames

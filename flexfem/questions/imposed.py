@@ -14,9 +14,10 @@ import numpy as np
 from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
-from flexfem.fem.mesh import StageMesh, build_mesh
-from flexfem.fem.response import Response, driven_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.fields import driven_response
+from flexfem.fem.mesh import StageMesh
+from flexfem.fem.response import Response
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.files.tables import once
 from flexfem.mechanism.contacts import hinge_couples
 from flexfem.mechanism.drives import StageDrive, drive_of

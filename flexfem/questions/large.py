@@ -19,7 +19,7 @@ from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.nonlinear import equilibrium, imposed
 from flexfem.fem.response import Response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import large_mechanism

@@ -19,7 +19,7 @@ from flexfem.arrays import Array, Index, is_largest
 from flexfem.fem.elements import von_mises
 from flexfem.fem.fields import notch_fields
 from flexfem.fem.response import Response
-from flexfem.fem.structure import out_of_plane_ratio_of
+from flexfem.fem.stage_mesh import out_of_plane_ratio_of
 from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
 from flexfem.hinges import strength

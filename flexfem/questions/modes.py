@@ -18,13 +18,14 @@ from flexfem.analytic.plates import modes as network_modes
 from flexfem.analytic.responses import dynamics
 from flexfem.arrays import Array, Index, brief
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import StageMesh, build_mesh
+from flexfem.fem.fields import stack_loads
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.modes import Modes as ModesOfStructure
 from flexfem.fem.modes import VibratingStructure, lowest, stage_modes, vibrating_structure
 from flexfem.fem.modes import modes as modes_of
 from flexfem.fem.ports import plate_modes
-from flexfem.fem.response import stack_loads
-from flexfem.fem.structure import layers_of, mass_of, plate_of, sheet_of, structure
+from flexfem.fem.stage_mesh import build_mesh, layers_of, plate_of, sheet_of
+from flexfem.fem.structure import mass_of, structure
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism import bodies
 from flexfem.mechanism.bodies import Payload

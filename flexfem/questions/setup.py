@@ -31,9 +31,9 @@ from flexfem import arguments
 from flexfem.analytic.model import ModelChoice, choose
 from flexfem.arrays import Array
 from flexfem.fem.export import write_vtu
-from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh, mesh_sectors
+from flexfem.fem.mesh import RESOLUTION, SOLID_RESOLUTION, Sector, StageMesh
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import mesh_sectors, plate_of
 from flexfem.files.provenance import Sourced, assumptions
 from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible

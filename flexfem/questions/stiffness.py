@@ -15,7 +15,7 @@ from flexfem.fem.elements import Layers, Plate, nodal_stress, von_mises
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.structure import out_of_plane_ratio_of, sheet_of
+from flexfem.fem.stage_mesh import out_of_plane_ratio_of, sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage

@@ -12,7 +12,7 @@ from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, Freedoms, PaperModel, i
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.formulas import formula
-from flexfem.mechanism.designs import Frames, frames
+from flexfem.mechanism.frames import Frames, frames
 
 R, RA, RAS, RS = ("rotation",), ("rotation", "axial"), ("rotation", "axial", "shear"), ("rotation", "shear")
 TABLES: dict[str, Freedoms] = {

@@ -13,7 +13,7 @@ from flexfem.analytic.paper import (
     joints_of,
     mobility,
 )
-from flexfem.mechanism.designs import frames
+from flexfem.mechanism.frames import frames
 
 
 @pytest.mark.parametrize("expected", [3, 6, 12, 21])

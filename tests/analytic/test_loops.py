@@ -18,7 +18,7 @@ from flexfem.analytic.paper import (
     rank_revealing,
     stiffness,
 )
-from flexfem.mechanism.designs import Frames
+from flexfem.mechanism.frames import Frames
 
 from .conftest import close_loops
 

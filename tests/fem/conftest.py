@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from flexfem.fem.mesh import StageMesh, build_mesh, mapped
+from flexfem.fem.mesh import StageMesh, mapped
 from flexfem.fem.response import Response, platform_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.stage import Stage, load_stage
 
 from ..conftest import UNLIKE, with_changes

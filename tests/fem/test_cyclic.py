@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 
 from flexfem.fem.fields import base_rotations, envelope, neck_stresses
-from flexfem.fem.mesh import StageMesh, joined, mesh_sectors
+from flexfem.fem.mesh import StageMesh, joined
 from flexfem.fem.response import Response, platform_response, unit_response
-from flexfem.fem.structure import Structure, plate_of
+from flexfem.fem.stage_mesh import mesh_sectors, plate_of
+from flexfem.fem.structure import Structure
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.actuators import HINGE_NAMES
-from flexfem.mechanism.designs import CHAIN_TURN, chain_rotation, turned
+from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation, turned
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
 

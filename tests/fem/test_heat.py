@@ -9,9 +9,9 @@ import pytest
 
 import flexfem
 from flexfem.fem.elements import nodal_stress
-from flexfem.fem.mesh import build_mesh
 from flexfem.fem.response import free_displacement, heat_response, platform_response
-from flexfem.fem.structure import NONE, plate_of, structure
+from flexfem.fem.stage_mesh import build_mesh, plate_of
+from flexfem.fem.structure import NONE, structure
 
 ROUND_OFF = 1e-12
 NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}

@@ -10,7 +10,8 @@ import pytest
 from hinge_charts import FREEDOMS, HIGH, LOW, SingleHinge, compliance, hinge_mesh, make, richardson
 from hinge_charts import sample as sample_anew
 
-from flexfem.fem.mesh import grading, jacobians, least_scaled_jacobian, notch_sizes
+from flexfem.fem.mesh import jacobians, least_scaled_jacobian
+from flexfem.fem.stage_mesh import grading, notch_sizes
 from flexfem.mechanism.outlines import Face, Segment, area
 from flexfem.questions.bands import grid_convergence
 

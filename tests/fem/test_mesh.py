@@ -14,18 +14,13 @@ from scipy.spatial import KDTree
 
 import flexfem.fem.mesh
 from flexfem.fem import mesher
-from flexfem.fem.mesh import (
-    StageMesh,
-    build_mesh,
-    check_triangles,
-    drawn_area,
-    jacobians,
-    least_scaled_jacobian,
-)
+from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, least_scaled_jacobian
 from flexfem.fem.mesher import FaceMesh, run_mesher
+from flexfem.fem.stage_mesh import build_mesh, drawn_area
 from flexfem.mechanism.bodies import BODIES, draw_sector
-from flexfem.mechanism.designs import CHAIN_TURN, stage_frames, turned
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.outlines import area
 from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.refused import BadInput, ComputationFailed

@@ -10,10 +10,11 @@ import scipy.linalg
 import scipy.sparse.linalg
 
 from flexfem.fem.elements import Plate, integration
-from flexfem.fem.mesh import build_mesh, nodes_on, quadrature, shape_functions
+from flexfem.fem.fields import driven_response
+from flexfem.fem.mesh import nodes_on, quadrature, shape_functions
 from flexfem.fem.modes import _aligned, modes, vibrating_structure
-from flexfem.fem.response import driven_response
-from flexfem.fem.structure import NONE, mass_of, plate_of, structure
+from flexfem.fem.stage_mesh import build_mesh, plate_of
+from flexfem.fem.structure import NONE, mass_of, structure
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.modes import payload_of, vibrating

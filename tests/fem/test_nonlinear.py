@@ -8,9 +8,9 @@ import scipy.sparse as sp
 
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import Factoriser
-from flexfem.fem.mesh import build_mesh
 from flexfem.fem.nonlinear import LargeStructure, equilibrium, imposed
-from flexfem.fem.structure import plate_of, structure
+from flexfem.fem.stage_mesh import build_mesh, plate_of
+from flexfem.fem.structure import structure
 from flexfem.refused import ComputationFailed
 
 from ..conftest import with_changes

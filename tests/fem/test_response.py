@@ -11,11 +11,13 @@ import pytest
 import flexfem.fem.response
 from flexfem.fem.elements import Plate
 from flexfem.fem.factor import factorise
-from flexfem.fem.fields import neck_maxima, neck_stresses
+from flexfem.fem.fields import neck_maxima, neck_stresses, neck_wrenches
 from flexfem.fem.mesh import ordered
-from flexfem.fem.response import factorised_whole, neck_wrenches, platform_response
-from flexfem.fem.structure import NONE, plate_of, structure
-from flexfem.mechanism.designs import chain_rotation, stage_frames, turned
+from flexfem.fem.response import factorised_whole, platform_response
+from flexfem.fem.stage_mesh import plate_of
+from flexfem.fem.structure import NONE, structure
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.frames import chain_rotation, turned
 from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
 

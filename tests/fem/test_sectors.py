@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import flexfem.fem.mesh
-from flexfem.fem.mesh import mesh_sectors, sector_drawing
+import flexfem.fem.stage_mesh
 from flexfem.fem.mesher import end_processes, mesh_faces, run_mesher
 from flexfem.fem.response import unit_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import mesh_sectors, plate_of, sector_drawing
 from flexfem.mechanism.outlines import Face
 from flexfem.questions.bands import grid_convergence
 from flexfem.refused import ComputationFailed
@@ -69,7 +68,7 @@ def test_thirds_that_do_not_fit_are_refused(unlike, monkeypatch):
         job = sector_drawing(stage, chain, *resolutions)
         return job if chain != 2 else job._replace(divisions={**job.divisions, "cut ahead": 9})
 
-    monkeypatch.setattr(flexfem.fem.mesh, "sector_drawing", finer)
+    monkeypatch.setattr(flexfem.fem.stage_mesh, "sector_drawing", finer)
     with pytest.raises(ComputationFailed, match="cut"):
         mesh_sectors(unlike.stage, 2)
 

@@ -10,8 +10,9 @@ import pytest
 
 from flexfem.fem.elements import Plate, layered, mirrored, nodal_stress
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.mesh import Sector, StageMesh, joined, mesh_sectors
+from flexfem.fem.mesh import Sector, StageMesh, joined
 from flexfem.fem.response import platform_response, unit_response
+from flexfem.fem.stage_mesh import mesh_sectors
 from flexfem.mechanism.stage import Stage
 
 from ..validation.consistency import curved_cells, unsupported

@@ -8,9 +8,10 @@ import scipy.linalg
 
 from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import joined, mesh_sectors
+from flexfem.fem.mesh import joined
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
-from flexfem.fem.structure import layers_of, mass_of, sheet_of, structure
+from flexfem.fem.stage_mesh import layers_of, mesh_sectors, sheet_of
+from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.bodies import Payload, carried_out_of_plane, drawn_inertia
 
 from ..validation.vibration import third

@@ -12,7 +12,7 @@ from flexfem.analytic.model import at_necks
 from flexfem.fem.elements import Plate, nodal_stress
 from flexfem.fem.mesh import nodes_on
 from flexfem.hinges.strength import Wrench, neck_stress, stress_raised
-from flexfem.mechanism.designs import Frames
+from flexfem.mechanism.frames import Frames
 from flexfem.mechanism.profiles import Concentration, concentration
 
 from ..validation.fields import Support, edge_force, nearest_node, solve

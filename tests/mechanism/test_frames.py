@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from flexfem.files.tables import once
-from flexfem.mechanism.designs import CHAIN_TURN, direction, frames, stage_frames
+from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.frames import CHAIN_TURN, direction, frames
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 
 from ..conftest import StageMaker

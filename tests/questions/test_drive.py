@@ -11,9 +11,8 @@ from matplotlib.quiver import Quiver
 
 import flexfem
 from flexfem.commands import cli
-from flexfem.fem.mesh import build_mesh
-from flexfem.fem.response import driven_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.fields import driven_response
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.plot.drive import plot_drive, plot_forces, plot_open_loop, plot_strokes, stack_ends

@@ -7,8 +7,8 @@ import pytest
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice, assemble
 from flexfem.analytic.paper import inverse_kinematics, stiffness
-from flexfem.fem.response import neck_wrenches
-from flexfem.fem.structure import plate_of
+from flexfem.fem.fields import neck_wrenches
+from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.contacts import Push, Stack
 from flexfem.mechanism.drives import StageDrive, drive_of
 from flexfem.mechanism.stage import Stage, load_stage

@@ -8,10 +8,9 @@ import scipy.linalg
 from scipy.io import loadmat
 
 import flexfem
-from flexfem.fem.mesh import build_mesh
+from flexfem.fem.fields import driven_response
 from flexfem.fem.modes import modes
-from flexfem.fem.response import driven_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.questions.driven import Driven
 from flexfem.questions.modes import payload_of, vibrating

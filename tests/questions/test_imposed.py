@@ -11,9 +11,8 @@ from scipy.linalg import lstsq
 from flexfem.analytic.model import analyse, hinge_compliance
 from flexfem.analytic.paper import KINDS, freedoms_of
 from flexfem.analytic.responses import driven_model
-from flexfem.fem.mesh import build_mesh
-from flexfem.fem.response import driven_response
-from flexfem.fem.structure import plate_of
+from flexfem.fem.fields import driven_response
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.contacts import hinge_couples
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.stage import Stage, load_stage

@@ -9,7 +9,7 @@ import flexfem
 from flexfem.analytic.large import at_pose
 from flexfem.analytic.model import analyse, assemble
 from flexfem.fem.nonlinear import equilibrium
-from flexfem.fem.structure import plate_of
+from flexfem.fem.stage_mesh import plate_of
 from flexfem.plot.drive import large_figure
 from flexfem.questions import large as module
 from flexfem.questions.large import EXACT, HELD, LOADED, TANGENT, WITHOUT, Large

@@ -1,6 +1,6 @@
 """What forces of the stacks add to the stiffness of the platform: elastic joints against nonlinear finite elements.
 
-Motions of bodies are read with the weights of `response.push_forces`; from them follows the opening g of a stack.
+Motions of bodies are read with the weights of `fields.push_forces`; from them follows the opening g of a stack.
 Constant forces N have the potential `-N g`; what it adds to the sparse tangent is of low rank. As a link turns by
 theta, weights f read `-v theta^2/2`, v = sum f r, as if the link had moved; it is taken out.
 """
@@ -15,12 +15,13 @@ import flexfem
 from flexfem.analytic.large import loaded, serial
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.fem.factor import Factoriser
+from flexfem.fem.fields import push_forces
 from flexfem.fem.nonlinear import LargeStructure
-from flexfem.fem.response import push_forces
-from flexfem.fem.structure import plate_of, structure
+from flexfem.fem.stage_mesh import plate_of
+from flexfem.fem.structure import structure
 from flexfem.mechanism.contacts import FOLLOWS
-from flexfem.mechanism.designs import chain_rotation
 from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.frames import chain_rotation
 from flexfem.mechanism.stage import load_stage
 from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.driven import Driven

@@ -19,9 +19,10 @@ from scipy.linalg import eigh
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, mirrored
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import StageMesh, grading, notch_sizes
+from flexfem.fem.mesh import StageMesh
 from flexfem.fem.mesher import Grading
 from flexfem.fem.response import platform_response
+from flexfem.fem.stage_mesh import grading, notch_sizes
 from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.outlines import Face, Segment

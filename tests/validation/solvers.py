@@ -12,10 +12,11 @@ import numpy as np
 from flexfem.arrays import Array
 from flexfem.fem.elements import SOLID_QUADRATURE, Plate, nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima
-from flexfem.fem.mesh import StageMesh, build_mesh, mesh_sectors, welded
+from flexfem.fem.mesh import StageMesh, welded
 from flexfem.fem.modes import modes, stage_modes, vibrating_structure
 from flexfem.fem.response import platform_response, unit_response
-from flexfem.fem.structure import layers_of, mass_of, plate_of, sheet_of, structure
+from flexfem.fem.stage_mesh import build_mesh, layers_of, mesh_sectors, plate_of, sheet_of
+from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.units import DENSITY, UNITS

@@ -14,7 +14,7 @@ from flexfem.fem.elements import Plate, mirrored
 from flexfem.fem.mesh import Sector, StageMesh, by_radius, mapped, nodes_on
 from flexfem.fem.modes import Modes, modes, stage_modes, vibrating_structure
 from flexfem.fem.structure import mass_of, structure
-from flexfem.mechanism.designs import CHAIN_TURN
+from flexfem.mechanism.frames import CHAIN_TURN
 
 from .problem import Finding, cantilever, extrapolated, problem, rectangle
 
@@ -99,7 +99,7 @@ def bent_beam() -> list[Finding]:
         for k, root in enumerate(BEAM_ROOTS):
             target, ours = bending_hertz(root, LENGTH, depth), float(found.frequencies[k] / (2 * math.pi))
             what = f"cantilever, frequency {k + 1} of bending {which} the plane (Hz)"
-            rows.append(Finding(what, target, ours, DEEPER * target, unknowns=found.unknowns))
+            rows.append(Finding(what, target, ours, DEEPER * target, unknowns=found.structure.size))
     return rows
 
 
@@ -177,5 +177,5 @@ def annular_plate() -> list[Finding]:
         hertz = found.frequencies / (2 * math.pi)
         for what, target, ours in (("rises", rise, hertz[0]), ("tilts", tilt, hertz[1]), ("tilts", tilt, hertz[2])):
             quantity = f"frequency at which the disc {what} (Hz), {which}"
-            rows.append(Finding(quantity, target, float(ours), KIRCHHOFF * target, unknowns=found.unknowns))
+            rows.append(Finding(quantity, target, float(ours), KIRCHHOFF * target, unknowns=found.structure.size))
     return rows

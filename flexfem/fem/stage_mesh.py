@@ -1,0 +1,170 @@
+"""Meshes of stages: a sector per chain, one for three identical chains; plates and layers of stages.
+
+Element size grows linearly with the distance from a neck, outside the length over which a notch bends, about
+`sqrt(t R)`: four triangles across a neck then keep the platform stiffness within 0.1 % from t/R = 1e-4 to more than 1
+(see `benchmarks/study.py`; PLATEAU and GROWTH were chosen for that on other stages).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from flexfem.fem.elements import Layers, Plate, mirrored
+from flexfem.fem.mesh import (
+    RESOLUTION,
+    SAME_PLACE,
+    Sector,
+    StageMesh,
+    by_radius,
+    check_triangles,
+    mesh_of,
+    nodes_on,
+    welded,
+)
+from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_jobs
+from flexfem.mechanism.actuators import HINGE_NAMES
+from flexfem.mechanism.bodies import draw_sector, necks
+from flexfem.mechanism.designs import lower
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.frames import CHAIN_TURN, turned
+from flexfem.mechanism.outlines import Face, area
+from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import Hinge
+from flexfem.refused import BadInput, ComputationFailed
+
+TIME_LIMIT = 60.0  # s, for meshing one sector
+COARSEST = 2.0  # local thickness that sets the triangle size far from the necks, per link width
+PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(t R), where a notch bends
+GROWTH = 1.6  # of the triangle size with the distance from a neck, times the triangles across it
+SLENDER = 0.3  # distance, per notch radius, up to which the thickness `t + d^2/R` grows slower than a cone
+STUBBY = 0.5  # t/R above which the notch radius, not the neck, sets the triangle size
+PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch follows the cone of its neck
+
+
+def drawn_area(stage: Stage) -> float:
+    """Area of the drawn stage, mm^2."""
+    return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
+
+
+def mesh_sectors(
+    stage: Stage, resolution: int | tuple[int, int, int], time_limit: float | Limit = TIME_LIMIT
+) -> tuple[Sector, ...]:
+    """Mesh a feasible stage: three sectors, or one that represents three identical chains.
+
+    Parameters
+    ----------
+    resolution : least number of triangles across every neck, or one per chain; the finest applies to the cuts.
+    time_limit : s, for gmsh on all sectors.
+
+    Raises BadInput for a stage that cannot be made, ComputationFailed when the mesh fails its checks, MeshTimeout when
+    it takes too long.
+    """
+    check_feasible(stage)
+    across = (resolution,) * 3 if isinstance(resolution, int) else resolution
+    chains = (1,) if stage.chains_alike and len(set(across)) == 1 else (1, 2, 3)
+    keys = [(across[chain - 1], *(stage.hinge(chain, name) for name in HINGE_NAMES)) for chain in chains]
+    distinct = [keys.index(key) for key in dict.fromkeys(keys)]
+    jobs = [sector_drawing(stage, chains[k], across[chains[k] - 1], max(across)) for k in distinct]
+    meshed = list(map(_sector, jobs, run_jobs(jobs, time_limit)))
+    sectors = tuple(meshed[distinct.index(keys.index(key))] for key in keys)
+    for sector, following in zip(sectors, (*sectors[1:], sectors[0]), strict=True):
+        ahead, behind = sector.mesh.nodes[sector.ahead], turned(following.mesh.nodes[following.behind], CHAIN_TURN)
+        if ahead.shape != behind.shape or np.max(np.abs(ahead - behind)) > SAME_PLACE:
+            raise ComputationFailed("meshes of two sectors do not have the same nodes on their cut")
+    return sectors
+
+
+def build_mesh(stage: Stage, resolution: int = RESOLUTION) -> StageMesh:
+    """Mesh the whole stage with `mesh_sectors`; with identical chains the mesh is exactly symmetric."""
+    return welded(mesh_sectors(stage, resolution))[0]
+
+
+def sector_drawing(stage: Stage, chain: int, resolution: int, finest: int) -> FaceMesh:
+    """Return drawing and sizes of the sector of a chain; `finest`, the highest resolution of all, sets the cuts."""
+    fine = max(resolution, 2)  # a single triangle across an arc would degenerate
+    faces, coarse = list(draw_sector(stage, chain).values()), COARSEST * stage.chain.link_width / fine
+    points = _refinement_points(stage, chain, faces, fine)
+    rim = stage.platform.radius - stage.platform.hub_radius
+    cuts = max(2, math.ceil(rim / (COARSEST * stage.chain.link_width / max(finest, 2))))
+    divisions = {f"neck {name}": _across(stage.hinge(chain, name), resolution) for name in HINGE_NAMES}
+    divisions |= {"cut behind": cuts, "cut ahead": cuts}
+    return FaceMesh(faces, divisions, [grading(*point, coarse, fine) for point in points if point[-1] < coarse])
+
+
+def grading(centre: complex, radius: float, size: float, coarse: float, across: float) -> Grading:
+    """Return sizes, mm, that grow outside a radius at the rate of a neck with `across` triangles."""
+    return Grading((centre,), radius, size, coarse, (coarse - size) * across / GROWTH)
+
+
+def notch_sizes(neck: float, radius: float, across: float, resolution: float) -> Iterator[tuple[float, float]]:
+    """Yield distances from a neck and sizes within them, mm, as the thickness of a notch grows slower than a cone."""
+    distance = PLATEAU * math.sqrt(neck * radius)
+    yield distance, neck / across
+    while distance < SLENDER * radius:
+        yield 2 * distance, (neck + 2 * distance**2 / radius) / resolution
+        distance *= 2
+
+
+def _across(hinge: Hinge, resolution: int) -> int:
+    """Return the triangles across a neck: more in a stubby hinge, whose notch must be resolved."""
+    return math.ceil(resolution * max(1.0, hinge.neck / (STUBBY * hinge.radius)))
+
+
+def _refinement_points(
+    stage: Stage, chain: int, faces: list[Face], resolution: int
+) -> Iterator[tuple[complex, float, float]]:
+    """Yield centres, radii and the triangle sizes within, mm: of necks, the platform and rounded bends."""
+    notches = []
+    for neck, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
+        hinge = stage.hinge(chain, name)
+        sizes = notch_sizes(hinge.neck, hinge.radius, _across(hinge, resolution), resolution)
+        yield from ((neck.point, *size) for size in sizes)
+        across = (hinge.neck / 2 + hinge.radius) * 1j * cmath.exp(1j * neck.heading)
+        notches += [neck.point + across, neck.point - across]
+    disc, hub = stage.platform.radius, stage.platform.hub_radius
+    yield 0j, disc, COARSEST * (disc - hub) / resolution
+    for arc in dict.fromkeys(segment for face in faces for segment in face.loop):
+        if arc.centre in (None, 0j) or any(abs(arc.centre - notch) < SAME_PLACE for notch in notches):
+            continue  # hub, rim and notches have cones of their own
+        radius = abs(arc.start - arc.centre)
+        yield arc.centre, radius, radius * 2 * math.pi / PER_TURN
+
+
+def _sector(job: FaceMesh, arrays: NamedArrays) -> Sector:
+    check_triangles(mesh := mesh_of(arrays), sum(area(face.loop) for face in job.faces))
+    hub = nodes_on(mesh, "hub")
+    behind, ahead = (by_radius(mesh.nodes, mesh.edges[f"cut {side}"]) for side in ("behind", "ahead"))
+    return Sector(mesh, behind[~np.isin(behind, hub)], ahead[~np.isin(ahead, hub)])
+
+
+def plate_of(stage: Stage) -> Plate:
+    """Return the plate of the plane problem of a stage. Raises BadInput for a model that is not plane."""
+    with located(stage):
+        if stage.model == "corrected":
+            raise BadInput(
+                'model = "corrected", with three-dimensional hinges, expected "plane_stress" or "plane_strain": '
+                "the finite elements are plane"
+            )
+    E, nu = stage.elastic
+    return Plate(float(E), float(nu), stage.thickness)
+
+
+def sheet_of(stage: Stage) -> Plate:
+    """Return the material and thickness of a stage for a problem in three dimensions."""
+    return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
+
+
+def out_of_plane_ratio_of(stage: Stage) -> float:
+    """Ratio of the stress zz to the sum xx + yy, as `elements.von_mises` takes it."""
+    return float(lower(stage).out_of_plane[0])
+
+
+def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
+    """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out of it."""
+    layers = mirrored(stage.thickness, number, float(stage.array("neck").min()))
+    return layers.antisymmetric if antisymmetric else layers
