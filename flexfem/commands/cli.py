@@ -391,6 +391,11 @@ def _usage(error: Any) -> str:
     if type(error).__name__ == "NoArgsIsHelpError":
         error.show()
         return ""
+    if hasattr(error.__cause__, "errors"):  # of pydantic, with which typer converts the values of options
+        details = error.__cause__.errors()[0]
+        expected = re.sub(r"^(Value error, .* is not |Input should be )|, unable to .*", "", details["msg"])
+        expected = re.sub(r"^(greater|less) than", r"a number \1 than", expected)
+        error.message = f"{details['input']}, expected {expected}"
     message = " ".join(error.format_message().split()).removesuffix(".")
     hint = f" (see {error.ctx.command_path} --help)" if error.ctx is not None else ""
     return f"{message[:1].lower()}{message[1:]}{hint}"
