@@ -40,6 +40,7 @@ SMALLEST_PERCENTAGE = 1e-3  # of those without a band; smaller ones are shown as
 MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
+UNEVEN = 1e-6  # the same of a value without a band: meshes of parts are not symmetric
 ANALYTIC, ELEMENTS, SOLID = "analytic", "finite elements", "three dimensions"  # labels of the axis "model"
 SHEET = "plane stress"  # label of the plane problem that is compared with three dimensions
 AXES = {
@@ -467,8 +468,9 @@ class Result:
 
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
         value, band = float(self.values[quantity.name][at]), float(self.band(quantity.name)[at])
-        round_off = ROUND_OFF * self.sizes(quantity.name)[at]
-        if abs(value) <= round_off:
+        size = self.sizes(quantity.name)[at]
+        round_off = ROUND_OFF * size
+        if abs(value) <= (round_off if band > 0 else UNEVEN * size):
             value, band = 0.0, np.nan
         band = band if band > round_off else np.nan
         unit = quantity.unit_at(at)
@@ -607,7 +609,7 @@ def record_parts(record: Any, plain: bool = True) -> tuple[list[tuple[str, str]]
     facts, tables = list[tuple[str, str]](), list[TextTable]()
     for name, value in record._asdict().items():
         title = without_unit(name).replace("_", " ")
-        if name in ("warnings", "assumed", "not_stated") or value in (None, "", [], False):
+        if name in ("warnings", "assumed", "not_stated") or value in (None, "", [], {}, False):
             continue
         if hasattr(value, "_fields"):
             inner, more = record_parts(value, plain)

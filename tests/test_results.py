@@ -29,7 +29,7 @@ class Trial(Result):
     stress = Quantity("stress", "mpa", ("case", "model", "hinge"), Gate(0.1), largest=("hinge",))
 
 
-POSE = [[[0.01, 0.02, 1e-12], [0.0125, 0.02, 1e-9]], [[0.0, 0.0, 2e-3], [np.nan, 0.0, 1e-3]]]
+POSE = [[[0.01, 0.02, 4e-10], [0.0125, 0.02, 1e-8]], [[0.0, 0.0, 2e-3], [np.nan, 0.0, 1e-3]]]
 STRESS = [[[1.0, 5.0, 2.0], [4.0, 3.0, 2.0]], [[1.0, 1.0, 3.0], [0.5, 2.0, 1.0]]]
 BANDS = {"pose": [[[np.nan] * 3, [0.0003, np.nan, np.nan]], [[np.nan] * 3] * 2]}
 
@@ -46,13 +46,13 @@ def test_a_table_has_units_bands_differences_and_where_the_largest_is(found: Tri
     assert table.head == ["case", "model", "x", "y", "theta"] and table.caption == "displacement"
     assert table.rows == [
         ["cold", "analytic", "10 um", "20 um", "0"],
-        ["", "finite elements", "12.50 ± 0.30 um", "20 um", "1 nrad"],
-        ["", "difference (%)", "-20.00", "+0.00", "-99.90"],
+        ["", "finite elements", "12.50 ± 0.30 um", "20 um", "10 nrad"],
+        ["", "difference (%)", "-20.00", "+0.00", "-96.00"],
         ["very hot", "analytic", "0", "0", "2 mrad"],
         ["", "finite elements", "", "0", "1 mrad"],
         ["", "difference (%)", "", "", "+100.00"],
     ]
-    answer = "displacement (finite elements): cold x 12.50 ± 0.30 um, y 20 um, theta 1 nrad; very hot y 0, theta 1 mrad"
+    answer = "displacement (finite elements): cold x 12.50 ± 0.30 um, y 20 um, theta 10 nrad; very hot y 0, theta 1 mrad"
     assert found.answer() == answer
     assert stress.head == ["case", "model", "stress (MPa)"]
     assert stress.rows[:3] == [

@@ -13,7 +13,7 @@ from flexfem.questions.driven import Driven
 from flexfem.questions.plates import ON_MESHES, PEAK, ROUND_OFF, Responses, meshed, of_models, over_yield, solved
 from flexfem.questions.setup import Mesh, MeshFields, Models, answer
 from flexfem.refused import BadInput
-from flexfem.results import Quantity, Result
+from flexfem.results import UNEVEN, Quantity, Result
 
 
 class MechanismDrive(Result):
@@ -85,8 +85,8 @@ def drive(mechanism: Mechanism, mesh: Mesh | None, models: Models) -> MechanismD
             "transmission": output,
             "used": 100 * np.diag(opening),
             "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
-            "cross": 100 * np.where(np.abs(cross) < ROUND_OFF, 0.0, cross),
-            "rotation": np.where(np.abs(rotation) * mechanism.layout.lever < ROUND_OFF, 0.0, rotation),
+            "cross": 100 * np.where(np.abs(cross) < UNEVEN, 0.0, cross),
+            "rotation": np.where(np.abs(rotation) * mechanism.layout.lever < UNEVEN, 0.0, rotation),
             "force": np.diag(found.Y) * strokes,
             "stress": response.stress((found.Y * strokes).T @ np.eye(len(C))[drives]),
             "engaged": found.stiffness,
