@@ -80,8 +80,10 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
 
 
 def _unbroken(text: str) -> str:
-    """Return a cell that breaks neither after its sign ± nor within its unit."""
-    return text.replace("± ", f"±{SPACE}").replace("N mm", f"N{SPACE}mm").replace("/", "/\N{WORD JOINER}")
+    """Return a cell that breaks neither after its sign ±, nor before a %, nor within its unit."""
+    for pair in ("± ", " %", "N mm"):
+        text = text.replace(pair, pair.replace(" ", SPACE))
+    return text.replace("/", "/\N{WORD JOINER}")
 
 
 def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
@@ -99,7 +101,7 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
         ratio = 100 * other / K[-1]
         errors = [f"{number(*pair)} %" for pair in zip(ratio - 100, ratio * (width / K)[-1], strict=True)]
         rows.append(
-            [f"error of this stiffness by the analytic model ({analytic if label == ANALYTIC else label})", *errors]
+            [f"error of the stiffness, others held, by the analytic model ({analytic if label == ANALYTIC else label})", *errors]
         )
     return rows
 

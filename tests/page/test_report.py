@@ -328,7 +328,7 @@ def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_mo
     rows = {title: cells for title, *cells in rows_at_rest(found, ELEMENTS, "beams")}
     assert rows["stiffness, other directions held"][:2] == ["40.00 ± 0.10 N/mm", "50.00 ± 0.20 N/mm"]
     assert rows["force at yield"][0] == "20.00 ± 0.25 N" and rows["range at yield, ±"][1] == "500.0 ± 5.0 µm"
-    errors = rows["error of this stiffness by the analytic model (beams)"]
+    errors = rows["error of the stiffness, others held, by the analytic model (beams)"]
     assert errors[0] == "10.00 ± 0.28 %" and errors[2].startswith("-10.00")
 
 
