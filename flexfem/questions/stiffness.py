@@ -447,7 +447,7 @@ def summary(
             model = driven.axes["model"][-1]
             values |= _ends(driven.at, model)
             bands |= _ends(driven.band, model)
-            notes.append(f"drive min, max: {model} model with all actuators; first frequency: without the actuators")
+            notes.append(f"drive min, max: by {model}, with all actuators; first frequency: without the actuators")
         return MechanismSummary(found.about, values, bands, found.axes, settings, warnings, notes)
     if "thickness" in found.values:
         values["thickness"] = found.values["thickness"]
