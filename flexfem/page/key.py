@@ -100,9 +100,8 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
     for label, other in zip(found.axes["model"][:-1], K[:-1], strict=True):
         ratio = 100 * other / K[-1]
         errors = [f"{number(*pair)} %" for pair in zip(ratio - 100, ratio * (width / K)[-1], strict=True)]
-        rows.append(
-            [f"error of the stiffness, others held, by the analytic model ({analytic if label == ANALYTIC else label})", *errors]
-        )
+        named = analytic if label == ANALYTIC else label
+        rows.append([f"error of the stiffness, others held, by the analytic model ({named})", *errors])
     return rows
 
 
