@@ -143,7 +143,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
     *files : Path
         Stages, mechanisms, cases, studies, and charts of flexfem itself.
     reason : str
-        Why numbers may move; stored in the history of each baseline.
+        The reason why numbers may move; stored in the history of each baseline.
     baselines : Path, optional
         Folder of the baselines; by default `baselines` beside each file.
     progress : callable, optional
@@ -155,7 +155,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
         A file cannot be used, its baseline is that of another one, the reason is empty, or a question fails.
     """
     if not isinstance(reason, str) or not reason.strip():
-        raise BadInput("reason is empty, expected why the numbers may move")
+        raise BadInput("reason is empty, expected the reason why the numbers may move")
     targets: dict[Path, Path] = {}
     for path in map(checked_path, files):
         kind_of(path)

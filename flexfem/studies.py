@@ -78,13 +78,13 @@ def run_study(
     shard: str = "1/1",
     retry: bool = False,
 ) -> dict[str, Any]:
-    """Compute the unfinished designs of a study; a run that was stopped or killed continues where it was.
+    """Compute the unfinished designs of a study. The same call continues a run that was stopped or killed.
 
     Parameters
     ----------
     study : the study file, or the folder of its results, such as `reports/study-reach`, as for all functions here.
     output : the folder of results, in which the study has its own folder.
-    workers : number of processes on this machine, by default one a processor.
+    workers : number of processes on this machine, by default one per processor.
     shard : `I/N`, compute only the I-th of N shares.
     retry : also repeat designs that failed or ran out of time.
 
@@ -114,7 +114,7 @@ def compute(
 
 
 def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
-    """Count the designs of a study done, refused, failed with reasons, or unfinished, as `study status --json`.
+    """Count the finished, refused, failed and unfinished designs of a study, with reasons, as `study status --json`.
 
     Raises BadInput.
     """

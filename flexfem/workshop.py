@@ -120,8 +120,8 @@ def view(file: Path, *, output: Path | None = None) -> View:
     Raises
     ------
     BadInput
-        The file is invalid, or the folder is not writable. What the file describes cannot be
-        made; this is drawn as far as possible, with what clashes in red, before it is raised.
+        The file is invalid, the folder is not writable, or the stage or mechanism cannot be made. In the last case it
+        is drawn as far as possible, with the parts at fault in red, before the error is raised.
     """
     from flexfem.plot.plate import mechanism_figure, plot_mechanism
     from flexfem.plot.stage import drawing_figure, mark_clashes, plot_dimensions, show_window

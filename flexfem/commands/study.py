@@ -40,7 +40,7 @@ def run(
     retry: Annotated[bool, typer.Option("--retry", help="Repeat designs that failed or timed out.")] = False,
     json: Json = False,
 ) -> None:
-    """Compute the unfinished designs of a study. A run that was stopped or killed continues where it was."""
+    """Compute the unfinished designs of a study. The same command continues a run that was stopped or killed."""
     from flexfem import studies
 
     share = studies.shard_of(shard)
@@ -71,7 +71,7 @@ def _resumable(parts: Parts) -> Iterator[Callable[[Progress], None]]:
             yield watch
     except Stopped as stop:
         kept = f"{latest[0].counts.total():,} of {latest[0].designs:,} designs are" if latest else "finished parts are"
-        stop.said = f"stopped; {kept} kept in {parts.folder}; the same command continues"
+        stop.said = f"stopped; {kept} kept in {parts.folder}; the same command continues the run"
         raise
 
 

@@ -333,7 +333,7 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
     if not agreed:
         still = f"model and finite elements still differ by {100 * last.gap:.3g} %"
         if 100 * last.gap <= required.accuracy_percent:
-            still = "a requirement is still not met with its band, or within it where no room is left"
+            still = "a requirement is still not met with its band"
         warnings.append(f"after {len(rounds)} rounds {still}")
     if isinstance(loaded.base, Mechanism):
         if rounds[0].proof.gap > DISTANT:
@@ -348,10 +348,10 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
         low, high = required_law(loaded.stage.material).range
         subject, name = f"amplitudes for {required.life.cycles:g} cycles", amplitudes[0]
         if not low <= required.life.cycles <= high:
-            warnings.append(f"{subject} extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
+            warnings.append(f"{subject} are extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
         amplitude = abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
         if columns["safety_factor"] * amplitude < columns[name]:  # mean and amplitude grow together
-            warnings.append(f"{subject} from elastic stress, beyond yield")
+            warnings.append(f"{subject} are computed from elastic stress, beyond yield")
     if required.used & {*SCATTERED} and required.tolerance is not None and not required.tolerance.checked:
         warnings.append("coupling under tolerance is by the analytic model alone: tolerance.checked is 0")
     return warnings

@@ -30,7 +30,7 @@ FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 def run_design(
     requirements: PathLike, output: PathLike | None = None, workers: int = 1, say: Callable[[str], object] = silent
 ) -> Designed:
-    """Find the best stage or mechanism for requirements, or the one that misses least, and check it by finite elements.
+    """Find the best stage or mechanism for requirements, or the nearest one, and check it by finite elements.
 
     Parameters
     ----------
@@ -38,8 +38,8 @@ def run_design(
         Requirements file.
     output : path, optional
         Folder for the stage or mechanism file, `<stem>-stage.toml` or `<stem>-mechanism.toml`, those of the front,
-        `<stem>-front-1.toml` and so on, and the record, `<stem>-design.json`; an interrupted search resumes from it.
-        None writes nothing.
+        `<stem>-front-1.toml` and so on, and the record, `<stem>-design.json`. If a run was stopped, its finite-element
+        solutions in this folder are used again. None writes nothing.
     workers : int
         Processes for finite elements, 1 for this one.
     say : callable

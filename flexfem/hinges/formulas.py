@@ -217,7 +217,7 @@ def register_formula(
     function : of t/R (...), returns the dimensionless `E b R^2 theta/M` (...).
     source : origin of the formula, one line.
     valid : smallest and largest t/R for which it is valid; outside, results carry a warning.
-    axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes Paros-Weisbord's.
+    axial, bending : likewise `E b dx/F_x` and the bending part of `E b dy/F_y`; None takes that of Paros and Weisbord.
 
     Raises
     ------

@@ -84,7 +84,7 @@ class Material(Table):
             nearest = difflib.get_close_matches(data["name"], REGISTERED, n=NEAREST, cutoff=0.0)
             required = [Material.model_fields[name].is_required() for name in NUMBERS]
             others = ", ".join(compress(_keys(info), required))
-            raise refusal(f"a registered material ({', '.join(nearest)}), or beside it {others}", "name")
+            raise refusal(f"a registered material ({', '.join(nearest)}), or another name with {others}", "name")
         if known is None:
             return data
         return known.numbers(by_alias=info.context != INSIDE) | data
@@ -96,7 +96,7 @@ class Material(Table):
         given = [name for name in FATIGUE if getattr(self, name) is not None]
         for needed in (coefficient, exponent):
             if given and needed not in given:
-                raise refusal(f"{key[needed]} beside it", key[given[0]])
+                raise refusal(f"{key[needed]} as well", key[given[0]])
         if given and unlikely(self.fatigue_strength_coefficient or 0.0, self.yield_strength):
             raise refusal(UNLIKELY.format(*STRENGTHS, key["yield_strength"]), key[coefficient])
         if self.fatigue_range is not None and not self.fatigue_range[0] < self.fatigue_range[1]:
@@ -303,7 +303,7 @@ def with_material_of_file(path: PathLike, data: dict[str, Any]) -> dict[str, Any
         return data
     file, name, at = table["file"], table.get("name"), ("material", "file")
     if set(table) != {"name", "file"} or not isinstance(file, str) or not isinstance(name, str):
-        raise bad_key(path, at, f"material.file = {shown(file)}, expected a file name, beside material.name alone")
+        raise bad_key(path, at, f"material.file = {shown(file)}, expected a file name, and no other key but name")
     source = Path(path).parent / file
     available = read_materials(source)
     if name not in available:

@@ -142,7 +142,7 @@ def rounded(corners: Sequence[complex], radii: Sequence[float]) -> Outline:
         if sum(tangents[end] for end in ends) > abs(side) + SHORTEST:
             worst, other = sorted(ends, key=lambda end: -tangents[end])
             most = max(abs(side) - tangents[other], 0.0) * radii[worst] / tangents[worst]
-            raise ValueError(worst, f"a fillet of at most {most:.4g} mm, beside that of the next corner")
+            raise ValueError(worst, f"a fillet of at most {most:.4g} mm, together with that of the next corner")
     ahead = [side / abs(side) for side in sides]
     starts = [corner + tangent * a for corner, tangent, a in zip(corners, tangents, ahead, strict=True)]
     loop, edges = list[Segment](), list[int | None]()

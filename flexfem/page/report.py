@@ -195,7 +195,7 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     Raises
     ------
     BadInput
-        A file is no result or was changed since it was stored, or the folder is not writable.
+        A file is not a result or was changed since it was stored, or the folder is not writable.
     """
     check_folder(output)
     paths = [checked_path(each) for each in results]

@@ -63,7 +63,7 @@ class Drive(Result):
     drawn_from_fields = True
     reading = (
         "strokes and rotations are relative to rest; forces and stress include the preloads; the other directions are "
-        "held where a stiffness does not state otherwise",
+        "held unless a stiffness states otherwise",
     )
     pose = Quantity("pose of the platform", "motion", ("direction",), prefixed=True)
     load = Quantity("load on the platform", "wrench", ("direction",))

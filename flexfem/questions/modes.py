@@ -115,7 +115,7 @@ class MechanismModes(Result):
     reading = (
         "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
         "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
-        "one can",
+        "possible",
         "modes out of the plane are computed with layers only; a payload is a flat body at mid-plane; the hinges of "
         "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
         "modes differ from those of finite elements",

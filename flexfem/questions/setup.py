@@ -85,7 +85,8 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
             shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
     kinds = str(function.__annotations__["return"]).split(" | ")
     returns = ", or ".join(kinds) + " of a mechanism" * bool(of_mechanism)
-    text = text.replace("{shared}", "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES]))
+    added = "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES])
+    text = text.replace("{shared}", added.replace("The stage", f"The stage{of_mechanism.lower()}"))
     for key in not_for.split():
         text = re.sub(rf"(?m)^({key} : .*(?:\n    .*)*)", r"\1 Not for a mechanism.", text)
     function.__doc__ = text

@@ -11,7 +11,7 @@ MOST_WORKERS = 1024
 
 
 def table(path: str | os.PathLike[str], as_arrow: bool = False) -> Any:
-    """Read the table that `flexfem study collect` wrote, one row a design.
+    """Read the table that `flexfem study collect` wrote, one row per design.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
     if study.model in ("fe", "verify") and stage.model == "corrected":
         raise bad_key(path, ("model",), f'{problem} "analytic": the finite elements are plane')
     if study.model == "three_dimensional" and stage.model != "plane_stress":
-        why = "it is for plane models, and here the faces are free"
+        why = "it is for plane problems, and in three dimensions the faces are free"
         raise bad_key(path, ("model",), f"{problem} a stage without one: {why}")
     if study.driven and not stage.actuator:
         raise bad_key(path, ("drive", "actuators"), "drive.actuators = true, expected a base stage with [[actuator]]")

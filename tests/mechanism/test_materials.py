@@ -76,9 +76,9 @@ FATIGUE = ["fatigue_strength_coefficient_mpa = 1200", "fatigue_strength_exponent
     [
         ([FATIGUE[0], "fatigue_strength_exponent = 0.12"], "fatigue_strength_exponent = 0.12, expected -0.5 to -0.01"),
         ([FATIGUE[0], "fatigue_strength_exponent = 0.0"], "fatigue_strength_exponent = 0.0, expected -0.5 to -0.01"),
-        ([FATIGUE[0]], "coefficient_mpa = 1200, expected fatigue_strength_exponent beside it"),
-        ([FATIGUE[1]], "exponent = -0.12, expected fatigue_strength_coefficient_mpa beside it"),
-        (["walker_exponent = 0.6"], "walker_exponent = 0.6, expected fatigue_strength_coefficient_mpa beside"),
+        ([FATIGUE[0]], "coefficient_mpa = 1200, expected fatigue_strength_exponent as well"),
+        ([FATIGUE[1]], "exponent = -0.12, expected fatigue_strength_coefficient_mpa as well"),
+        (["walker_exponent = 0.6"], "walker_exponent = 0.6, expected fatigue_strength_coefficient_mpa as well"),
         ([*FATIGUE, "walker_exponent = 1.2"], "material.walker_exponent = 1.2, expected <= 1"),
         ([*FATIGUE, "fatigue_range_cycles = [1e6, 1e3]"], "expected the lower number of cycles first"),
         ([*FATIGUE, "fatigue_range_cycles = [0.0, 1e3]"], "fatigue_range_cycles[0] = 0.0, expected > 0"),
