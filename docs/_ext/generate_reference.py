@@ -31,8 +31,8 @@ COMMON = (
 SCHEMAS = """# JSON schemas
 
 An editor that knows TOML completes and checks the files of flexfem by these schemas. `flexfem schema --output FOLDER`
-writes them, with your own hinge formulas and materials where `--with FILE.py` stands before `schema`; the first line of
-a TOML file then names one:
+writes them. If `--with FILE.py` precedes `schema`, they contain your own hinge formulas and materials. The first line
+of a TOML file then names one:
 
 ```toml
 #:schema FOLDER/flexfem-stage.schema.json
