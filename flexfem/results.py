@@ -36,7 +36,7 @@ DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes, largest stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
 MOST_DIGITS = 7  # significant digits of a printed number
-SMALLEST_PERCENTAGE = 1e-3  # of those without a band; smaller ones are shown as 0
+SMALLEST_PERCENTAGE = 1e-3  # smaller ones, with their bands, are shown as 0
 MOST_LISTED = 3  # values in the line with the main result
 SPACE = "\N{NO-BREAK SPACE}"
 ROUND_OFF = 1e-9  # relative to the scale of a value; smaller values are zero by symmetry and shown as 0
@@ -414,7 +414,9 @@ class Result:
         by_cell = any(isinstance(each, tuple) for each in one.unit)
         labels = [label if by_cell else self._headed(label, one, k, plain) for k, label in enumerate(self.axes[spread])]
         caption = f"{one.meaning} ({_units_text(one.unit, plain)})" if by_cell else one.meaning
-        return TextTable([*over, *labels], self._rows(over, group, plain), len(over), caption)
+        head, rows = [*over, *labels], self._rows(over, group, plain)
+        kept = [k for k in range(len(head)) if k < len(over) or any(row[k] for row in rows)]  # not the empty columns
+        return TextTable([head[k] for k in kept], [[row[k] for k in kept] for row in rows], len(over), caption)
 
     def _headed(self, text: str, quantity: Quantity, column: int, plain: bool) -> str:
         """Return the heading of a column with its unit, unless the cells contain the unit."""
@@ -478,7 +480,7 @@ class Result:
             size = max(abs(value), float(np.nan_to_num(band)))  # of a number within its band, that of the band
             unit = unit_for("theta" if "rad" in unit.name else "x", size) if value else Unit(unit.factor, "")
         text = number(value * unit.factor, band * unit.factor)
-        if unit.name == "%" and np.isnan(band) and abs(value) < SMALLEST_PERCENTAGE:
+        if unit.name == "%" and abs(value) + np.nan_to_num(band) < SMALLEST_PERCENTAGE:
             text = "0"
         text = f"{text} {unit.label(plain)}".rstrip() if with_unit and text and np.isfinite(value) else text
         places = dict(zip(quantity.over, at, strict=True))

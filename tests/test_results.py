@@ -70,6 +70,18 @@ def test_a_number_within_its_band_has_the_prefix_of_the_band(found: Trial) -> No
     assert near_zero.tables()[1].rows[1][2] == "0 ± 55 nm"
 
 
+class Share(Result):
+    title = "a share"
+    part = Quantity("part", "percent", ("model", "direction"))
+
+
+def test_a_table_has_no_empty_columns_and_no_percentage_of_round_off() -> None:
+    parts, bands = [[0.5, 0.0, np.nan], [2.0, 1e-9, np.nan]], [[0.1, 1e-8, np.nan], [0.1, 4e-3, np.nan]]
+    (table,) = Share(About("s"), {"part": parts}, {"part": bands}, {"model": ("one", "other")}).tables()
+    assert table.head == ["model", "x (%)", "y (%)"]
+    assert [row[1:] for row in table.rows[:2]] == [["0.50 ± 0.10", "0"], ["2.00 ± 0.10", "0.0000 ± 0.0040"]]
+
+
 def test_a_document_has_declared_units_and_reads_back(found: Trial, tmp_path: Path) -> None:
     path = found.write(tmp_path / "trial.json")
     data = json.loads(path.read_text())

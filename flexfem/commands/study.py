@@ -110,7 +110,7 @@ def print_status(facts: dict[str, Any]) -> None:
     for state, reasons in facts["reasons"].items():
         for reason, n in reasons.items():
             print(f"  {n:,} {state}: {reason}")
-    print(f"{facts['parts']:,} parts in {facts['folder']}")
+    print(f"{facts['parts']:,} part{'s' * (facts['parts'] != 1)} in {facts['folder']}")
     for text in facts["damaged"]:
         print(f"{text}; flexfem study run computes it again")
     if facts["stale"]:

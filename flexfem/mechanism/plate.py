@@ -155,8 +155,9 @@ def body_polygon(layout: Layout, index: int, refuse: bool = True) -> Any:
     if not shapely.is_valid(drawn) and not refuse:
         drawn = shapely.make_valid(drawn, method="structure", keep_collapsed=False)
     elif not shapely.is_valid(drawn):
-        reason = shapely.is_valid_reason(drawn)
-        raise BadInput(f"{_key(body)}: {reason}, expected an outline that does not meet itself, and holes inside it")
+        reason, _, place = shapely.is_valid_reason(drawn).rstrip("]").partition("[")  # such as Self-intersection[1.5 8]
+        found = f"{reason.lower()} at {', '.join(f'{float(each):g}' for each in place.split())}"
+        raise BadInput(f"{_key(body)}: {found}, expected an outline that does not meet itself, and holes inside it")
     boxes = [shapely.Polygon(polygon_points(cut)) for cut in cuts_of(layout, index)]
     left = shapely.difference(drawn, shapely.union_all(boxes))
     return left if refuse or left.area else drawn

@@ -46,7 +46,7 @@ from flexfem.results import (
     Quantity,
     Result,
 )
-from flexfem.units import DIRECTIONS, PLANES
+from flexfem.units import DIRECTIONS, PLANES, without_unit
 
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
 MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
@@ -394,9 +394,10 @@ def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
     """Return the plane problem and the yield strength as settings, and the sources of the material as notes."""
     by_source = dict[str, list[str]]()
     for key in (key for key in plate.numbers if key.startswith("material")):
-        by_source.setdefault(plate.sources[key] or "not stated", []).append(key)
+        name = without_unit(key.partition(".")[2]).replace("_", " ")
+        by_source.setdefault(plate.sources[key] or "not stated", []).append(name)
     settings = {"plane problem": PLANES[plate.model], "yield strength": f"{plate.material.yield_strength:g} MPa"}
-    return settings, [f"{', '.join(keys)}: {source}" for source, keys in by_source.items()]
+    return settings, [f"material ({', '.join(names)}): {source}" for source, names in by_source.items()]
 
 
 @setup.for_mechanisms(Summary, MechanismSummary, not_for="analytic")
@@ -447,7 +448,7 @@ def summary(
             model = driven.axes["model"][-1]
             values |= _ends(driven.at, model)
             bands |= _ends(driven.band, model)
-            notes.append(f"drive min, max: by {model}, with all actuators; first frequency: without the actuators")
+            notes.append(f"drive min, max: with all actuators ({model}); first frequency: without the actuators")
         return MechanismSummary(found.about, values, bands, found.axes, settings, warnings, notes)
     if "thickness" in found.values:
         values["thickness"] = found.values["thickness"]
