@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import atexit
 import ctypes
+import math
 import os
 import pickle
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
@@ -23,6 +25,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import AnyArray
+from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import Face, Segment, area, reverse
 from flexfem.mechanism.profiles import Curve, Spline
 from flexfem.refused import ComputationFailed, SourcesChanged
@@ -32,7 +35,7 @@ SAME_POINT = 1e-7  # mm; each face computes the points that it shares with other
 TRIANGLE, EDGE = (9, 6), (8, 3)  # gmsh types of quadratic elements and their nodes
 CURVE_ERROR = 1e-4  # mm; of arcs in place of another curve
 LONGEST_TURN = 2.5  # rad, of an arc of a contour
-RAY = "ray"  # label of lines between equal sectors of a body
+DIVIDING = "dividing"  # label of lines between sectors, or halves, of parts that a symmetry takes into themselves
 SAME_PART = 1e-5  # mm; two faces with middles at a smaller distance are the same
 POLL = 0.25  # s between two polls of a process
 LONGEST_GAP = 1.0  # s between two polls; a longer gap means that this process or the machine was suspended
@@ -71,7 +74,7 @@ class Grading(NamedTuple):
 class FaceMesh(NamedTuple):
     """Faces that share curves, and the triangle sizes of their mesh.
 
-    divisions : number of equal edges along each segment with a label.
+    divisions : number of equal edges along each segment with a label, shared by its pieces.
     gradings : the triangle size is the minimum over them.
     """
 
@@ -83,7 +86,7 @@ class FaceMesh(NamedTuple):
 class Region(NamedTuple):
     """A face of a plate: closed loops, the outer one first, less the closed loops `cuts`.
 
-    A loop of one arc that ends at its start is a circle.
+    A loop of one arc that ends at its start is a circle, whose only corner is there.
     """
 
     loops: Sequence[Sequence[Curve]]
@@ -93,20 +96,21 @@ class Region(NamedTuple):
 class Line(NamedTuple):
     """A line or arc to be followed by triangle edges, inside or on the boundary of the union of regions.
 
-    region : index of the region at it: of both sides, or of the side that no line before belongs to.
+    region : index of the region at it: of both sides, or of the side that no line before belongs to; None for a line
+        through regions that other lines belong to.
     """
 
     label: str
     curve: Segment
-    region: int
+    region: int | None
 
 
 class PlateMesh(NamedTuple):
     """Regions, the lines that separate them, and the triangle sizes of their mesh, as in `FaceMesh`.
 
     largest : triangle size, mm, in each region, far from the points of `gradings`.
-    about, turns : centre and number of the rotations that take the faces into each other, and the lines `RAY`; the mesh
-        of one is turned to the others.
+    moves : rotations, or a mirror image, that take faces and curves into each other; the mesh of one is moved to the
+        others.
     """
 
     regions: list[Region]
@@ -114,8 +118,7 @@ class PlateMesh(NamedTuple):
     divisions: dict[str, int]
     gradings: list[Grading]
     largest: list[float]
-    about: complex = 0j
-    turns: int = 1
+    moves: Sequence[Move] = ()
 
 
 class PlateContours(NamedTuple):
@@ -228,9 +231,10 @@ def _meshed(
     nodes (n, 2) in mm; triangles (m, 6) as in `mesh.StageMesh`, regions (m,) index of each triangle's region; edges
     (k, 3) of the curves, edge_labels (k,) text.
     """
+    pieces = Counter(label for label, _ in curves)
     for label, tag in curves:
         if label in divisions:
-            mesh.setTransfiniteCurve(tag, divisions[label] + 1)
+            mesh.setTransfiniteCurve(tag, math.ceil(divisions[label] / pieces[label]) + 1)
     smallest = mesh.field.add("Min")
     mesh.field.setNumbers(smallest, "FieldsList", sizes)
     mesh.field.setAsBackgroundMesh(smallest)
@@ -295,8 +299,9 @@ def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
     """Draw a closed loop of curves, each of which begins where the one before it ends."""
     ends = [(curve.points[0], curve.points[-1]) if isinstance(curve, Spline) else curve[:2] for curve in loop]
     if len(loop) == 1 and isinstance(circle := loop[0], Segment) and circle.centre is not None:
-        radius = abs(circle.start - circle.centre)
-        return int(kernel.addCurveLoop([kernel.addCircle(circle.centre.real, circle.centre.imag, 0.0, radius)]))
+        centre, spoke = circle.centre, circle.start - circle.centre
+        axes = {"zAxis": [0.0, 0.0, 1.0], "xAxis": [spoke.real, spoke.imag, 0.0]}
+        return int(kernel.addCurveLoop([kernel.addCircle(centre.real, centre.imag, 0.0, abs(spoke), **axes)]))
     long = [abs(end - start) > SAME_POINT for start, end in ends]
     corners = [_point(kernel, start) for (start, _), keep in zip(ends, long, strict=True) if keep]
     curves = [curve for curve, keep in zip(loop, long, strict=True) if keep]
@@ -345,8 +350,8 @@ def mesh_plate(job: PlateMesh) -> NamedArrays:
         for size, part in zip(job.largest, faces, strict=True):
             sizes.append(_field(field, "Constant", VIn=size, VOut=max(job.largest)))
             field.setNumbers(sizes[-1], "SurfacesList", part)
-        if job.turns > 1:
-            _repeat(gmsh.model, job, [tag for label, tag in curves if label == RAY])
+        if job.moves:
+            _repeat(gmsh.model, job.moves)
         areas = np.array([sum(kernel.getMass(2, tag) for tag in part) for part in faces])
         return {**_meshed(gmsh.model.mesh, job.divisions, sizes, curves, faces), "areas": areas}
 
@@ -371,8 +376,10 @@ def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[lis
     for line, found in zip(job.lines, pieces[len(drawn) :], strict=True):
         for _, tag in found:
             beside = model.getAdjacencies(1, tag)[0].tolist()
-            owner.update((face, line.region) for face in beside if face not in owner)
-            if line.region not in map(owner.get, beside):
+            owned = (owner[face] for face in beside if face in owner)
+            region = next(owned, -1) if line.region is None else line.region
+            owner.update((face, region) for face in beside if face not in owner and region >= 0)
+            if region not in map(owner.get, beside):
                 if not beside:
                     continue  # beyond an edge
                 raise ValueError("two parts of the plate are joined without a hinge")
@@ -382,27 +389,27 @@ def _divide(model: Any, job: PlateMesh) -> tuple[list[tuple[str, int]], list[lis
     return curves, [[tag for tag, region in owner.items() if region == index] for index in range(len(job.regions))]
 
 
-def _repeat(model: Any, job: PlateMesh, rays: list[int]) -> None:
-    """Let meshes of faces and rays be copied from those that the rotations take to them.
+def _repeat(model: Any, moves: Sequence[Move]) -> None:
+    """Let meshes of faces and curves be copied from those that the moves take to them.
 
-    Each ray but the first is a copy of the first, which is a copy of nothing: as a side of the last sector it would be.
+    Each curve but one of those alike is a copy of this one, which is a copy of nothing: as a side of a copied face it
+    could be one of its own copies.
     """
-    for dim, tags in ((2, [tag for _, tag in model.getEntities(2)]), (1, rays)):
-        sizes = {tag: float(model.occ.getMass(dim, tag)) for tag in tags}
-        left = {tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2]) - job.about for tag in tags}
-        while left:
-            first, middle = next(iter(left.items()))
+    for dim in (2, 1):
+        middles = {tag: complex(*model.occ.getCenterOfMass(dim, tag)[:2]) for _, tag in model.getEntities(dim)}
+        sizes = {tag: float(model.occ.getMass(dim, tag)) for tag in middles}
+        while middles:
+            first, middle = next(iter(middles.items()))
             done = {first}
-            for k in range(dim - 1, job.turns):
-                turn = np.exp(2j * np.pi * k / job.turns)
-                shift, x, y = job.about - turn * job.about, turn.real, turn.imag
-                near = (tag for tag, at in left.items() if abs(at - turn * middle) < SAME_PART)
+            for move in (*[Move()] * (dim == 1), *moves):
+                near = (tag for tag, at in middles.items() if abs(at - move(middle)) < SAME_PART)
                 image = next((tag for tag in near if np.isclose(sizes[tag], sizes[first], 1e-6)), first)
-                if image not in done or k == 0:
-                    affine = [x, -y, 0, shift.real, y, x, 0, shift.imag, 0, 0, 1, 0, 0, 0, 0, 1]
-                    model.mesh.setPeriodic(dim, [image], [first], affine)
+                if image not in done or move == Move():
+                    affine = np.eye(4)
+                    affine[:2, :2], affine[:2, 3] = move.of_twists[:2, :2], (move.shift.real, move.shift.imag)
+                    model.mesh.setPeriodic(dim, [image], [first], affine.ravel())
                     done.add(image)
-            left = {tag: at for tag, at in left.items() if tag not in done}
+            middles = {tag: at for tag, at in middles.items() if tag not in done}
 
 
 def contours_of(job: PlateContours) -> list[list[Segment]]:

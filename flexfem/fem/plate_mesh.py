@@ -10,17 +10,19 @@ import cmath
 import math
 from collections.abc import Hashable, Iterator
 from contextlib import suppress
+from typing import Any
 
 import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray
 from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, mesh_of, ordered
-from flexfem.fem.mesher import RAY, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
+from flexfem.fem.mesher import DIVIDING, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
 from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT
-from flexfem.mechanism.layout import Body, Layout
-from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, reverse
+from flexfem.mechanism.layout import Body, Layout, Move
+from flexfem.mechanism.outlines import SHORTEST, Segment, area, circle_of, polygon_points, reverse
 from flexfem.mechanism.plate import (
+    ALONG,
     TOUCHING,
     body_polygon,
     check_layout,
@@ -29,6 +31,7 @@ from flexfem.mechanism.plate import (
     end_corners,
     end_lines,
     joint_loop,
+    joint_polygon,
     neck_line,
 )
 from flexfem.refused import ComputationFailed
@@ -41,7 +44,7 @@ NARROWEST = 0.1  # width of a place in a body, per mean width, below which it se
 MOST_RAYS = 64  # from a side of a body
 FACING = 0.7  # cosine of the angle between two sides that face each other
 DECIMALS = 9  # of coordinates, mm, of parts that are equal
-BEYOND = 1e-4  # of a line across a body beyond its edge, relative to the distance from the centre
+BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 
 
@@ -61,14 +64,13 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
     labelled `neck 0` at the centre of a hinge, `end 0 near` and `end 0 far` where it meets its first and second body,
     and `clamped` on the clamped edges of elastic bodies.
 
-    The mesh of a plate that rotations take into itself is cyclic, unless it has round holes: gmsh turns no mesh
-    with a closed circle.
+    The mesh has the symmetry of the plate, see `symmetry_of`.
 
     Raises BadInput for a layout that cannot be made, ComputationFailed when the mesh fails its checks, MeshTimeout when
     it takes too long.
     """
     check_layout(layout)
-    about, turns = turns_of(layout)
+    moves = symmetry_of(layout)
     fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     necks, lines, divisions = list[Line](), list[Line](), dict[str, int]()
     gradings: dict[tuple[float, float], list[complex]] = {}
@@ -94,7 +96,7 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         lines += [Line("clamped", body.outline[k], number) for k in body.clamped if not body.fixed]
     for patch in dict.fromkeys(patch for port in layout.ports for patch, _ in port.parts):
         if patch.radius is not None and patch.body >= 0 and not layout.bodies[patch.body].fixed:
-            places = [about + (patch.point - about) * np.exp(2j * np.pi * k / turns) for k in range(turns)]
+            places = [move(patch.point) for move in (Move(), *moves)]
             gradings.setdefault((AT_CONTACT * patch.radius / fine, patch.radius), []).extend(places)
     largest += [joint.profile.end_height * COARSEST / fine for joint in layout.joints]
     coarsest, growth = max(largest), GROWTH / fine
@@ -104,53 +106,100 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         if size < coarsest
     ]
     job = PlateMesh(regions_of(layout), necks + lines, divisions, graded, largest)
-    if turns > 1:
-        cyclic = job._replace(lines=[*job.lines, *_rays(layout, about, turns)], about=about, turns=turns)
-        with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh that is not cyclic, then
-            return _checked(layout, run_mesher(cyclic, TIME_LIMIT), divisions)
+    if moves:
+        regions, dividing = _divided(layout, job.regions, moves)
+        symmetric = job._replace(regions=regions, lines=[*job.lines, *dividing], moves=moves)
+        with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh without symmetry, then
+            return _checked(layout, run_mesher(symmetric, TIME_LIMIT), divisions)
     return _checked(layout, run_mesher(job, TIME_LIMIT), divisions)
 
 
-def turns_of(layout: Layout) -> tuple[complex, int]:
-    """Return the centre and the number of the rotations that take the parts of a plate into each other."""
+def symmetry_of(layout: Layout) -> list[Move]:
+    """Return the rotations, else one mirror image, that take a plate without its rigid bodies into itself."""
     marks = list[tuple[complex, complex, Hashable]]()
-    for body in layout.bodies:
+    for body in (body for body in layout.bodies if not body.fixed):
         for k, edge in enumerate(edge for loop in (body.outline, *body.holes) for edge in loop):
-            kind, centre = (body.fixed, body.width, k in body.clamped), edge.centre
+            kind, centre = (body.width, k in body.clamped), edge.centre
             if centre is None:
                 marks += [((edge.start + edge.end) / 2, end, kind) for end in (edge.start, edge.end)]
             else:  # wherever circles are divided into arcs
                 marks.append((centre, centre, (*kind, round(abs(edge.start - centre), DECIMALS))))
-    marks += [(one.place, one.place + cmath.exp(1j * one.heading), (one.profile, one.cut)) for one in layout.joints]
-    about, count = complex(np.mean([joint.place for joint in layout.joints] or [0j])), len(layout.joints)
+    for one in layout.joints:
+        ahead, high = cmath.exp(1j * one.heading), one.profile.height(ALONG * one.profile.length)
+        ways = (ahead, -ahead) if np.allclose(high, high[::-1], 1e-9) else (ahead,)
+        marks += [(one.place, one.place + way, (one.profile, one.cut)) for way in ways]
+    count = len(layout.joints)
+    if not count:
+        return []
+    about = complex(np.mean([joint.place for joint in layout.joints]))
     z = np.array([mark[:2] for mark in marks]) - about
 
-    def seen(turned: AnyArray) -> set[tuple[Hashable, ...]]:
-        rows = np.round(np.column_stack([turned.real, turned.imag]), DECIMALS).tolist()
+    def seen(moved: AnyArray) -> set[tuple[Hashable, ...]]:
+        rows = np.round(np.column_stack([moved.real, moved.imag]), DECIMALS).tolist()
         return {(mark[2], *row) for mark, row in zip(marks, rows, strict=True)}
 
-    ways = (turns for turns in range(count, 1, -1) if count % turns == 0)
-    found = (turns for turns in ways if seen(z * np.exp(2j * np.pi / turns)) == seen(z))
-    turns = next(found, 1)
-    return about if turns > 1 else 0j, turns
+    for turns in (turns for turns in range(count, 1, -1) if count % turns == 0):
+        turn = np.exp(2j * np.pi / turns)
+        if seen(z * turn) == seen(z):
+            return [Move(factor := complex(turn**k), about - factor * about) for k in range(1, turns)]
+    tips = z[:, 1]
+    farthest = tips[np.argmax(np.abs(tips))]
+    for tip in tips[np.isclose(np.abs(tips), abs(farthest))]:
+        factor = complex(tip * farthest) / abs(tip * farthest)
+        if seen(factor * z.conj()) == seen(z):
+            return [Move(factor, about - factor * about.conjugate(), mirrored=True)]
+    return []
 
 
-def _rays(layout: Layout, about: complex, turns: int) -> Iterator[Line]:
-    """Yield lines that divide bodies which the rotations take into themselves into sectors, away from their hinges."""
+def _divided(layout: Layout, regions: list[Region], moves: list[Move]) -> tuple[list[Region], list[Line]]:
+    """Return the regions with circles whose corners the moves keep, and the lines between sectors or halves."""
+    mirrored, factor, drawn, lines = moves[0].mirrored, moves[0].factor, list[Region](), list[Line]()
+    faces = [body_polygon(layout, index) for index in range(len(layout.bodies))]
+    if mirrored:
+        plate, along = shapely.union_all([*faces, *map(joint_polygon, layout.joints)]), cmath.sqrt(factor)
+        centre = _centroid(plate)
+        lines += _across(plate, (centre + moves[0](centre)) / 2, (-along, along), None)
+    about = 0j if mirrored else moves[0].shift / (1 - factor)
+    for index, (body, face, region) in enumerate(zip(layout.bodies, faces, regions, strict=False)):
+        if not mirrored:
+            along = _between(layout, index, about, len(moves) + 1)
+            if abs(_centroid(face) - about) < TOUCHING and not body.fixed:
+                for move in (Move(), *moves):
+                    lines += _across(face, about, (0j, move.factor * along), index)
+        cuts = shapely.union_all([shapely.Polygon(polygon_points(cut)) for cut in region.cuts])
+        loops = list(region.loops)
+        for k, loop in enumerate((body.outline, *body.holes)):
+            circle = circle_of(loop)
+            if circle and not shapely.LinearRing(polygon_points(loop)).intersects(cuts):
+                centre, radius = circle
+                centred = not mirrored and abs(centre - about) < TOUCHING  # the lines between sectors divide it
+                way = along if mirrored or centred else (centre - about) / abs(centre - about)
+                corner, opposite = centre + radius * way, centre - radius * way
+                loops[k] = [Segment(corner, corner, centre)]
+                if k and not centred:  # gmsh copies no closed circle: a line inside the hole divides it
+                    lines.append(Line(DIVIDING, Segment(opposite, opposite + BEYOND * way), None))
+        drawn.append(region._replace(loops=loops))
+    return [*drawn, *regions[len(faces) :]], lines
+
+
+def _centroid(face: Any) -> complex:
+    return complex(face.centroid.x, face.centroid.y)
+
+
+def _across(face: Any, about: complex, ways: tuple[complex, complex], region: int | None) -> Iterator[Line]:
+    """Yield the lines across a polygon between two directions from a point, and a little beyond its edges."""
+    ends = [about + face.convex_hull.length * way for way in ways]
+    ray = shapely.LineString([(end.real, end.imag) for end in ends])
+    for piece in filter(shapely.length, shapely.get_parts(shapely.intersection(face.buffer(BEYOND), ray))):
+        yield Line(DIVIDING, Segment(*(complex(*point) for point in piece.coords)), region)
+
+
+def _between(layout: Layout, index: int, about: complex, turns: int) -> complex:
+    """Return a direction from the centre between the hinges of a body, by the widest angle."""
     sector = 2 * np.pi / turns
-    for index in (k for k, body in enumerate(layout.bodies) if not body.fixed):
-        face = body_polygon(layout, index)
-        if abs(complex(face.centroid.x, face.centroid.y) - about) < TOUCHING:
-            ends = [one.place - about for one in layout.joints if index in one.bodies]
-            at = np.sort(np.angle(ends or [1.0]) % sector)
-            gaps = np.diff([*at, at[0] + sector])
-            first = face.length * np.exp(1j * (at + gaps / 2)[np.argmax(gaps)])
-            for k in range(turns):
-                end = about + first * np.exp(1j * k * sector)
-                ray = shapely.LineString([(about.real, about.imag), (end.real, end.imag)])
-                for piece in filter(shapely.length, shapely.get_parts(shapely.intersection(face, ray))):
-                    near, *_, far = sorted((complex(*point) - about for point in piece.coords), key=abs)
-                    yield Line(RAY, Segment(about + near * (1 - BEYOND), about + far * (1 + BEYOND)), index)
+    at = np.sort(np.angle([one.place - about for one in layout.joints if index in one.bodies] or [1.0]) % sector)
+    gaps = np.diff([*at, at[0] + sector])
+    return cmath.exp(1j * float((at + gaps / 2)[np.argmax(gaps)]))
 
 
 def _width(body: Body) -> float:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import cmath
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
+import flexfem
 import flexfem.fem.plate_mesh
 from flexfem.fem.mesh import jacobians, nodes_on
-from flexfem.fem.plate_mesh import mesh_layout, plate_contours, turns_of
+from flexfem.fem.plate_mesh import mesh_layout, plate_contours, symmetry_of
 from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import Segment, area, disc, polyline, reverse
@@ -18,6 +21,7 @@ from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated
 from flexfem.refused import BadInput, ComputationFailed
 
+ROOT = Path(__file__).parents[2]
 ON_CURVE = 1e-8  # mm; OpenCASCADE draws to its own tolerance
 PARABOLAS = 2e-6  # relative area, in place of arcs
 
@@ -156,23 +160,123 @@ def test_triangles_in_an_arm_follow_its_width_and_not_that_of_its_body():
     assert area_of(mesh._replace(triangles=mesh.triangles[arm], bodies=mesh.bodies[arm]), 0) / arm.sum() < 0.5  # mm^2
 
 
-@pytest.mark.parametrize(("turns", "hole"), [(4, False), (3, False), (3, True)])
-def test_cyclic_plate_has_a_cyclic_mesh(turns, hole):
-    """So that the stiffness couples no directions, except with a round hole, whose mesh is not cyclic."""
+def moved(loop, factor, shift):
+    return tuple(Segment(*(None if z is None else factor * z + shift for z in segment)) for segment in loop)
+
+
+def round_hole(centre, radius):
+    return tuple(reverse(disc(centre, radius).loop))
+
+
+def relative(layout, mesh):
+    """Compliance of the output and of ports, each relative to those on the diagonal, and its diagonal."""
+    C = plate_response(layout, mesh).compliance
+    return C / np.sqrt(np.outer(np.diag(C), np.diag(C))), np.diag(C)
+
+
+@pytest.mark.parametrize(("turns", "holes"), [(4, False), (3, False), (3, True), (4, True), (5, True), (2, True)])
+def test_cyclic_plate_has_a_cyclic_mesh(turns, holes):
+    """So that the stiffness couples no directions, also with holes at the centre, in every sector and in every foot."""
     about, bodies, hinges = 30 - 7j, [Body("stage", tuple(disc(30 - 7j, 15.0).loop))], []
-    if hole:
-        bodies[0] = bodies[0]._replace(holes=(tuple(reverse(disc(about, 5.0).loop)),))
-    for k in range(turns):
-        turn = np.exp(1j * (0.3 + 2 * np.pi * k / turns))
-        foot = [Segment(about + z.start * turn, about + z.end * turn) for z in box(24, -6, 30, 9)]
-        bodies.append(Body(f"foot {k}", tuple(foot), fixed=True))
-        heading = cmath.phase(-turn)
-        hinges.append(Joint(f"hinge {k}", (k + 1, 0), about + 19.25 * turn, heading, Leaf(0.7, 9.5, 0.5), 3.0))
+    ways = np.exp(1j * (0.3 + 2 * np.pi * np.arange(turns) / turns))
+    if holes:
+        around = (round_hole(about + 10 * way * np.exp(0.5j), 1.3) for way in ways)
+        bodies[0] = bodies[0]._replace(holes=(round_hole(about, 5.0), *around))
+    for k, way in enumerate(ways):
+        foot = Body(f"foot {k}", moved(box(24, -6, 30, 9), way, about), clamped=(1,))
+        bodies.append(foot._replace(holes=(round_hole(about + (27 + 3j) * way, 1.5),) if holes else ()))
+        hinges.append(Joint(f"hinge {k}", (k + 1, 0), about + 19.25 * way, cmath.phase(-way), Leaf(0.7, 9.5, 0.5), 3.0))
     of = layout_of(bodies, hinges)._replace(points=(("output", Patch(0, about)),))
-    assert turns_of(of) == (pytest.approx(about, abs=1e-12), turns)
-    assert turns_of(of._replace(joints=(*hinges[:-1], hinges[-1]._replace(cut=3.1))))[1] == 1
-    C = plate_response(of, mesh_layout(of, 2)).compliance
-    size = np.sqrt(np.diag(C))
-    coupling = np.abs(C / np.outer(size, size) - np.eye(3)).max()
-    assert 1e-9 < coupling < 1e-4 if hole else coupling < 1e-11  # round-off is 1e-12
-    assert C[0, 0] == pytest.approx(C[1, 1], rel=1e-3 if hole else 1e-11)
+    moves = symmetry_of(of)
+    assert len(moves) == turns - 1
+    assert [move(about) for move in moves] == pytest.approx([about] * (turns - 1), abs=1e-12)
+    changed = of._replace(joints=(*hinges[:-1], hinges[-1]._replace(cut=3.1)))
+    assert all(move.mirrored for move in symmetry_of(changed))
+    C, principal = relative(of, mesh_layout(of, 2))
+    assert np.abs(C[2, :2]).max() < 1e-10  # round-off is 3e-11 on two hinges, else 1e-12
+    if turns > 2:
+        assert abs(C[0, 1]) < 1e-11
+        assert principal[0] == pytest.approx(principal[1], rel=1e-11)
+
+
+def gripper(turn=1.0, neck=0.4):
+    """Two jaws, each on two hinges, pushed apart by a slide on the mirror line, which a leaf on this line guides."""
+    ground = Body("ground", box(-40, -14, 30, -3, turn), fixed=True)
+    slide = Body("slide", box(-6, 20, 6, 36, turn), (round_hole(28j * turn, 3.0),))
+    bodies, hinges = [ground, slide], [Joint("guide", (0, 1), 8.5j * turn, np.pi / 2, Leaf(0.4, 23.0, 0.5), 3.0)]
+    for side, name in ((1, "right"), (-1, "left")):
+        corners = [complex(side * x, y) * turn for x, y in ((12, 3), (20, 3), (23, 60), (16, 60), (12, 36))]
+        corners = corners[::side]
+        jaw = Body(f"{name} jaw", tuple(polyline(*corners, corners[0])), (round_hole((side * 17 + 44j) * turn, 1.6),))
+        foot, push = Circular(0.5, 3.0), Leaf(neck if side > 0 else 0.4, 6.0, 0.3)
+        hinges.append(Joint(f"{name} foot", (0, len(bodies)), side * 16 * turn, np.pi / 2, foot, 9.0))
+        hinges.append(
+            Joint(f"{name} push", (1, len(bodies)), (side * 9 + 33j) * turn, 0.0 if side > 0 else np.pi, push, 3.0)
+        )
+        bodies.append(jaw)
+    hinges = [one._replace(heading=one.heading + cmath.phase(turn)) for one in hinges]
+    return layout_of(bodies, hinges)._replace(points=(("output", Patch(1, 28j * turn, 4.0)),))
+
+
+def without_symmetry(layout, resolution, monkeypatch):
+    with monkeypatch.context() as context:
+        context.setattr(flexfem.fem.plate_mesh, "symmetry_of", lambda layout: [])
+        return mesh_layout(layout, resolution)
+
+
+@pytest.mark.parametrize("name", ["parallelogram", "rhombic-amplifier", "gripper"])
+def test_mirrored_plate_has_a_mirrored_mesh(name, monkeypatch):
+    """So that a force along the line moves nothing across it; the compliance is that of a mesh without symmetry."""
+    layout = gripper() if name == "gripper" else flexfem.load(ROOT / f"geometry/{name}.toml").layout
+    (move,) = symmetry_of(layout)
+    assert move.mirrored
+    assert move(3 + 4j) == pytest.approx(-3 + 4j, abs=1e-12)
+    C, principal = relative(layout, mesh_layout(layout, 4))
+    assert np.abs(C[1, [0, 2]]).max() < 1e-12  # round-off is 1e-13
+    C, other = relative(layout, without_symmetry(layout, 4, monkeypatch))
+    assert np.abs(C[1, [0, 2]]).max() > 1e-9
+    np.testing.assert_allclose(principal[:3], other[:3], rtol=1e-4)  # two triangles more across the necks: up to 1e-4
+
+
+@pytest.mark.parametrize("profile", [Leaf(0.4, 8.0, 0.4), Circular(0.5, 2.5), Elliptical(0.5, 8.0, 2.0)])
+@pytest.mark.parametrize("turn", [1.0, np.exp(0.3j)])
+def test_a_hinge_across_the_mirror_line_is_divided_at_its_neck(profile, turn):
+    """Every triangle outside the rigid ground has an image; only a hinge whose ends are alike is its own image."""
+    shift, ground = (300 - 40j) * turn, Body("ground", box(-30, -10, 50, 0), fixed=True)
+    halves = [box(-25, 20, -profile.length / 2, 26), box(profile.length / 2, 20, 25, 26)]
+    hinges = [Joint("middle", (1, 2), 23j, 0.0, profile, 6.0)]
+    hinges += [
+        Joint(f"leg {k}", (0, k + 1), x + 10j, np.pi / 2, Leaf(0.5, 20.0, 0.5), 3.0) for k, x in ((0, -20), (1, 20))
+    ]
+    bodies = [ground, Body("left", halves[0]), Body("right", halves[1])]
+    bodies = [body._replace(outline=moved(body.outline, turn, shift)) for body in bodies]
+    hinges = [one._replace(place=one.place * turn + shift, heading=one.heading + cmath.phase(turn)) for one in hinges]
+    of = layout_of(bodies, hinges)
+    (move,) = symmetry_of(of)
+    mesh = mesh_layout(of, 4)
+    z, triangles = mesh.nodes @ [1, 1j], mesh.triangles[mesh.bodies > 0]
+    distance, image = cKDTree(mesh.nodes).query(np.column_stack([move(z).real, move(z).imag]))
+    assert distance[triangles].max() < 2 * ON_CURVE
+    assert {*map(frozenset, image[triangles].tolist())} == {*map(frozenset, triangles.tolist())}
+    uneven = Tabulated(table=((0, 5.0), (2, 0.6), (8, 5.0)))
+    assert symmetry_of(of._replace(joints=(hinges[0]._replace(profile=uneven), *hinges[1:]))) == []
+
+
+def test_a_plate_with_one_neck_1_percent_wider_is_not_symmetric():
+    layout = gripper(neck=0.404)
+    assert symmetry_of(layout) == []
+    C, _ = relative(layout, mesh_layout(layout, 4))
+    assert np.abs(C[1, [0, 2]]).max() > 1e-4
+
+
+def test_a_plate_that_cannot_be_meshed_with_symmetry_is_meshed_without(monkeypatch):
+    run = flexfem.fem.plate_mesh.run_mesher
+
+    def fails_with_moves(job, limit):
+        if job.moves:
+            raise ComputationFailed("gmsh: different number of points")
+        return run(job, limit)
+
+    _, without = relative(gripper(), without_symmetry(gripper(), 2, monkeypatch))
+    monkeypatch.setattr(flexfem.fem.plate_mesh, "run_mesher", fails_with_moves)
+    np.testing.assert_allclose(relative(gripper(), mesh_layout(gripper(), 2))[1], without, rtol=1e-5)  # noise of meshes
