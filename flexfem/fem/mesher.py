@@ -402,8 +402,9 @@ def _repeat(model: Any, moves: Sequence[Move]) -> None:
             first, middle = next(iter(middles.items()))
             done = {first}
             for move in (*[Move()] * (dim == 1), *moves):
-                near = (tag for tag, at in middles.items() if abs(at - move(middle)) < SAME_PART)
-                image = next((tag for tag in near if np.isclose(sizes[tag], sizes[first], 1e-6)), first)
+                place = move(middle)
+                near = (tag for tag, at in middles.items() if abs(at - place) < SAME_PART)
+                image = next((tag for tag in near if math.isclose(sizes[tag], sizes[first], rel_tol=1e-6)), first)
                 if image not in done or move == Move():
                     affine = np.eye(4)
                     affine[:2, :2], affine[:2, 3] = move.of_twists[:2, :2], (move.shift.real, move.shift.imag)
