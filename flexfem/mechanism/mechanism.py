@@ -67,7 +67,7 @@ class Mechanism(PlateFile):
     )
     """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as _mm or _deg, or has
     none; expressions use it without the unit. Every number of the file may be an expression in quotes, in the unit of
-    its key: numbers, names, + - * / **, brackets, abs, sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in
+    its key: numbers, names, `+ - * / **`, brackets, abs, sqrt, exp, log, log10, min, max, and sin, cos, tan, atan in
     degrees"""
     body: tuple[PlateBody, ...] = Field(min_length=1)
     """A body; bodies may be drawn as far as the centres of hinges, which cut them"""

@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from hinge_charts import supported
 
+from benchmarks.hinge_charts import supported
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, segment_functions, stress_tensor
 from flexfem.fem.mesh import StageMesh, mesh_of, ordered
