@@ -212,7 +212,7 @@ def verification(*cases: Path, output: Path | None = Path("reports"), progress: 
     *cases : Path
         Case files, see flexfem schema case, or mechanism files: their errors for commands in x, y and theta.
     output : Path, optional
-        Folder for the results, which `flexfem plot` draws; with None, results are not stored.
+        Folder for the results; `flexfem plot` draws those of cases. In Python, None stores none.
     {shared}
     """
     folder = None if output is None else checked_path(output)
