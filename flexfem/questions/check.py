@@ -11,6 +11,7 @@ import shapely
 
 from flexfem import arguments
 from flexfem.arrays import Array, brief
+from flexfem.files.refusals import key_path
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
@@ -21,7 +22,7 @@ from flexfem.mechanism.layout import Joint
 from flexfem.mechanism.mechanism import GROUND, Mechanism
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
 from flexfem.mechanism.plate_file import located, of_stage
-from flexfem.mechanism.profiles import FILE_KEYS, SHAPES
+from flexfem.mechanism.profiles import FILE_KEYS
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat
 from flexfem.questions import warnings as warning
@@ -201,6 +202,9 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
     }
     held = ["fixed" if b.fixed else f"clamped at {len(b.clamped)}" if b.clamped else "" for b in layout.bodies]
     bodies = zip(layout.bodies, held, masses, strict=False)
+    words = {
+        key_path(("hinge", k), mechanism): hinge.shape for k, hinge in enumerate(mechanism.hinge)
+    }  # copies have the key of their original
     sources = {key: text for key, text in mechanism.sources.items() if text}
     tables = {key: [key[:k] for k, character in enumerate(key) if character in ".["] for key in sources}
     return MechanismReport(
@@ -211,7 +215,7 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
         size_mm=(_rounded(extent[0]), _rounded(extent[1])),
         mass_g=sum(masses),
         bodies=[PlacedBody(body.name, at, mass, len(body.holes)) for body, at, mass in bodies],
-        hinges=[_profile(joint, names) for joint in layout.joints],
+        hinges=[_profile(joint, names, words[joint.key]) for joint in layout.joints],
         points=[PlacedPoint(name, names[at.body], _place(at.point), at.radius) for name, at in layout.points],
         actuators=[
             LinearDrive(
@@ -231,9 +235,8 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
     )
 
 
-def _profile(joint: Joint, names: list[str]) -> PlacedProfile:
+def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:
     profile = joint.profile
-    shape = next(name for name in reversed(SHAPES) if isinstance(profile, SHAPES[name]))
     own = {each.name: getattr(profile, each.name) for each in fields(profile) if each.name not in ("neck", "span")}
     texts = {key: f"{value:.6g} {LENGTH}" for key, value in own.items() if isinstance(value, float)}
     texts |= {"angle": f"{np.rad2deg(own['angle']):.6g} deg"} if "angle" in own else {}

@@ -132,3 +132,10 @@ def test_modes_of_a_stage_with_four_equal_chains_move_it_along_x_then_y_or_not_a
     assert found.frequency[1, 0] == pytest.approx(found.frequency[0, 0], rel=1e-5)
     assert found.share[:3] == pytest.approx(100 * np.eye(3), abs=1e-6)
     assert np.isnan(found.share[3]).all() and found.share[5].sum() == pytest.approx(100)
+
+
+def test_check_names_the_shape_that_the_file_states():
+    """A leaf with root fillets and a filleted hinge have one profile; the file names the second one otherwise."""
+    hinges = [{**GUIDE["hinge"][0], "shape": "filleted"}, GUIDE["hinge"][1]]
+    found = flexfem.check(Mechanism.model_validate({**GUIDE, "hinge": hinges}))
+    assert [hinge.shape for hinge in found.hinges] == ["filleted", "leaf"]
