@@ -55,7 +55,7 @@ from flexfem.analytic.responses import WarmBodies, WarmModel, drift
 from flexfem.arrays import Array, inverse
 from flexfem.fem.elements import Plate, sheet
 from flexfem.fem.factor import factorise
-from flexfem.fem.mesh import RESOLUTION, StageMesh, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, ordered, welded
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.stage_mesh import mesh_sectors, plate_of
 from flexfem.files.writing import markdown_table
@@ -572,6 +572,7 @@ def other_elements(stage: Stage) -> Iterator[tuple[str, Array]]:
 
 def linear_compliance(mesh: StageMesh, plate: Plate) -> Array:
     """Platform compliance (3, 3) of straight linear triangles on the corners of a mesh: `K = b A B^T D B`."""
+    mesh, _ = ordered(mesh)
     corners = int(mesh.triangles[:, :3].max()) + 1  # the first nodes
     edges = {name: edge[:, :2] for name, edge in mesh.edges.items()}
     straight = StageMesh(mesh.nodes[:corners], mesh.triangles[:, :3], mesh.bodies, edges)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import pickle
+import re
 import signal
 import subprocess
 import sys
@@ -213,7 +214,7 @@ def test_ctrl_c_ends_a_command_at_any_time_in_one_line(tmp_path, command):
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: children too
         _, err = process.communicate(timeout=30)
-        ended.append((process.returncode, err))
+        ended.append((process.returncode, re.sub(r"modes: \d of 5 meshes\n", "", err)))  # progress until then
     ended = [each for each in ended if each not in [(0, ""), (-signal.SIGINT, "")]]  # done, and Python closing down
     assert set(ended) == {(130, "flexfem: stopped\n")} and len(ended) > TIMES / 4
     assert not [path for path in tmp_path.rglob("*") if path.name.startswith(".")]  # no file in part
