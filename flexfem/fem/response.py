@@ -31,9 +31,8 @@ from flexfem.refused import ComputationFailed
 BALANCE = 1e-9  # relative tolerance of reactions against loads and of energy against work
 MOST_SOLVES = 12  # in iterative refinement; three suffice for necks of some um and more
 REFINED = 0.1 * BALANCE  # ends refinement: energy and work differ by the error of the compliance
-HEAT_CASES = np.eye(3)[
-    [2, 0, 1]
-]  # one kelvin, then one per mm along x and along y, of the cases of `Factorised.warmed`
+# one kelvin, then one per mm along x and along y, of the cases of `Factorised.warmed`
+HEAT_CASES = np.eye(3)[[2, 0, 1]]
 
 
 @dataclass(frozen=True)
@@ -220,12 +219,14 @@ class Response:
     @property
     def triangles(self) -> int:
         """Number of triangles of the whole."""
-        return len(self.mesh.triangles)
+        return len(self.structure.mesh.triangles) * (3 if len(self.sectors) == 1 else 1)
 
     @property
     def unknowns(self) -> int:
-        """Number of equations of the whole."""
-        return self.whole.structure.size
+        """Number of equations of the whole; sectors share their cuts and the pose."""
+        if len(self.sectors) != 1:
+            return self.structure.size
+        return 3 * (self.structure.size - len(self.sectors[0].ahead) * self.structure.block) - 6
 
     def under(self, loads: Array) -> Response:
         """Response of the whole to combinations (n, c) of the cases."""
