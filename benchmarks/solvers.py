@@ -44,7 +44,7 @@ def flexfem_unlike(sectors: Any, plate: Any) -> Any:
 def flexfem_superlu(mesh: Any, plate: Any) -> Any:
     from flexfem.fem import factor, response, structure
 
-    structure.factorise = lambda lower, block: factor.superlu(lower)
+    structure.factorise = lambda lower, *_: factor.superlu(lower)
     return response.platform_response(mesh, plate).compliance
 
 

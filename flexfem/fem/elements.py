@@ -251,17 +251,17 @@ def von_mises(stress: Array, ratio: float = 0.0, across: Array | float = 0.0) ->
 
 
 class Pairs(NamedTuple):
-    """Pairs of nodes of the plane that share a triangle.
+    """Pairs of nodes of the plane that share a triangle, row >= column, as a sparse pattern by rows.
 
-    rows, columns : (p,), node numbers, row >= column.
+    columns, starts : (p,) and (n + 1,), of the pattern, columns ascending: the last of a row is its diagonal.
     chosen : (e, 6, 6), marks the blocks of the triangles, in the order of the batches, that belong to a pair.
-    assembly : (p, chosen), matrix that sums these blocks.
+    number : (chosen,), pair of each of these blocks.
     """
 
-    rows: AnyArray
     columns: AnyArray
+    starts: AnyArray
     chosen: NDArray[np.bool_]
-    assembly: sp.csr_array
+    number: AnyArray
 
 
 def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_array:
@@ -270,30 +270,24 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
     blocks : (e, 6, 6, l, d, d), of the triangles in their order, coefficients of the matrices (l, m, m) of the line:
         `int psi_k psi_l dz`, and for layers also those of `psi'_k psi'_l`, `psi_k psi'_l`, `psi'_k psi_l`.
     """
-    first, at = 0, 0
-    parts = np.empty((pairs.assembly.shape[1], (1 if line.axes == 2 else 4) * line.axes**2))
+    psi, slope, axes, free = line.values, line.slopes, line.axes, line.free_components
+    products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if axes == 2 else 4]
+    matrices = np.array([(left * line.weights) @ right.T for left, right in products])
+    first, at, parts = 0, 0, np.empty((len(matrices) * axes**2, len(pairs.number)))
     for block in blocks:
-        chosen, shape = pairs.chosen[first : first + len(block)], block.shape[3:]
+        chosen = pairs.chosen[first : first + len(block)]
         found = block.reshape(chosen.size, -1)[np.flatnonzero(chosen)]  # four times faster than a mask
-        parts[at : at + len(found)] = found
+        parts[:, at : at + len(found)] = found.T
         first, at = first + len(block), at + len(found)
-    plane = (pairs.assembly @ parts).reshape(-1, *shape)
-    del parts  # frees their memory
-    psi, slope, weights = line.values, line.slopes, line.weights
-    products = [(psi, psi), (slope, slope), (psi, slope), (slope, psi)][: 1 if line.axes == 2 else 4]
-    matrices = np.array([(left * weights) @ right.T for left, right in products])
-    size, free = len(line.free_components), line.free_components
-    unknown = np.full((len(line.heights), line.axes), -1, dtype=np.int32)
-    unknown.ravel()[free] = np.arange(size)
-    k, j = np.nonzero((psi != 0).astype(float) @ (psi != 0).T)  # nodes of the line that share a layer
-    row, column = (n.ravel() for n in np.broadcast_arrays(unknown[k][:, :, None], unknown[j][:, None, :]))
-    moving = (row >= 0) & (column >= 0)
-    values = np.einsum("plab,ly->pyab", plane, matrices[:, k, j], optimize=True).reshape(len(plane), -1)
-    values, rows, columns = values[:, moving], size * pairs.rows[:, None] + row[moving], column[moving]
-    columns = size * pairs.columns[:, None] + columns
-    below = rows >= columns
-    values, rows, columns = values[below], rows[below], columns[below]
-    return sp.coo_array((values, (rows, columns)), shape=(size * (int(pairs.rows.max()) + 1),) * 2).tocsr()
+    plane = np.array([np.bincount(pairs.number, part) for part in parts]).reshape(len(matrices), axes, axes, -1)
+    del parts  # frees its memory
+    whole = np.einsum("labp,lkm->pkamb", plane, matrices, optimize=True)
+    whole = whole.reshape(len(pairs.columns), len(psi) * axes, -1)[:, free[:, None], free]
+    diagonal = pairs.starts[1:] - 1
+    whole[diagonal] = np.tril(whole[diagonal])
+    lower = sp.csr_array(sp.bsr_array((whole, pairs.columns, pairs.starts)))
+    lower.eliminate_zeros()  # above the diagonal, and of nodes of the line that share no layer
+    return lower
 
 
 def nodal_stress(

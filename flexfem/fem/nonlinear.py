@@ -164,7 +164,8 @@ class LargeStructure:
     """A plane structure, and the contacts where it is loaded or a hub that rotates: `u = U + (R(theta) - 1) r`."""
 
     def __init__(self, structure: Structure, contacts: Contacts | None = None) -> None:
-        self.structure, self.pairs, self.factorise = structure, structure.pairs, Factoriser(structure.block)
+        self.structure, self.pairs = structure, structure.pairs
+        self.factorise = Factoriser(structure.order(), structure.poses)
         self.contacts, self.free = contacts, 2 * len(structure.free)
 
     def motions(self, state: State) -> Array:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
-from flexfem.arrays import Array, Index
+from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.elements import (
     CACHED,
     CHUNK,
@@ -32,7 +32,7 @@ from flexfem.fem.elements import (
     sheet,
     stress_tensor,
 )
-from flexfem.fem.factor import Solve, factorise
+from flexfem.fem.factor import Solve, elimination_order, factorise
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.refused import ComputationFailed
 
@@ -138,21 +138,26 @@ class Structure:
         return total
 
     @property
+    def numbers(self) -> AnyArray:
+        """Numbers (e, 6) of the nodes of the triangles: the free ones, then those of rigid bodies; others -1."""
+        moving, number = np.concatenate([self.free, self.hub]), np.full(len(self.mesh.nodes), -1, dtype=np.int32)
+        number[moving] = np.arange(len(moving))
+        return number[self.mesh.triangles]
+
+    def order(self, last: int = 0) -> Index:
+        """Order of elimination of the free nodes but for the last."""
+        return elimination_order(self.numbers, len(self.free) - last)
+
+    @property
     def pairs(self) -> Pairs:
         """Pairs of free and hub nodes, numbered in this order."""
-        moving = np.concatenate([self.free, self.hub])
-        number, shape = np.full(len(self.mesh.nodes), -1, dtype=np.int32), (len(moving), len(moving))
-        number[moving] = np.arange(len(moving))
-        nodes = number[self.mesh.triangles]
+        nodes, count = self.numbers, len(self.free) + len(self.hub)
         row, column = np.broadcast_arrays(nodes[:, :, None], nodes[:, None, :])
         chosen = (column >= 0) & (row >= column)
         row, column = row[chosen], column[chosen]
-        joint = sp.csr_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=shape)
+        joint = sp.csr_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(count, count))
         joint.data = np.arange(joint.nnz)
-        entries = np.ones(len(row)), joint[row, column], np.arange(len(row) + 1)  # one in every column
-        assembly = sp.csr_array(sp.csc_array(entries, (joint.nnz, len(row))))
-        rows = np.repeat(np.arange(len(moving), dtype=np.int32), np.diff(joint.indptr))
-        return Pairs(rows, joint.indices, chosen, assembly)
+        return Pairs(joint.indices, joint.indptr, chosen, joint[row, column])
 
     def tie_hub(self, lower: sp.csr_array, rigid: Array) -> sp.csr_array:
         """Lower triangle (size, size) of T' K T from that of K of free and hub nodes; `rigid`: hub motion per pose."""
@@ -190,7 +195,7 @@ class Structure:
 
     def factorised(self) -> Solve:
         """Inverse of the stiffness. Raises ComputationFailed as `lower`, or when a part is not held."""
-        return factorise(self.lower(), self.block)
+        return factorise(self.lower(), self.order(), self.poses)
 
 
 def structure(

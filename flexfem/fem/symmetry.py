@@ -51,7 +51,7 @@ def harmonic_spaces(sector: Structure, nodes: int) -> tuple[Space, Space]:
     nodes : number of nodes of a cut in the plane. Raises ComputationFailed as `Structure.lower`, or when a part is not
     held.
     """
-    condensed = condense(sector.lower(), 2 * nodes * sector.block + 3, sector.block)
+    condensed = condense(sector.lower(), 2 * nodes * sector.block + 3, sector.order(2 * nodes))
     return _harmonic_space(sector, condensed, nodes, 0), _harmonic_space(sector, condensed, nodes, 1)
 
 
