@@ -11,7 +11,7 @@ import json
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
@@ -66,6 +66,7 @@ SOLVED = Gate(1e-9)  # iterative solutions, and differences of numbers
 FRESH = Gate(1.5e-5)  # finite elements on a new mesh: gmsh 4.13 to 4.15 make almost the same mesh
 COARSER = Gate(3e-4)  # finite elements on coarser meshes, and extrapolated values
 STRESS = Gate(5e-3)  # largest stress on a new mesh
+MAGNITUDE = 0.9  # accepted change of a band relative to the larger of both: meshes without symmetry keep its magnitude
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Quantity:
     meaning : a noun phrase, the heading of a table column.
     unit : key of `units.UNITS`, "" for a pure number; a tuple by label of the axis "direction", or without it of the
         last axis; a matrix for the last two axes; or a key of `BY_DIRECTION`.
-    over : axes of the array.
+    over : axes of the array; of a result for both plates, a stage has no point, and a mechanism no chain.
     gate : the change that `regression` accepts.
     scale : reference size of a change: the value; the largest value along the last axis or of all; the largest
         component of a pose or wrench, with rotations times the lever or moments divided by it; or the matrix diagonal.
@@ -85,6 +86,8 @@ class Quantity:
     prefixed : whether tables choose a prefix for every number (um, nm, mrad).
     shown : whether tables include it; JSON always does.
     note : an explanation that is printed below the tables.
+    only : the plates that have it, by default both; the others have no such key.
+    uneven : the gate of a mechanism, by default that of the coarser meshes, without symmetry, of the same number.
     """
 
     meaning: str
@@ -96,11 +99,23 @@ class Quantity:
     prefixed: bool = False
     shown: bool = True
     note: str = ""
+    only: Literal["", "stage", "mechanism"] = ""
+    uneven: Gate | None = None
     name: str = field(default="", init=False)
 
     def __set_name__(self, owner: type, name: str) -> None:
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "unit", BY_DIRECTION.get(self.unit, self.unit))
+
+    def of(self, plate: Literal["stage", "mechanism"]) -> Quantity:
+        """Return the declaration for a stage or for a mechanism, of a result that has both kinds."""
+        gate, absent = self.gate, {"stage": "point", "mechanism": "chain"}[plate]
+        if plate == "mechanism" and (self.uneven or gate.relative >= FRESH.relative):
+            gate = self.uneven or Gate(max(gate.relative, COARSER.relative), MAGNITUDE, gate.absolute)
+        over, largest = (tuple(axis for axis in axes if axis != absent) for axes in (self.over, self.largest))
+        found = replace(self, over=over, largest=largest, gate=gate)
+        object.__setattr__(found, "name", self.name)
+        return found
 
     @overload
     def __get__(self, instance: None, owner: type) -> Quantity: ...
@@ -180,6 +195,9 @@ class PlateFields(Fields):
 class Result:
     """Quantities with labelled axes, their bands, and their subject.
 
+    A kind of result of stages may have a subclass for mechanisms, which is declared with `mechanism=True` and inherits
+    the quantities.
+
     Parameters
     ----------
     values : arrays by quantity, inside units; nan where there is no value. Quantities not computed are absent.
@@ -200,11 +218,17 @@ class Result:
     main_key: ClassVar[str] = ""  # key of the file that the main result depends on: its warning is printed first
     quantities: ClassVar[dict[str, Quantity]] = {}
     kinds: ClassVar[dict[str, type[Result]]] = {}
+    of_mechanism: ClassVar[type[Result]]
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, mechanism: bool = False) -> None:
         attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
-        cls.quantities = {name: value for name, value in attributes.items() if isinstance(value, Quantity)}
-        Result.kinds[cls.kind()] = cls
+        declared = {name: value for name, value in attributes.items() if isinstance(value, Quantity)}
+        cls.quantities, cls.of_mechanism, Result.kinds[cls.kind()] = declared, cls, cls
+        if mechanism:
+            of_stage: Any = cls.__mro__[1]
+            of_stage.of_mechanism = cls
+            of_stage.quantities = {name: one.of("stage") for name, one in declared.items() if one.only != "mechanism"}
+            cls.quantities = {name: one.of("mechanism") for name, one in declared.items() if one.only != "stage"}
 
     def __init__(
         self,

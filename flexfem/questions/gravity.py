@@ -148,7 +148,7 @@ def _of_mechanism(
             values["sag"] = model.weighed(model.mass, np.array([[-GRAVITY]])).motions[:, 0]
         return values
 
-    return plates.by_models(mesh, models, of_network, of_size, progress)
+    return plates.by_models(mechanism, mesh, models, of_network, of_size, progress)
 
 
 def _upright(stage: Stage, load: Payload, g: Array, resolution: int, progress: Progress | None) -> ModelAnswer:

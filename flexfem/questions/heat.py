@@ -206,7 +206,7 @@ def _of_mechanism(
         response = warmed(plates.factorised(mechanism, resolution, layers), *rates)
         return cleared(response.motions, hinge_stress(response, np.eye(3)))
 
-    return plates.by_models(mesh, models, of_network, of_size, progress)
+    return plates.by_models(mechanism, mesh, models, of_network, of_size, progress)
 
 
 def _frame_warnings(plate: Stage | Mechanism) -> list[str]:

@@ -367,7 +367,7 @@ def _of_mechanism(
         frequency, share = (np.concatenate([each[:count] for each in part]) for part in zip(*parts, strict=True))
         return {"frequency": frequency, "share": share}
 
-    found = plates.by_models(mesh, models, of_network, of_size, progress)
+    found = plates.by_models(mechanism, mesh, models, of_network, of_size, progress)
     order = _order(found, count)
     lifted, answers = order >= count, _sorted(found, order, count)
     names, values, fields = [str(k + 1) for k in range(count)], dict[str, Array](), None

@@ -1,7 +1,7 @@
-"""Models of mechanisms cut from one plate, with bands, and the errors of the analytic ones.
+"""Models of stages and mechanisms, with bands, and the errors of the analytic ones of mechanisms.
 
-Every number follows from the motions of the ports of the mechanism and from the stress in its hinges, by the analytic
-network with rigid bodies, the network of elastic parts, and finite elements.
+Numbers follow from the motions of the ports and from the stress in the hinges, by the analytic network with rigid
+bodies, the network of elastic parts, and finite elements.
 """
 
 from __future__ import annotations
@@ -16,25 +16,37 @@ from flexfem import arguments
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, mirrored
-from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh
+from flexfem.fem.fields import neck_stresses
+from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
 from flexfem.fem.response import Response
+from flexfem.fem.stage_mesh import layers_of as layers_of_stage
 from flexfem.files.tables import once
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, error_matrix, levels
-from flexfem.questions.setup import ELASTIC, PLATE_SOLID_RESOLUTION, Mesh, ModelAnswer, Models, answer, on_meshes
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, SOLID, STRESS, Progress, Quantity, Result
+from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, error_matrix, levels, solve_solid
+from flexfem.questions.setup import (
+    ELASTIC,
+    PLATE_SOLID_RESOLUTION,
+    Mesh,
+    ModelAnswer,
+    Models,
+    answer,
+    on_meshes,
+    sectors_of,
+)
+from flexfem.questions.setup import solved as solved_stage
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, MAGNITUDE, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
 PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force")
-MAGNITUDE = 0.9  # accepted change of a band relative to the larger of both: meshes without symmetry keep its magnitude
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
 SHARES = ("rigid bodies", "hinge formulas", "joining of parts", "three dimensions", "total")
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
@@ -59,16 +71,22 @@ class ElasticParts(NamedTuple):
 
 
 @once
-def meshed(mechanism: Mechanism, resolution: int) -> StageMesh:
+def meshed(plate: Stage | Mechanism, resolution: int) -> StageMesh:
     """Mesh the plate."""
-    return mesh_layout(mechanism.layout, resolution)
+    if isinstance(plate, Stage):
+        return welded(sectors_of(plate, resolution))[0]
+    return mesh_layout(plate.layout, resolution)
 
 
-def layers_of(mechanism: Mechanism, number: int) -> Layers | None:
+def layers_of(plate: Stage | Mechanism, number: int) -> Layers | None:
     """Return layers graded for the narrowest neck; None for number 0, in the plane."""
-    layout = mechanism.layout
+    if not number:
+        return None
+    if isinstance(plate, Stage):
+        return layers_of_stage(plate, number)
+    layout = plate.layout
     necks = min((joint.profile.neck for joint in layout.joints), default=layout.thickness)
-    return mirrored(layout.thickness, number, necks) if number else None
+    return mirrored(layout.thickness, number, necks)
 
 
 @once
@@ -88,9 +106,11 @@ def factorised(mechanism: Mechanism, resolution: int, layers: int = 0, lifting: 
     return plate_model(mechanism.layout, meshed(mechanism, resolution), through.antisymmetric if lifting else through)
 
 
-def solved(mechanism: Mechanism, resolution: int, layers: int = 0) -> Response:
-    """Solve finite elements for unit loads on all ports."""
-    return factorised(mechanism, resolution, layers).response() if layers else _in_plane(mechanism, resolution)
+def solved(plate: Stage | Mechanism, resolution: int, layers: int = 0) -> Response:
+    """Solve finite elements for unit loads on all ports, of a stage on its platform."""
+    if isinstance(plate, Stage):
+        return solve_solid(plate, resolution, layers) if layers else solved_stage(plate, resolution)
+    return factorised(plate, resolution, layers).response() if layers else _in_plane(plate, resolution)
 
 
 @once
@@ -132,10 +152,20 @@ def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     )
 
 
-def elements(mechanism: Mechanism, resolution: int, layers: int = 0) -> Responses:
+def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0) -> Responses:
     """Return the response of finite elements."""
-    response = solved(mechanism, resolution, layers)
-    return Responses(response.compliance, lambda loads: hinge_stress(response, loads))
+    return responses(plate, solved(plate, resolution, layers))
+
+
+def responses(plate: Stage | Mechanism, response: Response) -> Responses:
+    """Return compliance and stress of finite elements; the hinges of a stage are those of (3 chains, 3 hinges)."""
+
+    def stress(loads: Array) -> Array:
+        if isinstance(plate, Mechanism):
+            return hinge_stress(response, loads)
+        return neck_stresses(plate, response, loads.reshape(-1, 3)).highest.reshape(*loads.shape[:-1], 3, 3)
+
+    return Responses(response.compliance, stress)
 
 
 Values: TypeAlias = dict[str, Any]  # of one model by quantity
@@ -192,6 +222,7 @@ def by_elements(
 
 
 def by_models(
+    plate: Stage | Mechanism,
     mesh: Mesh | None,
     models: Models,
     of_network: Callable[[bool], Values],
@@ -199,13 +230,14 @@ def by_models(
     progress: Progress | None = None,
     bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
-    """Return the values of all requested models, with bands of finite elements.
+    """Return the values of all requested models, with bands of finite elements; a stage has one analytic model.
 
     of_network : values with rigid bodies or, for True, with elastic parts.   of_size : see `by_elements`.
     """
-    labels = {"elements": (), "analytic": (ANALYTIC,)}.get(models, (ANALYTIC, ELASTIC))
+    stage = isinstance(plate, Stage)
+    labels = () if models == "elements" else (ANALYTIC,) if stage or models == "analytic" else (ANALYTIC, ELASTIC)
     found = {label: ModelAnswer(of_network(label == ELASTIC)) for label in labels}
-    return found if mesh is None else found | by_elements(mesh, of_size, progress, bands)
+    return found if mesh is None else found | by_elements(mesh, of_size, progress, bands, whole=stage)
 
 
 def of_models(
@@ -218,6 +250,7 @@ def of_models(
 ) -> dict[str, ModelAnswer]:
     """Return values that follow from the response to loads on the ports, by all requested models."""
     return by_models(
+        mechanism,
         mesh,
         models,
         lambda elastic: values(network(mechanism, elastic)),
@@ -227,10 +260,10 @@ def of_models(
     )
 
 
-def over_yield(mechanism: Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str) -> list[str]:
+def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str) -> list[str]:
     """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the load."""
     highest = max(float(np.max(model.values[stress])) for model in found.values() if stress in model.values)
-    return warning.of_yield(highest, mechanism.material.yield_strength, where)
+    return warning.of_yield(highest, plate.material.yield_strength, where)
 
 
 class MechanismErrors(Result):

@@ -84,7 +84,7 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
         if name in signature.parameters and f"\n{name} :" not in text:
             shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
     kinds = str(function.__annotations__["return"]).split(" | ")
-    returns = ", or ".join(kinds) + " of a mechanism" * bool(of_mechanism)
+    returns = ", or ".join(kinds) + " of a mechanism" * (len(kinds) > 1)
     added = "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES])
     text = text.replace("{shared}", added.replace("The stage", f"The stage{of_mechanism.lower()}"))
     for key in not_for.split():
@@ -119,6 +119,11 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
         return function(*positional, **named)
 
     return cast(Function, checked)
+
+
+def options(not_for: str = "", only_for: str = "") -> Callable[[Function], Function]:
+    """Declare a `question` with options that are `not_for` a mechanism, or `only_for` one."""
+    return lambda function: question(function, not_for, only_for)
 
 
 class OfBoth(Protocol[Options, OfStage, OfMechanism]):
@@ -215,6 +220,11 @@ def usual_solid(plate: Stage | Mechanism) -> int:
     return PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else SOLID_RESOLUTION
 
 
+def lever_of(plate: Stage | Mechanism) -> float:
+    """Return the lever, mm: a rotation times it is comparable with a translation."""
+    return plate.layout.lever if isinstance(plate, Mechanism) else plate.chain.link_lengths[2]
+
+
 @once
 def sectors_of(stage: Stage, resolution: int) -> tuple[Sector, ...]:
     """Return the meshed sectors of a feasible stage."""
@@ -260,11 +270,13 @@ def about(
 ) -> About:
     """Return the subject of a result: a plate, `heat` coefficients or `drive` of a stage, and other files by name."""
     doubts = assumptions([("", plate), *((f"{name}: ", file) for name, file in files.items())])
-    digest, lever = plate.hash, plate.layout.lever if isinstance(plate, Mechanism) else plate.chain.link_lengths[2]
+    digest = plate.hash
     if isinstance(plate, Stage) and (heat or drive):
         doubts = plate.heat_assumptions if heat else plate.drive_assumptions
         digest = plate.heat_hash if heat else plate.drive_hash
-    return About(plate.name, str(plate.origin), digest, tuple(doubts.assumed), tuple(doubts.not_stated), lever)
+    return About(
+        plate.name, str(plate.origin), digest, tuple(doubts.assumed), tuple(doubts.not_stated), lever_of(plate)
+    )
 
 
 class ModelAnswer(NamedTuple):
@@ -293,6 +305,11 @@ def stack_models(
     return stacked
 
 
+def kind_of(kind: type[Kind], subject: Stage | Mechanism | About) -> type[Kind]:
+    """Return a kind of result, or its form for mechanisms."""
+    return cast(type[Kind], kind.of_mechanism) if isinstance(subject, Mechanism) else kind
+
+
 def answer(
     kind: type[Kind],
     subject: Stage | Mechanism | About,
@@ -306,9 +323,10 @@ def answer(
 ) -> Kind:
     """Return the result of a question from the values of its models, and from values and bands of all models.
 
-    That of a mechanism has the axes hinge, point and actuator, and the warnings and notes that apply to every question.
+    That of a mechanism is of the kind `of_mechanism`. It has the axes hinge, point and actuator, and the warnings and
+    notes that apply to every question.
     """
-    labels = {"model": tuple(models), **axes}
+    kind, labels = kind_of(kind, subject), {"model": tuple(models), **axes}
     if isinstance(subject, Mechanism):
         layout = subject.layout
         labels = {

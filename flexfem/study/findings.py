@@ -83,7 +83,8 @@ def output(column: str, study: Study | None = None) -> AxisText:
 def asked(path: str, mechanism: bool) -> AxisText:
     """Return the meaning and unit of a number of a result at a path such as `stiffness.free.analytic.x`."""
     question, name, *labels = path.replace("_", " ").split(".")
-    of_stage, of_mechanism = get_args(get_type_hints(getattr(flexfem, question))["return"])
+    kind = get_type_hints(getattr(flexfem, question))["return"]
+    of_stage, of_mechanism = get_args(kind) or (kind, kind.of_mechanism)
     kind = of_mechanism if mechanism else of_stage
     quantity = kind.quantities[name.replace(" ", "_")]
     if len(labels) != len(quantity.over):
