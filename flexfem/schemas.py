@@ -161,8 +161,11 @@ def results() -> dict[str, type[Result]]:
     return {name: one for name, one in Result.kinds.items() if one.__module__.startswith("flexfem.")}
 
 
-def schema_of(name: str) -> dict[str, Any]:
-    """Return the JSON schema of an input file or result. Raises BadInput for an unknown kind."""
+def schema_of(name: str, inches: bool = True) -> dict[str, Any]:
+    """Return the JSON schema of an input file or result. Raises BadInput for an unknown kind.
+
+    inches : include keys of lengths in inches, where the file may have `units = "in"`.
+    """
     if not isinstance(name, str) or (name not in FORMATS and name not in results()):
         expected = f"one of: {', '.join(FORMATS)}, or a kind of result, which `flexfem schema` lists"
         raise BadInput(f"format {one_line(repr(name), SHOWN)} is not known, expected {expected}")
@@ -171,10 +174,25 @@ def schema_of(name: str) -> dict[str, Any]:
     of = FORMATS[name]
     raw = of.model.model_json_schema(schema_generator=_Described)
     whole = _plain(raw, "", raw.get("$defs", {}), EXPRESSIONS if of.model is Mechanism else "number")
+    if inches and "units" in whole["properties"]:
+        whole = _or_inches(whole)
     if of.named:
         entry = whole | {"description": f"The numbers of one {of.named}"}
         whole = {"type": "object", "additionalProperties": entry}
     return {"$schema": DRAFT, "title": f"flexfem: {of.title.lower()}", **whole, "description": of.about}
+
+
+def _or_inches(of: Any) -> Any:
+    """Return a schema in which every key that ends in _mm may end in _in instead; such values are not checked."""
+    if not isinstance(of, dict):
+        return of
+    found = {name: _or_inches(part) for name, part in of.items()}
+    if lengths := [key for key in of.get("properties", {}) if key.endswith("_mm")]:
+        needed = [key for key in of.get("required", []) if key in lengths]
+        found["patternProperties"] = {f"^({'|'.join(key[:-3] for key in lengths)})_in$": {}}
+        found["required"] = [key for key in of.get("required", []) if key not in lengths]
+        found["allOf"] = [{"anyOf": [{"required": [each]} for each in (key, key[:-2] + "in")]} for key in needed]
+    return {name: part for name, part in found.items() if part or name not in ("required", "allOf")}
 
 
 class _Described(GenerateJsonSchema):
@@ -255,7 +273,7 @@ class KeyTable(NamedTuple):
 
 def tables_of(name: str) -> list[KeyTable]:
     """Return the tables of an input file, outer tables first. Raises BadInput for an unknown format."""
-    of, named = schema_of(name), FORMATS[name].named
+    of, named = schema_of(name, False), FORMATS[name].named
     return list(_tables(of["additionalProperties"], f"name of the {named}", False) if named else _tables(of, "", False))
 
 

@@ -40,6 +40,7 @@ class Unit(NamedTuple):
 UNITS = {  # by the suffix of file keys and study columns
     "mm": Unit(1.0, "mm"),
     "um": Unit(1e3, "µm"),
+    "in": Unit(1 / 25.4, "in"),
     "rad": Unit(1.0, "rad"),
     "mrad": Unit(1e3, "mrad"),
     "deg": Unit(180.0 / math.pi, "°"),
@@ -77,7 +78,7 @@ NONE = Unit(1.0, "")
 ENDING = re.compile(rf"_({'|'.join(UNITS)})(\[\d+\])?$")
 
 SIMILAR = (  # units that a number on the command line may have, of the same quantity
-    (Unit(1e-3, "m"), UNITS["mm"], UNITS["um"], Unit(1e6, "nm")),
+    (Unit(1e-3, "m"), UNITS["mm"], UNITS["um"], Unit(1e6, "nm"), UNITS["in"]),
     (UNITS["rad"], UNITS["mrad"], Unit(1e6, "µrad"), UNITS["deg"]),
     (Unit(1e-3, "kN"), UNITS["n"], Unit(1e3, "mN"), Unit(1e6, "µN")),
     (Unit(1e-3, "N m"), UNITS["n_mm"], Unit(1.0, "mN m"), Unit(1e3, "µN m")),

@@ -93,10 +93,10 @@ class TomlFile:
                     found.setdefault(table, (line, len(found)))
                 found[table] = (line, len(found))  # a better line than that of [table.below] before it
             else:
-                for path in _paths(content, table):
+                for path in paths_in(content, table):
                     found.setdefault(path, (line, len(found)))
             line += statement.count("\n")
-        return found
+        return {tuple(map(in_mm, path)): place for path, place in found.items()} | found
 
     def place(self, path: KeyPath) -> tuple[int, int]:
         """Return line and rank of a path, or of its nearest existing table, or (0, -1)."""
@@ -108,16 +108,22 @@ class TomlFile:
         return self.place(path)[0] or None
 
 
+def in_mm(key: Any) -> Any:
+    """Return the key in mm of a length in inches; any other key, or index, is itself."""
+    return re.sub("_in$", "_mm", key) if isinstance(key, str) else key
+
+
 def line_of(text: str, offset: int) -> int:
     """Return the line, counted from 1, at a character offset."""
     return text.count("\n", 0, offset) + 1
 
 
-def _paths(content: Any, above: KeyPath) -> Iterator[KeyPath]:
+def paths_in(content: Any, above: KeyPath = ()) -> Iterator[KeyPath]:
+    """Yield the paths of all keys and indices in a content, which stands at the path `above`."""
     inner = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
     for part, value in inner:
         yield (*above, part)
-        yield from _paths(value, (*above, part))
+        yield from paths_in(value, (*above, part))
 
 
 PathLike: TypeAlias = str | os.PathLike[str]
@@ -195,6 +201,7 @@ def validate(
     if keys:
         messages.append(f"{', '.join(keys[:-1])} and {keys[-1]} are missing" if keys[1:] else f"{keys[0]} is missing")
     first = wrong[0] if wrong else min(problems, key=lambda problem: file.place(problem.path))
+    messages[-1] += " (in mm, to which this file is converted)" if file.data.get("units") == "in" else ""
     raise BadInput(one_line(f"{place_of(path, file.line(first.path))}: {'; '.join(messages)}"))
 
 

@@ -6,19 +6,27 @@ import os
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, NamedTuple, Self, TypeVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeVar
 
-from pydantic import BaseModel, model_validator
+from pydantic import AfterValidator, BaseModel, WithJsonSchema, model_validator
 
 from flexfem.files.provenance import Sourced
-from flexfem.files.quantities import STATED
-from flexfem.files.refusals import checked_path, path_of, place_of, refusal, shown, suggestion
+from flexfem.files.quantities import LONGEST, STATED
+from flexfem.files.refusals import checked_path, key_path, path_of, place_of, refusal, shown, suggestion
 from flexfem.files.tables import KEPT, plain
-from flexfem.files.toml import PathLike, read_toml, validate
+from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
 from flexfem.refused import BadInput
+
+INCH = 25.4  # mm
+
+
+def _in_file(units: str) -> str:
+    if units != "mm":
+        raise refusal('"mm", or in a file "in"')
+    return units
 
 
 class Origin(NamedTuple):
@@ -37,6 +45,10 @@ class PlateFile(Sourced):
     if TYPE_CHECKING:
         name: str
         material: Material
+
+    units: Annotated[str, AfterValidator(_in_file), WithJsonSchema({"enum": ["mm", "in"]})] = "mm"
+    """Unit of lengths. In a file with `"in"` the keys of lengths end in `_in` instead of `_mm`, and expressions are in
+    inches; all output is in mm"""
 
     @model_validator(mode="before")
     @classmethod
@@ -74,7 +86,8 @@ class PlateFile(Sourced):
 
     def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:
         """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and excluded keys."""
-        content = self.model_dump(exclude={"name", "provenance", "frame", *excluded}, **options) | dict(more or {})
+        left_out = {"name", "units", "provenance", "frame", *excluded}
+        content = self.model_dump(exclude=left_out, **options) | dict(more or {})
         unused = ("name", "expansion")
         content["material"] = {key: v for key, v in content["material"].items() if key not in unused and v is not None}
         return digest(canonical(content))
@@ -209,6 +222,32 @@ def read_plate(model: type[Plate], path: PathLike) -> Plate:
 
     Raises BadInput as `validate`.
     """
-    plate = validate(model, path, partial(with_material_of_file, path))
+    plate = validate(model, path, lambda data: with_material_of_file(path, _converted(path, data)))
     plate.__dict__["origin"] = Origin(os.fspath(path))
     return plate
+
+
+def _converted(path: PathLike, data: dict[str, Any]) -> Any:
+    """Return the content of a file in mm. Raises BadInput for a key in mm in a file with `units = "in"`."""
+    if data.get("units") != "in":
+        return data
+    for at in paths_in(data):
+        if str(at[-1]).endswith("_mm") and at[0] != "provenance":
+            raise bad_key(path, at, f'{key_path(at, data)}, expected a key that ends in _in: units = "in"')
+    kept = {key: data[key] for key in ("parameters", "provenance") if key in data}  # parameters are in their own units
+    if isinstance(sources := kept.get("provenance"), dict):
+        kept["provenance"] = {key if key.startswith("parameters") else in_mm(key): sources[key] for key in sources}
+    return _metric({key: data[key] for key in data if key not in ("units", *kept)}) | kept
+
+
+def _metric(value: Any, key: str = "") -> Any:
+    """Return a value with lengths, whose keys end in _in, in mm; an expression is multiplied."""
+    if isinstance(value, list):
+        return [_metric(each, key) for each in value]
+    if isinstance(value, dict):
+        return {in_mm(name): _metric(each, name) for name, each in value.items()}
+    if not key.endswith("_in") or isinstance(value, bool):
+        return value
+    if isinstance(value, str):
+        return f"({value}) * {INCH}"
+    return float(f"{INCH * value:.15g}") if isinstance(value, int | float) and abs(value) < LONGEST else value

@@ -257,7 +257,7 @@ def _rounded(value: float) -> float:
 
 def _stage_report(stage: Stage) -> StageReport:
     check_feasible(stage)
-    others = {"name", "model", "hinges", "override", "actuator", "provenance", "frame"}  # reported elsewhere
+    others = {"name", "units", "model", "hinges", "override", "actuator", "provenance", "frame"}  # reported elsewhere
     left_out: dict[str, Any] = dict.fromkeys(others, True) | {"material": {"expansion"}}
     frames, hinges = stage_frames(stage), list[PlacedHinge]()
     for (row, k), axis in np.ndenumerate(frames.axes):

@@ -5,13 +5,16 @@ from __future__ import annotations
 import pickle
 import tomllib
 
+import jsonschema
 import numpy as np
 import pytest
 
 import flexfem
+from flexfem.files.writing import toml_text
 from flexfem.mechanism.mechanism import Mechanism, load_mechanism
 from flexfem.mechanism.outlines import area
 from flexfem.refused import BadInput
+from flexfem.schemas import schema_of
 from flexfem.workshop import MECHANISMS
 
 from ..conftest import ROOT
@@ -215,3 +218,98 @@ def test_what_is_wrong_is_refused_with_file_line_key_and_expectation(old, new, s
     message = str(caught.value)
     assert message.startswith(f"{path}, line ") and message.isprintable()
     assert all(piece in message for piece in said.split(" ... "))
+
+
+def in_inches(value, by=1.0):
+    """A content with every length divided by 25.4, in a key that ends in _in; so do key paths of provenance."""
+    if isinstance(value, dict):
+        lengths = {key: key.endswith("_mm") for key in value}
+        return {
+            key[:-2] + "in" if lengths[key] else key: in_inches(each, 25.4 if lengths[key] else 1.0)
+            for key, each in value.items()
+        }
+    if isinstance(value, list):
+        return [in_inches(each, by) for each in value]
+    return value if by == 1.0 or isinstance(value, str) else value / by
+
+
+def test_a_stage_file_in_inches_is_the_same_stage_bit_for_bit_and_the_schema_accepts_it(tmp_path):
+    path, file = ROOT / "geometry/mobility6.toml", tmp_path / "inches.toml"
+    content = {"units": "in", **in_inches(tomllib.loads(path.read_text()))}
+    file.write_text(toml_text(content))
+    metric, found = flexfem.load(path), flexfem.load(file)
+    assert found == metric and found.hash == metric.hash and found.sources == metric.sources
+    assert tomllib.loads(found.to_toml()) == tomllib.loads(metric.to_toml())
+    validator = jsonschema.Draft7Validator(schema_of("stage"))
+    assert validator.is_valid(content)
+    missing = {key: value for key, value in content.items() if key != "thickness_in"}
+    assert not validator.is_valid(missing) and not validator.is_valid(missing | {"thicknes_in": 0.4})
+
+
+INCHES = """\
+name = "two leaves"
+units = "in"
+thickness_in = 0.4
+material = {name = "al-7075-t6"}
+parameters = {span_in = 2, wide_in = "span / 5"}
+output = {body = "stage", at_in = [0, 2.2]}
+[[body]]
+name = "ground"
+fixed = true
+path_in = [[-1, -0.2], [1, -0.2]]
+width_in = "wide"
+[[body]]
+name = "stage"
+path_in = [[-1, "span + 0.2"], [1, "span + 0.2"]]
+width_in = "wide"
+[[hinge]]
+name = "leaf"
+between = ["ground", "stage"]
+at_in = [-0.8, "span / 2"]
+direction_deg = 90
+shape = "leaf"
+length_in = "span"
+neck_in = 0.02
+[[copy]]
+parts = ["leaf"]
+mirror_in = [[0, 0], [0, 1]]
+[provenance]
+"hinge.leaf.neck_in" = "drawing 7"
+"parameters.span_in" = "assumed"
+"""
+
+
+def test_expressions_of_a_file_in_inches_are_in_inches_and_results_in_mm(tmp_path):
+    file = tmp_path / "inches.toml"
+    file.write_text(INCHES)
+    assert jsonschema.Draft7Validator(schema_of("mechanism")).is_valid(tomllib.loads(INCHES))
+    found = load_mechanism(file)
+    assert [joint.place for joint in found.layout.joints] == pytest.approx([-20.32 + 25.4j, 20.32 + 25.4j])
+    assert found.body[1].path[0] == pytest.approx((-25.4, 55.88)) and found.body[1].width == pytest.approx(10.16)
+    assert found.sources["hinge.leaf.neck_mm"] == "drawing 7" and found.assumed == ("parameters.span_in",)
+    report = flexfem.check(found)
+    assert report.hinges[0].length_mm == 50.8 and report.dimensions["thickness_mm"] == 10.16
+    longer = found.replace(parameters={"span_in": 3})
+    assert longer.hinge[0].length == pytest.approx(76.2) and longer.body[1].path[0][1] == pytest.approx(81.28)
+    found.save(tmp_path / "metric.toml")
+    assert load_mechanism(tmp_path / "metric.toml") == found
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "said"),
+    [
+        ("neck_in = 0.02", "neck_in = -0.02", 23, "neck_mm = -0.508, expected > 0 (in mm, to which this file is conv"),
+        ("neck_in = 0.02", "neck_mm = 0.508", 23, 'neck_mm, expected a key that ends in _in: units = "in"'),
+        ("span_in = 2", "span_mm = 2", 5, 'parameters.span_mm, expected a key that ends in _in: units = "in"'),
+        ('"in"', '"ft"', 2, 'units = "ft", expected "mm", or in a file "in"'),
+        ('"in"', '"mm"', 3, "thickness_in is an unknown key, did you mean thickness_mm?"),
+        ("at_in = [-0.8,", "at_in = [true,", 19, "hinge.leaf.at_mm[0] = true, expected a number"),
+        ("length_in = ", "length_in = 1e5 #", 22, "hinge.leaf.length_mm = 100000.0, expected <= 10000"),
+    ],
+)
+def test_mistakes_in_a_file_in_inches_are_refused_with_their_line(old, new, line, said, tmp_path):
+    file = tmp_path / "inches.toml"
+    file.write_text(INCHES.replace(old, new))
+    with pytest.raises(BadInput) as refused:
+        load_mechanism(file)
+    assert str(refused.value).startswith(f"{file}, line {line}: ") and said in str(refused.value)

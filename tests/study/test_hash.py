@@ -20,7 +20,7 @@ from .conftest import STAGE
 
 Place = tuple[str | int, ...]
 OF_HEAT = {("material", "expansion"), ("frame", "expansion")}  # with a hash of its own, as the drive
-NOT_OF_A_STAGE = {("name",), ("material", "name"), ("provenance",), ("actuator",), *OF_HEAT}
+NOT_OF_A_STAGE = {("name",), ("units",), ("material", "name"), ("provenance",), ("actuator",), *OF_HEAT}
 OF_THE_DRIVE = {("override", 0, name) for name in OF_ACTUATORS}  # of a hinge's override: nothing
 NOT_OF_A_FACTOR = {("key",), ("keys",), ("label",)}  # by the column that they make
 DRIVEN = ("sd = 1.5\n", "sd = 1.5\n[drive]\nstroke_um = 17.4\nlever_arm_mm = 10\n")
