@@ -1,4 +1,4 @@
-"""Exceptions: input that cannot be used, a computation that cannot be trusted, sources edited during a command."""
+"""Exceptions: input that cannot be used, and a computation that cannot be trusted."""
 
 from __future__ import annotations
 
@@ -24,7 +24,3 @@ class BadInput(Exception):  # noqa: N818  the name says whose error it is
 
 class ComputationFailed(Exception):  # noqa: N818
     """A mesh or a solution that fails its own checks; its text is one line, shown unchanged, and the exit code is 1."""
-
-
-class SourcesChanged(Exception):  # noqa: N818
-    """flexfem's own sources were edited during a command; its text is one line, and the exit code is 1."""

@@ -1,16 +1,14 @@
-"""Hashes of the sources of flexfem and of a file of the user, so that all processes of a command run the same code.
+"""The sources of flexfem, the processes that it starts, and the file of the user, which they run as well.
 
-A child process starts with the module path of its parent without the current folder, and compares all sources with the
-hashes of its parent. `flexfem --with FILE ...` puts the path and the hash of a file that registers hinge formulas and
-materials into the environment. Children, such as the workers of a study, inherit both and reject a changed file.
+A child process starts with the module path of its parent without the current folder. `flexfem --with FILE ...` puts
+the path and the hash of a file that registers hinge formulas and materials into the environment. Children, such as the
+workers of a study, inherit both and reject a changed file.
 """
 
 from __future__ import annotations
 
 import hashlib
-import importlib
 import os
-import pickle
 import sys
 import traceback
 from collections.abc import Mapping
@@ -18,35 +16,23 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
-from flexfem.refused import BadInput, SourcesChanged
+from flexfem.refused import BadInput
 
 PACKAGE = Path(__file__).parent
-CHANGED = 3  # exit code of a child that found changed sources
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}  # its environment
 WITH = "FLEXFEM_WITH"  # environment variable: hash, colon, absolute path of the file of the user
 _begun: set[str] = set()  # values of the variable whose files were started, because a file may call `load_own`
 
 
-def hashes(package: Path = PACKAGE) -> dict[str, str]:
-    """Return the SHA-256 of every source and data file of a package, by its path in the package."""
-    paths = sorted((*package.rglob("*.py"), *(package / "data").glob("*.[jt]*")))
-    return {path.relative_to(package).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
-
-
 @lru_cache
 def manifest() -> Mapping[str, str]:
-    """Return the hashes of flexfem at the first call; a command calls this before it loads the models."""
-    return MappingProxyType(hashes())
+    """Return the SHA-256 of every source and data file of flexfem, by its path, at the first call.
 
-
-def require_unchanged(expected: Mapping[str, str] | None = None) -> None:
-    """Raise SourcesChanged when a file differs from the `expected` hashes, by default those of `manifest`."""
-    now, before = hashes(), manifest() if expected is None else expected
-    for name in sorted({*now, *before}):
-        if now.get(name) != before.get(name):
-            raise SourcesChanged(
-                f"flexfem/{name} changed after this command began; finished results are kept: run the command again"
-            )
+    A command calls this before it loads the models.
+    """
+    paths = sorted((*PACKAGE.rglob("*.py"), *(PACKAGE / "data").glob("*.[jt]*")))
+    files = {path.relative_to(PACKAGE).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+    return MappingProxyType(files)
 
 
 def read_data(name: str) -> str:
@@ -55,19 +41,9 @@ def read_data(name: str) -> str:
 
 
 def child_command(module: str) -> list[str]:
-    """Return the command of a child that runs `main()` of a module; its standard input begins with the manifest."""
-    code = f"import sys; sys.path[:] = sys.argv[1:]; from flexfem.sources import begin_child; begin_child({module!r})"
+    """Return the command of a child process that runs `main()` of a module."""
+    code = f"import sys; sys.path[:] = sys.argv[1:]; from {module} import main; main()"
     return [sys.executable, "-P", "-c", code, *(entry for entry in sys.path if os.path.isabs(entry))]
-
-
-def begin_child(module: str) -> None:
-    """Run a module in a child process; exit with `CHANGED` when the sources differ from those of the parent."""
-    try:
-        require_unchanged(pickle.load(sys.stdin.buffer))
-    except SourcesChanged as changed:
-        print(changed, file=sys.stderr)
-        sys.exit(CHANGED)
-    importlib.import_module(module).main()
 
 
 def use_own(path: Path) -> None:

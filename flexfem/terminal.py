@@ -13,8 +13,6 @@ from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
 from typing import Any
 
-from flexfem.refused import SourcesChanged
-
 EVERY = 10.0  # s between two progress lines
 COMMANDS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")  # control characters
 IMPORTER = "<frozen importlib._bootstrap>"  # file name in frames of the import system
@@ -169,7 +167,6 @@ def deepest(error: BaseException) -> TracebackType | None:
 def reason_of(error: BaseException) -> str:
     """Return one line on an unexpected error."""
     from flexfem.files.refusals import one_line  # heavy
-    from flexfem.sources import require_unchanged
 
     if isinstance(error, MemoryError):
         return "out of memory"
@@ -178,10 +175,6 @@ def reason_of(error: BaseException) -> str:
         return what or type(error).__name__
     if isinstance(error, ImportError):
         return f"a library cannot be loaded: {what}"
-    try:
-        require_unchanged()  # modules of two versions can fail anywhere
-    except SourcesChanged as changed:
-        return str(changed)
     frame = deepest(error)
     where = f" ({os.path.basename(frame.tb_frame.f_code.co_filename)}, line {frame.tb_lineno})" if frame else ""
     return f"an error in flexfem: {type(error).__name__}: {what}{where}; FLEXFEM_TRACEBACK=1 shows the traceback"

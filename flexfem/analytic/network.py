@@ -5,7 +5,8 @@ With the twists U of the bodies, the wrenches w in the joints, both at the globa
 
     G U - C w = e,    G' w = F,
 
-where G subtracts the twist of a joint's near body from that of its far one. C may be singular, as for an ideal pivot.
+where G subtracts the twist of a joint's near body from that of its far one. C of a joint may be singular, as for an
+ideal pivot; the sum over the joints of a path may not.
 
 Each body that is not the output and has exactly two joints lies on a path. Joints in series along a path add their
 compliances, so the paths between the other bodies, which are kept, are reduced first. A joint then carries the wrench
@@ -23,13 +24,11 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array, inverse
 
 GROUND = -1
 STILL = 1e-13  # relative to the largest compliance of a mode; smaller ones are round-off
-SINGULAR = 1e-14  # relative to the largest eigenvalue of a joint's scaled compliance; smaller ones are no freedoms
 
 
 class Network(NamedTuple):
@@ -175,7 +174,7 @@ def in_series(mechanism: Network) -> Array:
 def stiffness(mechanism: Network) -> OutputStiffness:
     """Return the stiffness of the output, and the wrenches in the joints per twist of it.
 
-    nan for a design with a path that is nearly, but not exactly, without compliance in some direction.
+    nan for a design with a path that has no, or nearly no, compliance in some direction.
     """
     graph = topology(*mechanism[:3])
     if graph.is_star and mechanism.coupling is None:  # matrices of 3 by 3 suffice, for many designs
@@ -188,11 +187,6 @@ def stiffness(mechanism: Network) -> OutputStiffness:
         others = -inverse(K[..., 3:, 3:]) @ K[..., 3:, :3]
         twists = np.concatenate([np.broadcast_to(np.eye(3), (*K.shape[:-2], 3, 3)), others], axis=-2)
         wrenches, K = wrenches @ twists[..., None, :, :], K[..., :3, :] @ twists
-    if (is_ideal := _has_ideal_path(mechanism, graph, K)).any():
-        _, by_loads, twists = _saddle_point(_coupled(in_series(mechanism), mechanism, graph), graph.G)
-        K_ideal = inverse(twists[..., :3, :3])
-        wrenches = np.where(is_ideal[..., None], _by_path(by_loads[..., :3] @ K_ideal, graph), wrenches)
-        K = np.where(is_ideal, K_ideal, K)
     return OutputStiffness(K, _by_joint(wrenches, graph))
 
 
@@ -217,10 +211,6 @@ def solve(
     WG = W @ G
     V = inverse(G.T @ WG) @ (F + np.swapaxes(WG, -1, -2) @ t)
     w = W @ (G @ V - t)
-    if (is_ideal := _has_ideal_path(mechanism, graph, V)).any():
-        by_openings, by_loads, twists = _saddle_point(_coupled(in_series(mechanism), mechanism, graph), G)
-        V = np.where(is_ideal, twists @ F + np.swapaxes(by_loads, -1, -2) @ t, V)
-        w = np.where(is_ideal, by_loads @ F + by_openings @ t, w)
     motions = np.swapaxes(F, -1, -2) @ V + np.swapaxes(B, -1, -2) @ w + D
     return MotionUnderLoads(V[..., :3, :], _by_joint(_by_path(w, graph), graph) + Q, motions)
 
@@ -286,26 +276,21 @@ def _by_joint(w: Array, graph: Topology) -> Array:
     return np.asarray(wrenches if np.all(signs == 1) else signs[:, None, None] * wrenches)
 
 
-def _block_diagonal(A: Array) -> Array:
-    """Block diagonal matrix (..., 3 P, 3 P) of matrices (..., P, 3, 3)."""
+def block_diagonal(A: Array) -> Array:
+    """Return the block diagonal matrix (..., 3 P, 3 P) of matrices (..., P, 3, 3)."""
     count = A.shape[-3]
     full = np.zeros((*A.shape[:-3], count, 3, count, 3))
     full[..., np.arange(count), :, np.arange(count), :] = np.moveaxis(A, -3, 0)
     return full.reshape(*A.shape[:-3], 3 * count, 3 * count)
 
 
-def _coupled(A: Array, mechanism: Network, graph: Topology) -> Array:
-    """Compliance (..., 3 P, 3 P) of all paths: A (..., P, 3, 3) of their joints, and that of the elastic bodies."""
-    if mechanism.coupling is None:
-        return _block_diagonal(A)
-    S = np.kron(graph.signs[:, mechanism.coupled], np.eye(3))
-    return _block_diagonal(A) + S @ mechanism.coupling @ S.T
-
-
 def _path_stiffness(mechanism: Network, graph: Topology) -> Array:
     """Stiffness (..., 3 P, 3 P) of all paths, path by path where nothing couples them; nan as in `stiffness`."""
     A = in_series(mechanism)
-    return _block_diagonal(inverse(A)) if mechanism.coupling is None else inverse(_coupled(A, mechanism, graph))
+    if mechanism.coupling is None:
+        return block_diagonal(inverse(A))
+    S = np.kron(graph.signs[:, mechanism.coupled], np.eye(3))
+    return inverse(block_diagonal(A) + S @ mechanism.coupling @ S.T)
 
 
 def _opened(mechanism: Network, wrenches: Array) -> Array:
@@ -317,34 +302,3 @@ def _opened(mechanism: Network, wrenches: Array) -> Array:
     of_bodies = mechanism.coupling @ _column(wrenches[..., mechanism.coupled, :, :])
     of_bodies = of_bodies.reshape(*of_bodies.shape[:-2], len(mechanism.coupled), 3, -1)
     return np.asarray(openings + np.einsum("mc,...cak->...mak", at, of_bodies))
-
-
-def _has_ideal_path(mechanism: Network, graph: Topology, solution: Array) -> NDArray[np.bool_]:
-    """Return which designs (..., 1, 1) with a nan solution have a path of joints with fewer than three freedoms.
-
-    A path with a joint of an elastic body counts as elastic.
-    """
-    is_ideal = np.asarray(np.isnan(solution[..., 0, 0]))
-    if is_ideal.any():
-        C = np.broadcast_to(mechanism.compliance, (*is_ideal.shape, *mechanism.compliance.shape[-3:]))
-        is_ideal[is_ideal] = np.isfinite(C[is_ideal]).all(axis=(-3, -2, -1))
-        root = np.sqrt(np.diagonal(C[is_ideal], axis1=-2, axis2=-1))
-        scale = root[..., :, None] * root[..., None, :]
-        values = np.linalg.eigvalsh(C[is_ideal] / np.where(scale > 0, scale, 1.0))
-        freedoms = np.sum(values > SINGULAR * values[..., -1:], axis=-1) @ np.abs(graph.signs).T
-        is_elastic = np.any(graph.signs[:, () if mechanism.coupling is None else mechanism.coupled], axis=1)
-        is_ideal[is_ideal] = np.any((freedoms < 3) & ~is_elastic, axis=-1)
-    return is_ideal[..., None, None]
-
-
-def _saddle_point(A: Array, G: Array) -> tuple[Array, Array, Array]:
-    """Solve `G V - A w = t` and `G' w = F`, with G (3 P, 3 K), for A (..., 3 P, 3 P) that may be singular.
-
-    Returns the path wrenches by openings (..., 3 P, 3 P) and by loads (..., 3 P, 3 K), and the twists by loads.
-    """
-    rows, size = G.shape
-    scale = np.max(np.abs(A), axis=(-2, -1), keepdims=True)
-    M = np.zeros((*A.shape[:-2], rows + size, rows + size))
-    M[..., :rows, :rows], M[..., :rows, rows:], M[..., rows:, :rows] = -A / scale, G, G.T
-    M = inverse(M)
-    return M[..., :rows, :rows] / scale, M[..., :rows, rows:], M[..., rows:, rows:] * scale

@@ -23,7 +23,7 @@ from flexfem.analytic import network
 from flexfem.analytic.elastic_bodies import bar_density, body_compliance
 from flexfem.analytic.model import JOINTS, LINK_BODIES, AnalyticResult, at_necks, network_of
 from flexfem.analytic.network import Dynamics
-from flexfem.analytic.paper import Freedoms, mobility
+from flexfem.analytic.paper import Freedoms
 from flexfem.arrays import Array
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import neck_stress, stress_raised
@@ -164,41 +164,15 @@ def dynamics(stage: Stage, model: AnalyticResult, payload: drawn.Payload, stacks
     chain, at the platform centre. The openings of `stacks` are appended to the compliance, for `network.with_springs`.
     """
     driven_stage = driven_model(stage, model, (*body_loads(stage if model.links else None), *stacks))
-    return Dynamics(driven_stage.compliance, _mass_of(stage, payload), FREEDOMS if model.links else model.mobility)
+    return Dynamics(driven_stage.compliance, mass_matrix(stage, payload), FREEDOMS if model.links else model.mobility)
 
 
-def dynamics_of_designs(
-    frames: Frames, hinges: Compliance, freedoms: Freedoms, mass: Array, elastic: LinkParts | None = None
-) -> Dynamics:
-    """Return the dynamics of n designs; hinges (n, 3, 3), mass (n, 21, 21) of `mass_matrix`.
-
-    elastic : (n, ...) of `link_parts` with the loads `body_loads`; None where links are rigid.
-    """
-    rank = mobility(freedoms) if elastic is None else FREEDOMS
-    return Dynamics(driven(frames, hinges, freedoms, body_loads(), elastic).compliance, mass, rank)
-
-
-def mass_matrix(bodies: Array, hub: Array, areal_density: Array, payload: drawn.Payload) -> Array:
-    """Return the mass matrix (..., 21, 21) of the moving bodies, about the platform centre.
-
-    Parameters
-    ----------
-    bodies : (..., 3 chains, 4 bodies, 3) of `body_moments`.   hub : (..., 3).   areal_density : (...), tonne/mm^2.
-    """
-    platform = drawn.inertia_of(bodies[..., PLATFORM, :].sum(axis=-2) + hub, areal_density) + payload.matrix
-    links = drawn.inertia_of(bodies, np.asarray(areal_density)[..., None, None])
-    M = np.zeros((*platform.shape[:-2], FREEDOMS, FREEDOMS))
-    M[..., :3, :3] = platform
-    for k, (chain, link) in enumerate((chain, link) for chain in range(len(CHAINS)) for link in LINKS):
-        at = slice(3 + 3 * k, 6 + 3 * k)
-        M[..., at, at] = links[..., chain, link, :, :]
-    return M
-
-
-def _mass_of(stage: Stage, payload: drawn.Payload) -> Array:
-    return mass_matrix(
-        drawn.body_moments(stage), drawn.hub_moments(stage), np.asarray(drawn.mass_per_area(stage)), payload
-    )
+def mass_matrix(stage: Stage, payload: drawn.Payload) -> Array:
+    """Return the mass matrix (21, 21) of the moving bodies of one stage, about the platform centre."""
+    areal = drawn.mass_per_area(stage)
+    bodies = drawn.inertia_of(drawn.body_moments(stage), np.full((len(CHAINS), PLATFORM + 1), areal))
+    platform = bodies[:, PLATFORM].sum(axis=0) + drawn.carried(stage, payload)
+    return network.block_diagonal(np.stack([platform, *bodies[:, list(LINKS)].reshape(-1, 3, 3)]))
 
 
 def body_loads(stage: Stage | None = None) -> tuple[Stack, ...]:
@@ -225,7 +199,7 @@ def under_weight(stage: Stage, model: AnalyticResult, payload: drawn.Payload, gr
     gravity : (2,), acceleration in the plane, mm/s^2.
     """
     driven_stage = driven_model(stage, model, body_loads(stage if model.links else None))
-    weights = _mass_of(stage, payload) @ np.tile([*gravity, 0.0], MOVING)
+    weights = mass_matrix(stage, payload) @ np.tile([*gravity, 0.0], MOVING)
     stress = _stress(lower(stage), (driven_stage.necks @ weights)[None, ..., None])
     return driven_stage.compliance[:3] @ weights, stress[0, ..., 0]
 

@@ -29,7 +29,7 @@ from flexfem import terminal as streams
 from flexfem.commands import study
 from flexfem.commands.console import Json, OutputFolder, show, usable
 from flexfem.files.inputs import noted
-from flexfem.refused import BadInput, ComputationFailed, SourcesChanged
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.sources import ONE_THREAD, manifest, use_own
 from flexfem.study import MOST_WORKERS
 from flexfem.units import DIRECTIONS, FORCES, POSES, UNITS, in_unit
@@ -331,7 +331,7 @@ def _common(
         typer.Option("--with", metavar="FILE", help="Python file that registers formulas and materials."),
     ] = None,
 ) -> None:
-    manifest()  # before the import of modules that compute
+    manifest()  # before the import of modules that compute: part of the versions of a study
     if formulas is not None:
         use_own(formulas)
 
@@ -372,7 +372,7 @@ def _run() -> tuple[int, str]:
                 sys.stdout.flush()
     except BadInput as refusal:
         return 2, str(refusal)
-    except (ComputationFailed, SourcesChanged) as failure:
+    except ComputationFailed as failure:
         return 1, str(failure)
     except BrokenPipeError:  # the reader, such as head, has ended
         streams.discard(sys.stdout)

@@ -28,8 +28,8 @@ from flexfem.arrays import AnyArray
 from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import Face, Segment, area, reverse
 from flexfem.mechanism.profiles import Curve, Spline
-from flexfem.refused import ComputationFailed, SourcesChanged
-from flexfem.sources import CHANGED, child_command, manifest
+from flexfem.refused import ComputationFailed
+from flexfem.sources import child_command
 
 SAME_POINT = 1e-7  # mm; each face computes the points that it shares with others
 TRIANGLE, EDGE = (9, 6), (8, 3)  # gmsh types of quadratic elements and their nodes
@@ -522,8 +522,7 @@ def run_mesher(request: Request, time_limit: float | Limit) -> Any:
 def run_jobs(requests: Sequence[Request], time_limit: float | Limit) -> list[Any]:
     """Serve requests one after the other in one process and return their results.
 
-    Raises ComputationFailed when one fails, MeshTimeout when they take more than `time_limit` s, SourcesChanged when
-    the sources are not those that this process started with.
+    Raises ComputationFailed when one fails, MeshTimeout when they take more than `time_limit` s.
     """
     while _idle and not _idle[-1].alive:
         _idle.pop().end()
@@ -546,7 +545,6 @@ class _Process:
     def __init__(self) -> None:
         self._stderr = TemporaryFile()  # noqa: SIM115  open as long as the process
         self._child = Popen(child_command("flexfem.fem.mesher"), stdin=PIPE, stdout=PIPE, stderr=self._stderr)
-        self._request = pickle.dumps(dict(manifest()))
 
     @property
     def alive(self) -> bool:
@@ -554,7 +552,7 @@ class _Process:
 
     def run(self, requests: list[Request], limit: Limit) -> list[Any]:
         """Serve requests as `run_jobs`; time during which flexfem is suspended does not count."""
-        self._request += pickle.dumps(requests)
+        self._request = pickle.dumps(requests)
         received = list[list[Any]]()
         exchange, allowed = Thread(target=self._exchange, args=(received,), daemon=True), limit.left
         exchange.start()
@@ -577,13 +575,12 @@ class _Process:
             self._request = b""
             received.append(pickle.load(self._child.stdout))
 
-    def _failure(self) -> ComputationFailed | SourcesChanged:
+    def _failure(self) -> ComputationFailed:
         """Return the error of the ended process, with the last line of its standard error."""
         code = self._child.wait()
         self._stderr.seek(0)
         lines = self._stderr.read().decode(errors="replace").strip().splitlines()
-        reason = lines[-1] if lines else f"gmsh ended with exit code {code}"
-        return (SourcesChanged if code == CHANGED else ComputationFailed)(reason)
+        return ComputationFailed(lines[-1] if lines else f"gmsh ended with exit code {code}")
 
     def end(self) -> None:
         self._child.kill()

@@ -14,13 +14,14 @@ import numpy as np
 import flexfem
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, invalid_hinges
-from flexfem.analytic.paper import freedoms_of
+from flexfem.analytic.network import Dynamics
+from flexfem.analytic.paper import freedoms_of, mobility
 from flexfem.analytic.responses import (
+    FREEDOMS,
     LinkParts,
     WarmBodies,
     body_loads,
     drift,
-    dynamics_of_designs,
     in_plane,
     link_parts,
     mass_matrix,
@@ -32,7 +33,7 @@ from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
 from flexfem.hinges.strength import KEY, required_law
-from flexfem.mechanism.bodies import Payload, body_moments, hub_moments
+from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
 from flexfem.mechanism.keys import keys
@@ -48,7 +49,6 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.columns import Rows, failed_row, row_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, plate_of, refusals_of, sample, stage_of
 from flexfem.study.plan import Study
-from flexfem.units import DENSITY
 
 Stages = Callable[[int], Stage]  # the stage of a design by its index
 Result = TypeVar("Result")
@@ -136,12 +136,11 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             drives = drive_ranges(designs, Driven.of(response.compliance, drive), response.necks)
             found = found._replace(drives=drives)
         if study.frequencies is not None:
-            bodies, hubs = stacked(lambda stage: (body_moments(stage), hub_moments(stage)))
+            (mass,) = stacked(lambda stage: (mass_matrix(stage, payload(loaded) or Payload()),))
             links = LinkParts(*stacked(lambda stage: link_parts(stage, body_loads(stage)))) if study.links else None
-            areal = designs.thickness * designs.density * DENSITY
-            mass = mass_matrix(bodies, hubs, areal, payload(loaded) or Payload())
-            frequencies = dynamics_of_designs(designs.frames, *model, mass, links).frequencies[:, :LOWEST]
-            found = found._replace(frequencies=np.asarray(frequencies))
+            compliance = driven_compliance(designs.frames, *model, body_loads(), links).compliance
+            dynamics = Dynamics(compliance, mass, FREEDOMS if study.links else mobility(freedoms))
+            found = found._replace(frequencies=dynamics.frequencies[:, :LOWEST])
         if study.drift is not None:
             found = found._replace(drift=rates_of(drift(designs, *model, *in_plane(designs), warm).pose))
         singular = np.isnan(found.stiffness[:, 0, 0])

@@ -138,15 +138,6 @@ def test_ideal_pivots_need_no_special_case(error):
     of = Network(4, 0, tuple(joints), np.array(parts))
     assert error(stiffness(of).matrix, expected) < 1e-5  # springs of the pivots: 1 N mm/rad
 
-    pivot, beam = joint_compliance(*np.array([[3.0, 4.0], [0.0, 0.0]]), 1e-2, 0.0, 0.0)[0], compliances(rng, 1)[0]
-    single = Network(1, 0, ((GROUND, 0), (GROUND, 0)), np.array([pivot, beam]))  # a path of one ideal pivot
-    loads = np.concatenate([np.eye(3), [[0.0], [0.0], [1.0]]], axis=1)[None]
-    U, w = at_once(single, loads, np.zeros((2, 3, 4)))
-    found = solve(single, loads)
-    np.testing.assert_allclose(found.output, U[0], rtol=1e-9, atol=1e-14)
-    np.testing.assert_allclose(found.wrenches, w, rtol=1e-8, atol=1e-9)
-    assert np.linalg.matrix_rank(found.output[:, :3], tol=1e-9) == 1
-
 
 def test_designs_broadcast_and_one_in_line_leaves_the_others(generic):
     frames, hinges = generic(3, 4)
