@@ -28,7 +28,7 @@ import flexfem
 from flexfem import terminal as streams
 from flexfem.commands import study
 from flexfem.commands.console import Json, OutputFolder, show, usable
-from flexfem.files.inputs import noted
+from flexfem.files.inputs import note, noted
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.sources import ONE_THREAD, manifest, use_own
 from flexfem.study import MOST_WORKERS
@@ -333,6 +333,7 @@ def _common(
 ) -> None:
     manifest()  # before the import of modules that compute: part of the versions of a study
     if formulas is not None:
+        note(formulas)
         use_own(formulas)
 
 
