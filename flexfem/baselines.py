@@ -14,12 +14,14 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
+from functools import partial
 from operator import methodcaller
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+import flexfem
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arrays import brief
 from flexfem.fem.mesh import RESOLUTION, StageMesh, check_triangles
@@ -31,29 +33,16 @@ from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
-from flexfem.hinges.strength import Basquin
 from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.plate import components, plate_area
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import plates
 from flexfem.questions.bands import levels
-from flexfem.questions.budget import budget
 from flexfem.questions.case import LoadedCase
-from flexfem.questions.check import hinge_review, thickness_review
-from flexfem.questions.convergence import converge
-from flexfem.questions.drive import drive
 from flexfem.questions.errors import run_case
-from flexfem.questions.gravity import gravity
-from flexfem.questions.heat import drift
-from flexfem.questions.large import large
-from flexfem.questions.life import life
-from flexfem.questions.modes import modes
-from flexfem.questions.reach import reach
-from flexfem.questions.setup import Analytic
+from flexfem.questions.plates import verification
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import EXACT, LARGEST_FILE, Number, Progress, Result, versions
-from flexfem.studies import collect_study, run_study
+from flexfem.results import LARGEST_FILE, Number, Progress, Result, versions
 from flexfem.study import table
 from flexfem.study.columns import ERRORS, sizes_of
 from flexfem.units import DIRECTIONS, NONE
@@ -62,34 +51,33 @@ COARSE = 2  # triangles across the necks of a stored mesh
 ON_KEPT = 1e-8  # accepted change of a compliance on a stored mesh, relative to the diagonal
 FORCE, AMPLITUDE = (1.0, -2.0, 30.0), (0.05, -0.02, 5e-4)  # N, N, N mm and mm, mm, rad; unequal components
 POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad; of the drive
-DATA = Path(__file__).parent / "data"  # the charts that the analytic model reads
 STUDY_GATES = {"analytic": 1e-12, "stress": 3e-2, "range": 3e-2, "band": 1e-3}  # by model or prefix of the column
 COARSER_TABLE = 3e-4  # for other columns
 Numbers: TypeAlias = dict[str, Number]  # by path
 
-
-QUESTIONS: tuple[tuple[str, Callable[[Any], Result]], ...] = (  # of a stage; those that do not apply are omitted
-    ("paper", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(formula=DEFAULT_FORMULA))),
-    ("links", lambda stage: stiffness(stage, models="analytic", analytic=Analytic(21, CALIBRATED, True))),
-    ("stiffness", lambda stage: stiffness(stage, force=FORCE)),
-    ("summary", summary),
-    ("drift", drift),
-    ("modes", modes),
-    ("life", lambda stage: life(stage, amplitude=AMPLITUDE)),
-    ("drive", lambda stage: drive(stage, pose=POSE)),
-    ("reach", reach),
-    ("large", lambda stage: large(stage, resolution=COARSE)),
-    ("gravity", gravity),
-    ("budget", lambda stage: budget(stage, plane=True)),
-    ("convergence", lambda stage: converge(stage, resolutions=[*levels(RESOLUTION)])),
-)
-OF_MECHANISMS: tuple[tuple[str, Callable[[Any], Result]], ...] = (  # beside those, or instead of them
-    ("drive", drive),
-    ("modes", lambda mechanism: modes(mechanism, resolution=4)),
-    ("large", lambda mechanism: large(mechanism, amplitude=0.2)),
-    ("life", lambda mechanism: life(mechanism, amplitude=AMPLITUDE, law=Basquin(900.0, -0.1))),
-    ("errors", plates.verification),
-)
+ANALYTIC = partial(stiffness, models="analytic")
+QUESTIONS: dict[str, Callable[[Any], Result]] = {  # of a stage; those that do not apply are omitted
+    "paper": partial(ANALYTIC, analytic=flexfem.Analytic(formula=DEFAULT_FORMULA)),
+    "links": partial(ANALYTIC, analytic=flexfem.Analytic(21, CALIBRATED, True)),
+    "stiffness": partial(stiffness, force=FORCE),
+    "summary": summary,
+    "drift": flexfem.drift,
+    "modes": flexfem.modes,
+    "life": partial(flexfem.life, amplitude=AMPLITUDE),
+    "drive": partial(flexfem.drive, pose=POSE),
+    "reach": flexfem.reach,
+    "large": partial(flexfem.large, resolution=COARSE),
+    "gravity": flexfem.gravity,
+    "budget": partial(flexfem.budget, plane=True),
+    "convergence": partial(flexfem.converge, resolutions=[*levels(RESOLUTION)]),
+}
+OF_MECHANISMS: dict[str, Callable[[Any], Result]] = {  # beside those, or instead of them
+    "drive": flexfem.drive,
+    "modes": partial(flexfem.modes, resolution=4),
+    "large": partial(flexfem.large, amplitude=0.2),
+    "life": partial(flexfem.life, amplitude=AMPLITUDE, law=flexfem.Basquin(900.0, -0.1)),
+    "errors": verification,
+}
 
 
 @brief
@@ -141,7 +129,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
     Parameters
     ----------
     *files : Path
-        Stages, mechanisms, cases, studies, and charts of flexfem itself.
+        Stages, mechanisms, cases and studies.
     reason : str
         The reason why numbers may move; stored in the history of each baseline.
     baselines : Path, optional
@@ -267,7 +255,7 @@ def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
             made = read(path)
             known[Path(os.path.normpath(folder / made["file"]))] = made["kind"]
     for place, kind in sorted({(path.parent, kind) for path, kind in known.items()}):
-        for other in sorted(place.glob("*.json" if place.resolve() == DATA.resolve() else "*.toml")):
+        for other in sorted(place.glob("*.toml")):
             with suppress(BadInput):
                 if other not in known and kind_of(other) == kind:
                     make = f"flexfem baseline {other} --baselines {folder} --reason TEXT"
@@ -279,11 +267,9 @@ def unaccepted(folder: Path, baselines: Iterable[Path]) -> Iterator[str]:
 
 def kind_of(path: Path) -> str:
     """Return the kind of an input file. Raises BadInput for a kind that has no baselines."""
-    if path.suffix == ".json" and path.resolve().parent == DATA.resolve():
-        return "chart"
     kind = (kind_of_toml(read_toml(path).data) or "").removesuffix(" file")
     if kind not in ("stage", "mechanism", "case", "study"):
-        raise BadInput(f"{path}: expected a stage, a mechanism, a case, a study, or a chart of flexfem itself")
+        raise BadInput(f"{path}: expected a stage, a mechanism, a case or a study")
     return kind
 
 
@@ -318,10 +304,9 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     match kind_of(path):
         case "stage" | "mechanism":
             plate = load_plate(path)
-            questions = dict(QUESTIONS)
-            if isinstance(plate, Mechanism):
-                questions |= dict(OF_MECHANISMS)
-                questions.pop("summary", None)  # repeats numbers of stiffness, modes and reach
+            questions = QUESTIONS
+            if isinstance(plate, Mechanism):  # the summary repeats numbers of stiffness, modes and reach
+                questions = {name: one for name, one in (QUESTIONS | OF_MECHANISMS).items() if name != "summary"}
             for name, question in questions.items():
                 try:
                     yield name, _by_path(question(plate).entries())
@@ -335,8 +320,6 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
                 for curve in loaded.case.curve:
                     stage, file = loaded.stages[curve.label], loaded.stage_path(curve)
                     yield f"mesh of {curve.label}", kept(stage, file, folder)
-        case "chart":
-            yield "formulas", _by_path(_of_chart(path))
         case _:
             yield "table", _by_path(_of_study(path))
 
@@ -380,29 +363,13 @@ def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
     )
 
 
-def _of_chart(path: Path) -> Iterator[Number]:
-    """Yield the values that the analytic model reads from a built-in chart, at every fifth point."""
-    if path.stem == "thickness_chart":
-        found: dict[str, Any] = {"thickness": thickness_review()}
-    else:
-        middle = float(np.sqrt(np.prod(json.loads(path.read_bytes())["range"]["H/h"])))
-        review = hinge_review(middle)
-        found = {each.name: each for each in (*review.curves, review.higher)}
-    for name, each in found.items():
-        for field, values in each._asdict().items():
-            for place in np.ndindex(values.shape) if isinstance(values, np.ndarray) else ():
-                if place[-1] % 5 == 0:
-                    key, value = ".".join([name, field, *map(str, place)]), float(values[place])
-                    yield _number(key, value, abs(value) * EXACT.relative)
-
-
 def _of_study(path: Path) -> Iterator[Number]:
     """Yield the numbers of the collected table of a study."""
     with tempfile.TemporaryDirectory() as folder:
-        status = run_study(path, folder, workers=1)
+        status = flexfem.run_study(path, folder, workers=1)
         if status["failed"]:
             raise ComputationFailed(f"{path}: {', '.join(status['reasons']['failed'])}")
-        found = table(collect_study(path, folder).path, as_arrow=True)
+        found = table(flexfem.collect_study(path, folder).path, as_arrow=True)
     every = {name: found[name].to_numpy() for name in found.column_names}
     columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
     sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # the largest number of the column for others

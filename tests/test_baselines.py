@@ -19,7 +19,7 @@ from flexfem.refused import BadInput
 @pytest.fixture
 def accepted(project, monkeypatch, tmp_path):
     """The baseline of a stage for one quick question."""
-    monkeypatch.setattr(baselines, "QUESTIONS", (("paper", lambda stage: stiffness(stage, models="analytic")),))
+    monkeypatch.setattr(baselines, "QUESTIONS", {"paper": lambda stage: stiffness(stage, models="analytic")})
     path = project.path("geometry/mobility6.toml")
     (made,) = baseline(path, reason="first", baselines=tmp_path / "kept")
     return path, made
@@ -82,8 +82,8 @@ def test_a_kept_mesh_that_is_not_of_the_stage_is_refused(accepted):
 
 
 def test_a_thousandth_in_a_hinge_or_in_the_modulus_moves_the_numbers_of_a_mechanism(project, monkeypatch, tmp_path):
-    monkeypatch.setattr(baselines, "QUESTIONS", (("rest", lambda plate: stiffness(plate, models="analytic")),))
-    monkeypatch.setattr(baselines, "OF_MECHANISMS", ())
+    monkeypatch.setattr(baselines, "QUESTIONS", {"rest": lambda plate: stiffness(plate, models="analytic")})
+    monkeypatch.setattr(baselines, "OF_MECHANISMS", {})
     (made,) = baseline(project.path("geometry/parallelogram.toml"), reason="first", baselines=tmp_path / "kept")
     assert check(made) == [] and read(made)["kind"] == "mechanism" and list(made.parent.glob("parallelogram-*.npz"))
 
@@ -140,7 +140,7 @@ def test_a_reason_is_asked_for_and_kept(accepted):
 def test_files_that_have_no_numbers_are_refused(project):
     other = project.path("geometry/mobility6.toml").with_name("other.toml")
     other.write_text("a = 1\n")
-    with pytest.raises(BadInput, match="expected a stage, a mechanism, a case, a study"):
+    with pytest.raises(BadInput, match="expected a stage, a mechanism, a case or a study"):
         kind_of(other)
 
 

@@ -38,10 +38,10 @@ def accepted(stem):
 def now(source):
     """What a source of a figure is now: a number of a baseline, `fig5: errors.x`, or the hash of an input file.
 
-    That of a stage with its drive is `geometry/one.toml: drive`, that of a picture `docs/fig5.png`.
+    That of a stage with its drive is `geometry/one.toml: drive`, those of a picture or chart are their own names.
     """
     name, _, path = source.partition(": ")
-    if name.endswith(".png"):
+    if name.endswith((".png", ".json")):
         return hashlib.sha256((ROOT / name).read_bytes()).hexdigest()[:16]
     if name.startswith("cases/fixture"):
         content = fixture_of(ROOT / name).model_dump_json(exclude={"provenance", "measured"})

@@ -65,7 +65,7 @@ def test_the_page_on_continuous_integration_does_what_it_says(request, monkeypat
     (workflow,) = blocks("docs/howto/lab-ci.md", "yaml")
     assert all(f"run: {line}\n" in workflow for line in every)
     command = request.getfixturevalue("flexfem")
-    monkeypatch.setattr(baselines, "QUESTIONS", (("paper", lambda stage: flexfem.stiffness(stage, models="analytic")),))
+    monkeypatch.setattr(baselines, "QUESTIONS", {"paper": lambda stage: flexfem.stiffness(stage, models="analytic")})
 
     def codes(*lines):
         return [command(*shlex.split(line)[1:])[:2] for line in lines if line.startswith("flexfem ")]

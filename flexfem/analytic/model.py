@@ -141,11 +141,6 @@ def network_of(frames: Frames, hinges: Compliance, freedoms: Freedoms, bodies: A
     return Network(7, 0, JOINTS, C.reshape(*C.shape[:-4], len(JOINTS), 3, 3), PLATFORM_HINGES, bodies)
 
 
-def chain_compliance(frames: Frames, hinges: Compliance, freedoms: Freedoms) -> Array:
-    """Return the compliance (..., 3 chains, 3, 3) of the platform on each chain alone; arguments as of `network_of`."""
-    return network.in_series(network_of(frames, hinges, freedoms))
-
-
 def at_necks(frames: Frames, wrenches: Array) -> Wrench:
     """Return the neck forces (..., 3 chains, 3 hinges, k) of wrenches (..., 3 chains, 3 hinges, 3, k) at the origin."""
     F_x, F_y, M = (wrenches[..., row, :] for row in range(3))

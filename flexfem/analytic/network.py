@@ -24,6 +24,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexfem.arrays import AnyArray, Array, inverse
 
@@ -147,6 +148,21 @@ def freedom_motions(places: AnyArray, axes: AnyArray) -> Array:
     axial = np.stack([axes.real, axes.imag, zero], axis=-1)
     shear = np.stack([-axes.imag, axes.real, zero], axis=-1)
     return np.stack([rotation, axial, shear], axis=-1)
+
+
+def ground_motions(places: ArrayLike) -> Array:
+    """Return rigid motions (..., 3, 3 cases) of the origin, x, y, theta, with which the ground at complex places (...)
+    follows a free plate of unit expansion.
+
+    Notes
+    -----
+    In the cases 1 K, 1 K/mm along x and along y a free body has per expansion at z = x + iy the displacements z,
+    `z^2/2` and `-i z^2/2` and the rotations 0, y and -x. At the origin they are `(x, y, 0)`, `(r^2/2, 0, y)` and
+    `(0, r^2/2, -x)`.
+    """
+    x, y = np.real(places), np.imag(places)
+    zero, half = np.zeros_like(x), (x**2 + y**2) / 2
+    return np.moveaxis(np.array([[x, half, zero], [y, zero, half], [zero, y, -x]]), (0, 1), (-2, -1))
 
 
 def joint_compliance(places: Array, axes: Array, rotation: Array, axial: Array, shear: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from flexfem.analytic.network import GROUND, Dynamics, InternalMotions, Network, solve, with_springs
+from flexfem.analytic.network import GROUND, Dynamics, InternalMotions, Network, ground_motions, solve, with_springs
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.bodies import inertia_of
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
@@ -148,12 +148,8 @@ def warmed(
         z = np.array([point, point**2 / 2, -1j * point**2 / 2])
         return np.stack([z.real, z.imag, (point * turned).imag])
 
-    def back(point: complex) -> Array:
-        """Twist at the origin that moves a point back to where it is on the ground."""
-        return np.asarray((ground - expansion) * np.linalg.solve(to_axes(point, 0.0), free(point)))
-
     clamps = {
-        number: back(complex(np.mean([body.outline[edge].at(0.5) for edge in body.clamped])))
+        number: (ground - expansion) * ground_motions(np.mean([body.outline[edge].at(0.5) for edge in body.clamped]))
         for number, body in enumerate(layout.bodies)
         if body.clamped
     }
@@ -162,7 +158,7 @@ def warmed(
         for body, sign in zip(joint.bodies, (-1.0, 1.0), strict=True):
             if body not in moving:
                 end = joint.place + sign * joint.profile.length / 2 * cmath.exp(1j * joint.heading)
-                at_origin = clamps[body] if body in clamps else back(end)
+                at_origin = clamps.get(body, (ground - expansion) * ground_motions(end))
                 opening -= sign * to_axes(joint.place, joint.heading) @ at_origin
     found = respond(layout, bodies, hinges=hinges, openings=openings)
     motions, wrenches = found.compliance[:, -3:], found.wrenches[..., -3:]

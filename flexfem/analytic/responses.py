@@ -302,17 +302,10 @@ def drift(
 def misfits(designs: Designs, stage_expansion: Array, frame_expansion: Array) -> Array:
     """Return the displacements (n, 3 chains, 3, 3 cases) of the platform on each chain alone, its hinges at rest.
 
-    Notes
-    -----
-    In the cases 1 K, 1 K/mm along x and along y, a free body has per expansion at z = x + iy the displacements z,
-    `z^2/2` and `-i z^2/2` and the rotations 0, y and -x. As rigid motions of the ground they are `(x, y, 0)`,
-    `(r^2/2, 0, y)` and `(0, r^2/2, -x)` at the platform's centre for any path of the chain.
+    That of the ground about the platform's centre is the same for any path of the chain.
     """
     centres, axes = designs.frames
     pad = designs.radius[:, :, 0] + designs.link_width[:, None]
     ground = centres[:, :, 0] - pad[..., None] * direction(axes[:, :, 0])
-    x, y = np.moveaxis(ground, -1, 0)
-    zero, half = np.zeros_like(x), (x**2 + y**2) / 2
-    motion = np.array([[x, half, zero], [y, zero, half], [zero, y, -x]])
     difference = (frame_expansion - stage_expansion)[:, None, None, None]  # exactly zero for equal expansions
-    return np.asarray(difference * np.moveaxis(motion, (0, 1), (2, 3)))
+    return np.asarray(difference * network.ground_motions(ground @ [1, 1j]))

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.interpolate import BarycentricInterpolator
 from scipy.special import ndtri
 
-from flexfem.analytic.model import chain_compliance, hinge_compliances
+from flexfem.analytic.model import hinge_compliances, network_of
+from flexfem.analytic.network import in_series
 from flexfem.analytic.paper import freedoms_of
 from flexfem.arrays import Array
 from flexfem.design.requirements import Tolerance
@@ -88,7 +89,7 @@ class NeckScatter:
         hinges = hinge_compliances(varied, formula)
         single = Compliance(*(part.reshape(n, 1, NODES, 3, 3) * one_of_three for part in hinges))
         frames = Frames(*(part[:, None, None] for part in designs.frames))
-        parts = chain_compliance(frames, single, freedoms_of(mobility, designs.prismatic))[..., *UPPER]
+        parts = in_series(network_of(frames, single, freedoms_of(mobility, designs.prismatic)))[..., *UPPER]
         parts[np.abs(self.nodes).max() > WIDEST * designs.neck.min(axis=(1, 2))] = np.nan
         return np.ascontiguousarray(parts.transpose(0, 3, 4, 1, 2).reshape(n, 3, len(UPPER[0]), 3 * NODES))
 

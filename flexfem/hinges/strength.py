@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -130,11 +129,9 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
     basquin = law.law if isinstance(law, BasquinFit) else law
     if not isinstance(basquin, Basquin):
         raise BadInput(f"law {law!r}, expected flexfem.Basquin(coefficient, exponent), MPa, or a fit")
-    limits = {"coefficient": (0.0, 1e6), "exponent": (STEEPEST, FLATTEST), "walker": (0.0, 1.0)}
-    for name, (low, high) in limits.items():
-        value = getattr(basquin, name)
-        if not isinstance(value, Real) or not (low < float(value) <= high or value == low != 0):
-            raise BadInput(f"law: {name} {value!r}, expected a number from {low:g} to {high:g}")
+    arguments.positive("law: coefficient", basquin.coefficient, 1e6)
+    arguments.between("law: exponent", basquin.exponent, STEEPEST, FLATTEST)
+    arguments.positive("law: walker", basquin.walker, 1.0)
     try:
         low, high = map(float, basquin.range)
     except (TypeError, ValueError):

@@ -141,27 +141,21 @@ class Keys(dict[str, Key]):
 def _named_key(path: str) -> Key | None:
     """Return the key of a parameter of a mechanism, or of an actuator, that a path denotes; None if it denotes none."""
     with suppress(ValueError):
-        parts = path_of(path)
-        match parts:
+        match path_of(path):
             case ("parameters", str(name)) if name.isidentifier():
                 return Key(path, PARAMETERS, name, None, Limits())
-        for tables in (parts[:2], parts[:4]):
-            if _of_actuator(tables):
-                return next((key for key in _keys_of_actuator(*map(str, tables)) if key.path == path), None)
+            case parts:
+                return next((key for key in _keys_of_actuator(parts) if key.path == path), None)
     return None
 
 
-def _of_actuator(tables: KeyPath) -> bool:
-    match tables:
-        case ("actuator", str()):
-            return True
-        case ("override", str(chain), "actuator", str()):
-            return chain in map(str, CHAINS)
-    return False
-
-
-def _keys_of_actuator(*table: str) -> list[Key]:
-    return [key for key in _keys_of(Actuator, table) if key.attribute in OF_ACTUATORS]
+def _keys_of_actuator(parts: KeyPath) -> list[Key]:
+    """Return the keys of an actuator, on all chains or on one, whose tables a path begins with; none without it."""
+    match parts:
+        case ("actuator", str(), *_) | ("override", "1" | "2" | "3", "actuator", str(), *_):
+            table = map(str, parts[: 2 if parts[0] == "actuator" else 4])
+            return [key for key in _keys_of(Actuator, tuple(table)) if key.attribute in OF_ACTUATORS]
+    return []
 
 
 @cache
@@ -192,10 +186,8 @@ def key_suggestion(name: str, known: Iterable[str]) -> str:
             case (str(array), int(), *rest) if array in ABOUT:
                 about = ".".join(f"<{key}>" for key in ABOUT[array])
                 return f", did you mean {array}.{about}.{key_path(tuple(rest))}?"
-            case (*tables, str()) if _of_actuator(tuple(tables)):
-                return suggestion(
-                    name, [key.path for key in _keys_of_actuator(*map(str, tables)) if key.element is None]
-                )
+            case parts if keys_of_actuator := _keys_of_actuator(parts):
+                return suggestion(name, [key.path for key in keys_of_actuator if key.element is None])
     return suggestion(name, known)
 
 

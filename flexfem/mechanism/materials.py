@@ -204,32 +204,21 @@ def materials() -> Mapping[str, Material]:
     return MappingProxyType({name: registered.material for name, registered in REGISTERED.items()})
 
 
-def register_material(
-    name: str,
-    *,
-    youngs_modulus: float,
-    poissons_ratio: float,
-    yield_strength: float,
-    density: float,
-    source: str,
-    **others: Any,
-) -> Material:
+def register_material(name: str, *, source: str, **numbers: Any) -> Material:
     """Register a material of your own under a name, which stage files and studies can then use.
 
     Parameters
     ----------
     name : one line of text.
-    youngs_modulus, yield_strength : MPa.
-    poissons_ratio : from 0, below 0.5.
-    density : kg/m^3.
     source : source of the numbers, one line; begins with "assumed" if they are assumed.
-    **others : `expansion`, `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`,
-        `fatigue_range`, as in `Material`.
+    **numbers : `youngs_modulus` and `yield_strength`, MPa, `poissons_ratio`, from 0, below 0.5, and `density`, kg/m^3;
+        optional ones are `expansion`, `fatigue_strength_coefficient`, `fatigue_strength_exponent`, `walker_exponent`
+        and `fatigue_range`, as in `Material`.
 
     Raises
     ------
     BadInput
-        The name belongs to another material, or a number is not possible.
+        The name belongs to another material, or a number is missing or not possible.
 
     Examples
     --------
@@ -242,9 +231,8 @@ def register_material(
     known = _known(name)
     if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
         raise BadInput(f"material {name!r}: source = {shown(source)}, expected one line of text")
-    numbers = {"youngs_modulus": youngs_modulus, "poissons_ratio": poissons_ratio, "yield_strength": yield_strength}
     try:
-        entry = Entry(**{"name": name, "density": density, **numbers, **others}, source=source)
+        entry = Entry(**{"name": name, **numbers}, source=source)
     except BadInput as refused:
         raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Entry: ')}") from None
     if known is not None and source != known.source:

@@ -179,43 +179,33 @@ def _layout(mechanism: Mechanism) -> Layout:
     index = {part.name: k for k, part in enumerate(parts["body"])}
     bodies = tuple(map(_body, parts["body"]))
 
-    def body_of(name: str, key: str, ground: bool = False) -> int:
-        if name not in index and name == GROUND and ground:
-            return next((k for k, body in enumerate(bodies) if body.fixed), -1)
+    def body_of(name: str, key: str) -> int:
         if name not in index:
             raise BadInput(f"{key} = {shown(name)}, expected the name of a body{nearest(name, index)}")
         return index[name]
 
-    def patch(name: str, place: complex, radius: float | None, key: str, ground: bool = False) -> Patch:
-        return Patch(body_of(name, key, ground), place, radius)
-
     joints = list[Joint]()
     for part in parts["hinge"]:
-        ends = tuple(body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
-        joints.append(_joint(part, (ends[0], ends[1]), bodies))
+        first, second = (body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies))
+        joints.append(_joint(part, (first, second), bodies))
     output = mechanism.output
     points = list[tuple[str, Patch]]()
     for part in (PlacedPart("output", "point", output, (output.body,), "output", "output"), *parts["point"]):
-        place = part.move(complex(*part.table.at))
-        points.append((part.name, patch(part.bodies[0], place, part.table.contact, f"{part.key}.body")))
+        place, body = part.move(complex(*part.table.at)), body_of(part.bodies[0], f"{part.key}.body")
+        points.append((part.name, Patch(body, place, part.table.contact)))
     if bodies[points[0][1].body].fixed:
         raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
+    index.setdefault(GROUND, next((k for k, body in enumerate(bodies) if body.fixed), -1))
     actuators = list[LinearActuator]()
     for part in parts["actuator"]:
         places = [part.move(complex(*point)) for point in part.table.at]
-        found = (
-            patch(name, place, part.table.contact, f"{part.key}.between[{side}]", ground=True)
-            for side, (name, place) in enumerate(zip(part.bodies, places, strict=True))
-        )
-        near, far = (_contact(each, bodies, part.key, side) for side, each in enumerate(found))
-        direction = (places[1] - places[0]) / abs(places[1] - places[0])
-        rating, mass = part.table.rating, part.table.mass
+        ends = [body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)]
+        patches = map(Patch, ends, places, [part.table.contact] * 2)
+        near, far = (_contact(patch, bodies, part.key, side) for side, patch in enumerate(patches))
+        direction, rating = (places[1] - places[0]) / abs(places[1] - places[0]), part.table.rating._asdict()
         actuators.append(
-            LinearActuator(
-                part.name, (near, far), direction, rating.stiffness, rating.stroke, rating.blocking_force, mass,
-                part.key,
-            )
-        )  # fmt: skip
+            LinearActuator(part.name, (near, far), direction, mass=part.table.mass, key=part.key, **rating)
+        )
     load, material = mechanism.payload, mechanism.material
     E, nu = material.youngs_modulus, material.poissons_ratio
     strain = mechanism.model == "plane_strain"
