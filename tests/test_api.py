@@ -47,7 +47,7 @@ def test_type_checkers_know_the_result_of_a_question_about_a_mechanism_and_about
     lines = [
         "import flexfem",
         "from typing import assert_type",
-        "from flexfem.questions.actuators import MechanismDrive",
+        "from flexfem.questions.drive import MechanismDrive",
         "from flexfem.questions.modes import NaturalModes",
         "def asked(mechanism: flexfem.Mechanism, stage: flexfem.Stage) -> None:",
         "    assert_type(flexfem.drive(mechanism, layers=3), MechanismDrive)",

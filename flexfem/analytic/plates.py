@@ -248,7 +248,7 @@ def modes(
     ports, M = inertia(layout)
     drives = [layout.ports[k] for k in layout.drive_ports if engaged]
     C = respond(layout, bodies, (*ports, *drives), hinges).compliance
-    C = with_springs(C, layout.stiffness_of_actuators) if drives else C
+    C = with_springs(C, layout.drive.stiffness) if drives else C
     found = Dynamics(C, M, len(M) if bodies else 3 * len(moving_bodies(layout))).frequencies
     return found[np.isfinite(found)]
 

@@ -227,7 +227,7 @@ def plate_modes(model: PlateModel, count: int, engaged: bool = False) -> Modes:
     With antisymmetric layers they are out of the plane, where the stiffness of actuators does not act.
     Raises ComputationFailed when they do not converge.
     """
-    springs, structure, space = model.layout.stiffness_of_actuators * engaged, model.structure, model.spaces[0]
+    springs, structure, space = model.layout.drive.stiffness * engaged, model.structure, model.spaces[0]
     springs = springs[:0] if structure.line.fixed else springs
     stacks = model.ports[:, model.ports.shape[1] - len(springs) :]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from functools import cache
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias, get_args
+from typing import Annotated, Any, Literal, NamedTuple, Self, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,28 +35,6 @@ class StackRating(NamedTuple):
     stroke: float
     stiffness: float
     blocking_force: float
-
-
-def rating_of(
-    name: str | None, stroke: float | None, stiffness: float | None, blocking_force: float | None
-) -> StackRating:
-    """Return the rating of a stack of the catalogue, or of stated numbers as `check_rating` accepts."""
-    if name is not None:
-        stack = catalogue()[name]
-        return StackRating(stack.stroke, stack.blocking_force / stack.stroke, stack.blocking_force)
-    length, force = stroke or np.nan, blocking_force or np.nan
-    if stiffness is not None:
-        return StackRating(length, stiffness, length * stiffness)
-    return StackRating(length, force / length, force)
-
-
-def check_rating(stated: list[str]) -> None:
-    """Refuse stated keys of an actuator that are neither a stack alone, nor a stroke with one other number."""
-    rating = [key for key in RATING_KEYS if key in stated]
-    if "stack" in stated and rating:
-        raise refusal(f"the numbers of the catalogue alone: leave out {rating[0]} or stack", rating[0])
-    if "stack" not in stated and ("stroke_um" not in stated or len(rating) != 2):
-        raise refusal("a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n", *rating[:1])
 
 
 class ActuatorNumbers(NamedTuple):
@@ -135,11 +113,52 @@ BALL_KEYS = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
 BLOCKING_ROUND_OFF = 1e-12  # relative; a blocking force may be the product of stroke and stiffness
 
 
-class Actuator(Table):
+class RatedActuator(Table):
+    """A named actuator with the rating of its stack, of the catalogue or in numbers; mm, N."""
+
+    name: Label = Field(examples=["drive"])
+    """Unique name of the actuator, used in key paths such as `actuator.drive.stroke_um`"""
+    stack: StackName | None = Field(default=None, examples=["AE0505D16"])
+    """Name of a stack of the catalogue"""
+    stroke: quantities.Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
+    """Free stroke, of a stack at its highest voltage; instead of `stack`, with `stiffness_n_per_um` or
+    `blocking_force_n`"""
+    stiffness: quantities.Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
+    """Stiffness of the actuator: blocking force over stroke"""
+    blocking_force: quantities.Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
+    """Blocking force of the actuator at its full stroke"""
+
+    @property
+    def stated(self) -> list[str]:
+        """Keys with a value."""
+        fields = type(self).model_fields.items()
+        return [field.alias or name for name, field in fields if getattr(self, name) is not None]
+
+    @model_validator(mode="after")
+    def _rating_is_stated(self) -> Self:
+        """Refuse keys that are neither a stack alone, nor a stroke with one other number."""
+        stated = self.stated
+        rating = [key for key in RATING_KEYS if key in stated]
+        if "stack" in stated and rating:
+            raise refusal(f"the numbers of the catalogue alone: leave out {rating[0]} or stack", rating[0])
+        if "stack" not in stated and ("stroke_um" not in stated or len(rating) != 2):
+            either = "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n"
+            raise refusal(either, *rating[:1])
+        return self
+
+    @property
+    def rating(self) -> StackRating:
+        """Free stroke, stiffness and blocking force."""
+        source = self if self.stack is None else catalogue()[self.stack]
+        stroke, force, stiffness = source.stroke or np.nan, source.blocking_force or np.nan, self.stiffness
+        if stiffness is None:
+            return StackRating(stroke, force / stroke, force)
+        return StackRating(stroke, stiffness, stroke * stiffness)
+
+
+class Actuator(RatedActuator):
     """One stack, or an antagonistic pair, at the same position on every chain; mm, N, rad."""
 
-    name: Label = Field(examples=["base"])
-    """Unique name of the actuator, used in key paths such as `actuator.base.preload_n`"""
     between: tuple[Body, Body] = Field(examples=[["frame", "link 1"]], json_schema_extra={"uniqueItems": True})
     """The body that carries the stack, and the body on which the stack acts"""
     hinge: HingeName | None = None
@@ -160,14 +179,6 @@ class Actuator(Table):
     pair: bool = False
     """Whether a second stack acts on the opposite side of the body along the same line; the two are commanded in
     opposite senses about half their stroke"""
-    stack: StackName | None = Field(default=None, examples=["AE0505D16"])
-    """Name of a stack of the catalogue"""
-    stroke: quantities.Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
-    """Free stroke at the highest voltage; instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`"""
-    stiffness: quantities.Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
-    """Stiffness of the stack: blocking force over stroke"""
-    blocking_force: quantities.Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
-    """Blocking force of the stack at the highest voltage"""
     contact_stiffness: quantities.Rate | None = Field(default=None, alias="contact_stiffness_n_per_um", examples=[40.0])
     """Stiffness of the contact, instead of a ball; without either the contact is rigid"""
     ball_radius: quantities.Length | None = Field(default=None, alias="ball_radius_mm", examples=[2.0])
@@ -198,8 +209,7 @@ class Actuator(Table):
 
     @model_validator(mode="after")
     def _keys_go_together(self) -> Actuator:
-        keys = {field.alias or name: getattr(self, name) for name, field in Actuator.model_fields.items()}
-        stated = [key for key, value in keys.items() if value is not None]
+        stated = self.stated
         place, others = (BY_POINT, (*BY_ARM, "tilt_deg")) if self.point is not None else (BY_ARM, BY_POINT)
         for key in others:
             if key in stated:
@@ -210,7 +220,6 @@ class Actuator(Table):
         if self.hinge is not None and self.hinge not in ends:
             where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
             raise refusal(where, "hinge")
-        check_rating(stated)
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
         for key in BALL_KEYS:
@@ -231,11 +240,6 @@ class Actuator(Table):
         if self.stack is not None:
             values["stroke"], values["blocking_force"] = self.rating.stroke, self.rating.blocking_force
         return tuple(np.nan if value is None else float(value) for value in values.values())
-
-    @property
-    def rating(self) -> StackRating:
-        """Stroke, stiffness and blocking force of each stack of the actuator."""
-        return rating_of(self.stack, self.stroke, self.stiffness, self.blocking_force)
 
     @property
     def assumed_of_ball(self) -> list[str]:

@@ -36,12 +36,12 @@ NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # fie
 LEAST_COSINE = 0.1  # between the direction of a force and the inward normal
 
 
-class StageDrive(NamedTuple):
-    """The stacks (n) of a stage and the commands (m) that drive them, chain by chain, actuator by actuator.
+class ActuatorSet(NamedTuple):
+    """The stacks (n) of a stage, or the actuators of a mechanism, and the commands (m) that drive them.
 
     For many designs, the numbers have a leading axis of designs; the stacks and their names are common to all designs.
 
-    stacks : with their loads.   names : (m,), of the commands.
+    stacks : of a stage, chain by chain, actuator by actuator, with their loads.   names : (m,), of the commands.
     stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
     differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the partner of a pair.
     lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its stroke.
@@ -58,7 +58,7 @@ class StageDrive(NamedTuple):
     highest: Array
     friction: Array = np.zeros(0)
 
-    def at(self, which: AnyArray | int | None) -> StageDrive:
+    def at(self, which: AnyArray | int | None) -> ActuatorSet:
         """Select the numbers of one design or of designs (k,); None adds a leading axis of length one."""
         return self._replace(**{name: getattr(self, name)[which] for name in NUMBERS})
 
@@ -69,7 +69,7 @@ class StageDrive(NamedTuple):
 
 
 @once
-def drive_of(stage: StageContent) -> StageDrive:
+def drive_of(stage: StageContent) -> ActuatorSet:
     """Return the drive of a stage. Raises BadInput for a stage without actuators or a contact off its body."""
     with located(stage):
         if not stage.actuator:
@@ -81,12 +81,6 @@ def drive_of(stage: StageContent) -> StageDrive:
                 stacks += placed
                 friction += [np.nan if actuator.friction is None else actuator.friction] * len(placed)
         return _drive_with(stacks, lower(stage), chains).at(0)._replace(friction=np.array(friction))
-
-
-def check_drive(stage: StageContent) -> None:
-    """Raise BadInput for the first contact that is off the outline of its body or whose force points outwards."""
-    if stage.actuator:
-        drive_of(stage)
 
 
 class Contact(NamedTuple):
@@ -199,7 +193,7 @@ SHAPE = ("link_lengths", "joint_angles", "link_width", "radius", "neck", "axis",
 
 def drives_of(
     stage: StageContent, designs: Designs, reason: AnyArray, stage_at: Callable[[int], StageContent]
-) -> StageDrive:
+) -> ActuatorSet:
     """Return the drives of n designs, with stacks that have no stations.
 
     stage : with actuators; defines the stacks and the bodies between which they act.
@@ -294,7 +288,7 @@ def _draw(
         wrenches[:, :, members] = drawn.reshape(*wrenches.shape[:2], 1, 3)
 
 
-def _drive_with(stacks: list[Stack], designs: Designs, chains: tuple[tuple[Actuator, ...], ...]) -> StageDrive:
+def _drive_with(stacks: list[Stack], designs: Designs, chains: tuple[tuple[Actuator, ...], ...]) -> ActuatorSet:
     """Return the drive of n designs with given stacks, by chain and actuator, the partners of a pair adjacent."""
     numbers = _numbers(designs)
     blocking = _blocking(numbers)
@@ -311,7 +305,7 @@ def _drive_with(stacks: list[Stack], designs: Designs, chains: tuple[tuple[Actua
         values.reshape(-1, len(pair))[:, owner]
         for values in (series_stiffness(numbers, rate, *material, loose), numbers.preload, blocking)
     )
-    return StageDrive(
+    return ActuatorSet(
         stacks=tuple(stacks),
         names=tuple(f"{actuator.name}, chain {chain + 1}" for chain, row in enumerate(chains) for actuator in row),
         stiffness=stiffness,

@@ -12,6 +12,7 @@ from typing import NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
+from flexfem.mechanism.drives import ActuatorSet
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profiles import Profile
 
@@ -179,9 +180,12 @@ class Layout(NamedTuple):
         return max(arms, default=0.0) or 1.0
 
     @property
-    def stiffness_of_actuators(self) -> Array:
-        """Stiffness (a,), N/mm, of the actuators."""
-        return np.array([actuator.stiffness for actuator in self.actuators])
+    def drive(self) -> ActuatorSet:
+        """Numbers of the actuators, whose commands are their strokes."""
+        ratings = [(one.stiffness, 0.0, one.blocking_force, 0.0, one.stroke) for one in self.actuators]
+        stiffness, preload, blocking_force, lowest, highest = np.reshape(ratings, (-1, 5)).T
+        names = tuple(actuator.name for actuator in self.actuators)
+        return ActuatorSet((), names, stiffness, preload, blocking_force, np.eye(len(names)), lowest, highest)
 
 
 class End(NamedTuple):

@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
-from flexfem.files.quantities import Coordinate, Count, Force, Grams, Inertia, Length, LengthOrZero, Rate, Stroke, Turn
+from flexfem.files.quantities import Coordinate, Count, Grams, Inertia, Length, LengthOrZero, Turn
 from flexfem.files.refusals import refusal
 from flexfem.files.tables import Label, Table
-from flexfem.mechanism.actuators import StackName, StackRating, check_rating, rating_of
+from flexfem.mechanism.actuators import RatedActuator
 
 MOST = 5000  # corners of one outline
 
@@ -170,41 +170,23 @@ class Copies(Table):
         return self
 
 
-class PlateActuator(Table):
+class PlateActuator(RatedActuator):
     """A linear actuator that pushes two bodies apart along the line between its two contacts."""
 
-    name: Label = Field(examples=["drive"])
-    """Unique name of the actuator"""
     between: tuple[Label, Label] = Field(examples=[["ground", "lever"]])
     """Names of the carrying and the driven body; "ground", without a body of this name, is the ground outside"""
     at: tuple[Point, Point] = Field(alias="at_mm", examples=[[[0.0, 0.0], [20.0, 0.0]]])
     """Contact x, y on each of the two bodies"""
     contact: Length | None = Field(default=None, alias="contact_mm", examples=[2.0])
     """Radius of the area around a contact that takes the load; by default a twentieth of the extent of the body"""
-    stack: StackName | None = Field(default=None, examples=["AE0505D16"])
-    """Name of a stack of the catalogue"""
-    stroke: Stroke | None = Field(default=None, alias="stroke_um", examples=[17.4])
-    """Free stroke; instead of `stack`, with `stiffness_n_per_um` or `blocking_force_n`"""
-    stiffness: Rate | None = Field(default=None, alias="stiffness_n_per_um", examples=[53.7])
-    """Stiffness of the actuator: blocking force over stroke"""
-    blocking_force: Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
-    """Blocking force of the actuator at its full stroke"""
     mass: Grams = Field(default=0.0, alias="mass_g", examples=[8.0])
     """Mass of the actuator, half of it at each contact"""
 
     @model_validator(mode="after")
-    def _rating_is_stated(self) -> PlateActuator:
-        check_rating(
-            [field.alias or n for n, field in PlateActuator.model_fields.items() if getattr(self, n) is not None]
-        )
+    def _points_differ(self) -> PlateActuator:
         if self.at[0] == self.at[1]:
             raise refusal("two different points, which give the direction of the force", "at_mm")
         return self
-
-    @property
-    def rating(self) -> StackRating:
-        """Stroke, stiffness and blocking force."""
-        return rating_of(self.stack, self.stroke, self.stiffness, self.blocking_force)
 
 
 class OutputPoint(Table):

@@ -11,7 +11,7 @@ from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.actuators import Actuator
 from flexfem.mechanism.designs import Elastic, lower
-from flexfem.mechanism.drives import check_drive
+from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.plate_file import read_plate
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
@@ -57,8 +57,8 @@ link, expected < chain.link_width_mm = 9
         """
         changed = self._replaced(changes)
         check_feasible(changed)
-        if "actuator" in changes or changed.override != self.override:
-            check_drive(changed)
+        if changed.actuator and ("actuator" in changes or changed.override != self.override):
+            drive_of(changed)  # refuses a contact off its body
         return changed
 
     def array(self, attr: str) -> AnyArray:
@@ -149,5 +149,6 @@ def load_feasible(path: PathLike) -> Stage:
     """Read a stage file. Raises BadInput, naming the file, also for a stage that cannot be made or driven."""
     stage = load_stage(path)
     check_feasible(stage)
-    check_drive(stage)
+    if stage.actuator:
+        drive_of(stage)  # refuses a contact off its body
     return stage

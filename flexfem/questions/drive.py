@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, ClassVar, Literal, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.large import Serial, loaded, serial
-from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse
+from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, AnalyticResult, ModelChoice, analyse, at_necks
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import driven_response, neck_maxima, neck_wrenches, plane_stress
@@ -18,13 +18,12 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.contacts import FOLLOWS, PLAUSIBLE, Stack
 from flexfem.mechanism.designs import lower, stage_frames
-from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import actuators_of
-from flexfem.questions import actuators
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.actuators import MechanismDrive
 from flexfem.questions.driven import (
     CRITERIA,
     LIMITS,
@@ -35,13 +34,12 @@ from flexfem.questions.driven import (
     Motion,
     Unreachable,
     drive_ranges,
-    neck_forces,
     sections_of,
     stress_along,
 )
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, usual_solid
+from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, about, for_mechanisms, mesh_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, Gate, Quantity, Result
+from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, UNEVEN, Gate, Quantity, Result
 
 LARGEST_POSE = 1e2  # of a driven stage, mm, rad; more than a thousand times the range of piezo drives
 LARGEST_LOAD = 1e6  # on a driven stage, N, N mm
@@ -103,6 +101,54 @@ class Drive(Result):
     )
 
 
+class MechanismDrive(Result):
+    """Motion of a mechanism by its actuators, with all of them in place: transmission, range, losses, coupling."""
+
+    title = "drive"
+    main = ("motion", {})
+    reading = ("all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator",)
+    motion = Quantity(
+        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"),
+        plates.ON_MESHES, "all", prefixed=True,
+    )  # fmt: skip
+    transmission = Quantity(
+        "output motion per free stroke",
+        ("", "", "rad_per_mm"),
+        ("actuator", "model", "direction"),
+        plates.ON_MESHES,
+        "all",
+    )
+    used = Quantity(
+        "opening of the actuator over its free stroke", "percent", ("actuator", "model"), plates.ON_MESHES,
+        note="the rest of the stroke is lost to the elasticity of the actuator",
+    )  # fmt: skip
+    coupling = Quantity(
+        "opening of the other actuators over the free stroke", "percent", ("actuator", "other", "model"),
+        plates.ON_MESHES, "all",
+    )  # fmt: skip
+    cross = Quantity(
+        "cross motion of the output over its main translation", "percent", ("actuator", "model"),
+        plates.ON_MESHES._replace(absolute=5e-3), "all",
+    )  # fmt: skip
+    rotation = Quantity(
+        "parasitic rotation of the output over its main translation", "rad_per_mm", ("actuator", "model"),
+        plates.ON_MESHES._replace(absolute=1e-6), "all",
+    )  # fmt: skip
+    force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), plates.ON_MESHES)
+    stress = Quantity(
+        "highest hinge stress at full stroke",
+        "mpa",
+        ("actuator", "model", "hinge"),
+        plates.PEAK,
+        "all",
+        largest=("hinge",),
+    )
+    engaged = Quantity(
+        "stiffness of the output with all actuators", "stiffness", ("model", "direction"),
+        plates.ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts
+    )  # fmt: skip
+
+
 class Commanding(NamedTuple):
     """An analytic model that computes strokes, and its stage as modelled (`model.ModelChoice`).
 
@@ -119,7 +165,7 @@ class Commanding(NamedTuple):
     def carried(self, load: Array, force: Array) -> Array:
         """Return moment, axial and shear force (3, 3 chains, 3 hinges) of every notch, by a load and stack forces."""
         wrenches = self.necks @ np.concatenate([load, force])
-        return neck_forces(stage_frames(self.stage), wrenches[..., None])[..., 0]
+        return np.array(at_necks(stage_frames(self.stage), wrenches[..., None]))[..., 0]
 
     def stress(self, load: Array, force: Array) -> Array:
         """Return the largest von Mises stress (3 chains, 3 hinges) of every notch, MPa, by a load and stack forces."""
@@ -181,8 +227,8 @@ def drive(
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     if isinstance(stage, Mechanism):
-        mesh = mesh_of(models, resolution, layers, usual_solid=usual_solid(stage))
-        return actuators.drive(stage, mesh, models)
+        mesh = mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
+        return _of_mechanism(stage, mesh, models)
     mesh = mesh_of(models, resolution, None, 2)
     if pose is None:
         raise BadInput("pose is missing, expected the pose of the platform: mm, mm, rad")
@@ -238,9 +284,49 @@ def drive(
         f"contact of each stack: {', or '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
-    settings = {"strokes by": first.result.name} | meshed(mesh)
+    settings = {"strokes by": first.result.name} | setup.meshed(mesh)
     axes |= {"model": tuple(models_used), "state": tuple(states)}
     return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, stage)
+
+
+def _of_mechanism(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.Models) -> MechanismDrive:
+    """Return the motion of a mechanism by the full free stroke of each of its actuators."""
+    layout, drives, strokes = mechanism.layout, mechanism.layout.drive_ports, mechanism.layout.drive.highest
+    numbers = np.arange(len(strokes))
+
+    def values(response: plates.Responses) -> dict[str, Any]:
+        C, found = response.compliance, Driven.of_mechanism(mechanism, response.compliance)
+        motion = (C[: 3 * len(layout.points), drives] @ found.Y).reshape(-1, 3, len(drives))
+        output, opening = motion[0].T, found.C[3:, 3:] @ found.Y  # (a, 3), (a, a)
+        main = np.argmax(np.abs(output[:, :2]), axis=1)
+        along = np.where(np.abs(one := output[numbers, main]) > ROUND_OFF * np.max(np.abs(motion)), one, np.nan)
+        cross, rotation = output[numbers, 1 - main] / along, output[:, 2] / along
+        coupled = np.where(numbers == numbers[:, None], np.nan, opening.T)
+        return {
+            "motion": np.moveaxis(motion * strokes, -1, 0),
+            "transmission": output,
+            "used": 100 * np.diag(opening),
+            "coupling": 100 * np.where(np.abs(coupled) < ROUND_OFF, 0.0, coupled),
+            "cross": 100 * np.where(np.abs(cross) < UNEVEN, 0.0, cross),
+            "rotation": np.where(np.abs(rotation) * layout.lever < UNEVEN, 0.0, rotation),
+            "force": np.diag(found.Y) * strokes,
+            "stress": response.stress((found.Y * strokes).T @ np.eye(len(C))[drives]),
+            "engaged": found.stiffness,
+        }
+
+    def made() -> dict[str, Array]:
+        assert mesh is not None
+        response = plates.solved(mechanism, mesh.resolution)
+        loads = Driven.of_mechanism(mechanism, response.compliance).Y * strokes
+        fields = np.tensordot(loads.T, response.fields[drives], 1)
+        return dict(zip(layout.drive.names, fields, strict=True))
+
+    found = plates.of_models(mechanism, mesh, models, values)
+    plane = mesh is not None and not mesh.layers
+    fields = MeshFields(plates.meshed(mechanism, mesh.resolution), made) if mesh is not None and plane else None
+    warnings = plates.over_yield(mechanism, found, "stress", "full stroke")
+    axes = {"other": layout.drive.names}
+    return setup.answer(MechanismDrive, mechanism, found, mesh, axes=axes, warnings=warnings, fields=fields)
 
 
 def commanding(chosen: ModelChoice) -> Commanding:
@@ -277,7 +363,7 @@ def push_spread(model: Commanding) -> Array:
     return np.asarray(np.max(np.abs(stiffness - model.system.stiffness), axis=0))
 
 
-def _with_friction(drive: StageDrive) -> tuple[Stack, ...]:
+def _with_friction(drive: ActuatorSet) -> tuple[Stack, ...]:
     """Return the stacks of a drive, followed by tangential forces at its contacts with stated friction."""
     return (*drive.stacks, *(drive.stacks[k].across for k in drive.rubbing))
 
@@ -325,7 +411,7 @@ def _stiffness(first: Commanding, forces: Mapping[Criterion, Array], load: Array
     return states | {f"{name}, other directions free": K for name, K in free.items()}
 
 
-def _preloaded(joints: Serial, drive: StageDrive, force: Array, load: Array) -> Array:
+def _preloaded(joints: Serial, drive: ActuatorSet, force: Array, load: Array) -> Array:
     """Return the stiffness diagonal (3,) with engaged stacks under forces (n,), N; nan if it is unstable."""
     try:
         found = loaded(joints, force, load)
@@ -360,7 +446,7 @@ def calibration(elements: Driven, model: Driven, lever: float) -> Array:
     return inverse(elements.poses @ model.unit_commands(lever))
 
 
-def stack_names(drive: StageDrive) -> tuple[str, ...]:
+def stack_names(drive: ActuatorSet) -> tuple[str, ...]:
     """Return the names of the stacks (n) of a drive: those of its actuators, with the second of a pair as partner."""
     T = drive.differential
     return tuple(f"{drive.names[np.flatnonzero(row)[0]]}{', partner' if min(row) < 0 else ''}" for row in T)
@@ -369,24 +455,20 @@ def stack_names(drive: StageDrive) -> tuple[str, ...]:
 def limit_warnings(system: Driven, x: Array, load: Array, criterion: Criterion) -> list[str]:
     """Return a warning per kind of limit that commands (m,) exceed: the number exceeded, and the largest excess."""
     drive, stacks, found = system.drive, stack_names(system.drive), list[str]()
-    force = drive.preload + system.moved(x, load).force
+    force, most = drive.preload + system.moved(x, load).force, drive.blocking_force
     um, low, high = 1e3 * x, 1e3 * drive.lowest, 1e3 * drive.highest
-    kinds: Sequence[tuple[str, Array, Sequence[str], str, tuple[Array, ...]]] = (  # in the order of `LIMITS`
-        (
-            "strokes",
-            np.maximum(um - high, low - um),
-            drive.names,
-            "{:.4g} um, outside {:.4g} to {:.4g} um",
-            (um, low, high),
+    kinds: dict[str, tuple[Sequence[str], Array, Callable[[int], str]]] = {  # in the order of `LIMITS`
+        "strokes": (
+            drive.names, np.maximum(um - high, low - um),
+            lambda k: f"{um[k]:.4g} um, outside {low[k]:.4g} to {high[k]:.4g} um",
         ),
-        ("contacts", -force, stacks, "a pull of {:.4g} N", (-force,)),
-        ("forces", force - drive.blocking_force, stacks, "{:.4g} N, above {:.4g} N", (force, drive.blocking_force)),
-    )
-    used = system.shares(x, load).values()
-    for share, (kind, excess, names, text, numbers) in zip(used, kinds, strict=True):
+        "contacts": (stacks, -force, lambda k: f"a pull of {-force[k]:.4g} N"),
+        "forces": (stacks, force - most, lambda k: f"{force[k]:.4g} N, above {most[k]:.4g} N"),
+    }  # fmt: skip
+    for share, (kind, (names, excess, text)) in zip(system.shares(x, load).values(), kinds.items(), strict=True):
         exceeded = np.any(np.reshape(share > 1 + ROUND_OFF, (-1, len(names))), axis=0)
         if exceeded.any():
             k, count = int(np.argmax(np.where(exceeded, excess, -np.inf))), np.count_nonzero(exceeded)
-            worst = f"{names[k]}: {text.format(*(values[k] for values in numbers))}"
-            found.append(f"{criterion}: {kind} beyond their limits: {count}, the worst at {worst}")
+            beyond = f"{criterion}: {kind} beyond their limits: {count}"
+            found.append(f"{beyond}, the worst at {names[k]}: {text(k)}")
     return found

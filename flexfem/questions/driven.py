@@ -20,10 +20,10 @@ from flexfem.arrays import Array, Index, inverse
 from flexfem.hinges.strength import stress_raised
 from flexfem.mechanism.actuators import BLOCKING_ROUND_OFF
 from flexfem.mechanism.designs import Designs
-from flexfem.mechanism.drives import StageDrive
-from flexfem.mechanism.frames import Frames
+from flexfem.mechanism.drives import ActuatorSet
+from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions.warnings import YIELD_MARGIN
-from flexfem.refused import ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed
 
 Criterion: TypeAlias = Literal["least energy", "least stroke", "within limits"]
 CRITERIA: tuple[Criterion, ...] = get_args(Criterion)
@@ -37,6 +37,7 @@ NOTHING_ALLOWED: dict[Limit, str] = {  # reasons why a limit of zero size in one
 }
 SINGULAR = 1e-9  # of the largest singular value: in such a direction no command moves the platform
 HALF_LENGTH, SECTIONS = 0.7, 141  # of the checked part of a neck, per notch radius, and number of sections
+ENDLESS = np.full(1, np.inf)  # MPa, strength of necks that do not yield
 YIELDING = 1e-11  # of the yield strength: round-off
 BATCH = 256  # designs at a time, so that their programs stay in the processor cache
 FAR = 1e7  # larger than every solution of a bounded program with rows of unit norm and bounds of at most one
@@ -78,10 +79,10 @@ class Driven(NamedTuple):
 
     C: Array
     Y: Array
-    drive: StageDrive
+    drive: ActuatorSet
 
     @classmethod
-    def of(cls, C: Array, drive: StageDrive) -> Driven:
+    def of(cls, C: Array, drive: ActuatorSet) -> Driven:
         """Return a driven stage of compliance C; Y = k^1/2 (1 + k^1/2 C_dd k^1/2)^-1 k^1/2 also holds for k = 0.
 
         Stacks of infinite stiffness hold their openings.
@@ -95,6 +96,15 @@ class Driven(NamedTuple):
     def at(self, which: Index | None) -> Driven:
         """Select designs (k,); None adds a leading axis of length one."""
         return Driven(self.C[which], self.Y[which], self.drive.at(which))
+
+    @classmethod
+    def of_mechanism(cls, mechanism: Mechanism, C: Array) -> Driven:
+        """Return the output of a mechanism with all its actuators, for a compliance (k, k) of its ports."""
+        layout = mechanism.layout
+        if not layout.actuators:
+            raise BadInput(f"{mechanism.origin}: no actuator, expected at least one [[actuator]]")
+        ports = [0, 1, 2, *layout.drive_ports]
+        return cls.of(C[np.ix_(ports, ports)], layout.drive)
 
     @property
     def per_command(self) -> Array:
@@ -224,11 +234,6 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, target: Array) -
     raise Unreachable(", and ".join(NOTHING_ALLOWED[name] for name in alone or binding))
 
 
-def neck_forces(frames: Frames, wrenches: Array) -> Array:
-    """Return moments, axial and shear forces (3, ..., 3 chains, 3 hinges, k) of necks by wrenches (..., 3, 3, 3, k)."""
-    return np.array(at_necks(frames, wrenches))
-
-
 def sections_of(designs: Designs) -> Array:
     """Return sections along the necks of n designs, (3, n, 3, 3, SECTIONS), the middle one at the centre.
 
@@ -270,13 +275,11 @@ class CommandLimits(NamedTuple):
     rows : (n, k, m), bounds : (n, k), in the order of `LIMITS`.   sections : (3, n, 9, SECTIONS) of `sections_of`.
     forces : (3, n, 9, m), moment, axial and shear force of necks per command; at_rest : (3, n, 9), without commands.
     strength : (n,), MPa, less a margin because the model may underestimate the stress.
-    largest : (3, n, 9), of the sections, for an upper bound of the stress.
     """
 
     rows: Array
     bounds: Array
     sections: Array
-    largest: Array
     forces: Array
     at_rest: Array
     strength: Array
@@ -286,27 +289,27 @@ class CommandLimits(NamedTuple):
         rows, forces = self.rows[design], self.forces[:, design]
         at_base = self.at_rest[:, design] + np.einsum("ipkm,pm->ipk", forces, base)
         bounds = self.bounds[design] - np.einsum("pkm,pm->pk", rows, base)
-        return farthest(rows @ Z, bounds, partial(self.yields, design, forces @ Z, at_base))
+        yields = partial(self.yields, design, forces @ Z, at_base) if self.sections.size else None
+        return farthest(rows @ Z, bounds, yields)
 
     def yields(self, design: Index, forces: Array, at_base: Array, which: Index, z: Array) -> Violation:
         """Return yield at the worst section as a `Cut`; forces (3, p, 9, d) per unknown and at_base (3, p, 9)."""
-        k, allowed = design[which], self.strength[design[which]]
-        found = Violation(np.zeros(len(z), dtype=bool), np.zeros(z.shape), np.zeros(len(z)), np.zeros(len(z), np.int64))
-        loaded = np.einsum("ipkd,pd->ipk", forces[:, which], z) + at_base[:, which]
-        (lever, bending, tension), (M, N, V) = self.largest[:, k], np.abs(loaded)
-        near = np.flatnonzero(np.any(bending * (M + lever * V) + tension * N > allowed[:, None], axis=1))
-        if not len(near):
-            return found
-        stress = stress_along(self.sections[:, k[near]], loaded[:, near])
-        neck, section = np.divmod(np.argmax(stress.reshape(len(near), -1), axis=1), SECTIONS)
-        found.where[near] = stress[np.arange(len(near)), neck, section] > allowed[near] * (1 + YIELDING)
-        x, bending, tension = self.sections[:, k[near], neck, section]
-        M, N, V = loaded[:, near, neck]
-        factors = np.sign(M + V * x) * bending, np.sign(N) * tension, np.sign(M + V * x) * bending * x
-        found.rows[near] = np.einsum("ip,ipd->pd", factors, forces[:, which[near], neck])
-        found.bounds[near] = allowed[near] - np.einsum("ip,ip->p", factors, at_base[:, which[near], neck])
-        found.place[near] = neck
-        return found
+        k, loaded = design[which], np.einsum("ipkd,pd->ipk", forces[:, which], z) + at_base[:, which]
+        stress = stress_along(self.sections[:, k], loaded).reshape(len(z), -1)
+        neck, section = np.divmod(np.argmax(stress, axis=1), SECTIONS)
+        (x, bending, tension), (M, N, V) = self.sections[:, k, neck, section], loaded[:, np.arange(len(z)), neck]
+        bending = np.sign(M + V * x) * bending
+        factors = np.array([bending, np.sign(N) * tension, bending * x])
+        rows = np.einsum("ip,ipd->pd", factors, forces[:, which, neck])
+        bounds = self.strength[k] - np.sum(factors * at_base[:, which, neck], axis=0)
+        return Violation(np.max(stress, axis=1) > self.strength[k] * (1 + YIELDING), rows, bounds, neck)
+
+
+def stroke_limits(system: Driven) -> CommandLimits:
+    """Return the limits of one mechanism by strokes alone: its actuators also pull, and its hinges do not yield."""
+    (rows, _, sizes), none = system.limits(np.zeros(3))["stroke"], np.zeros((3, 1, 0))
+    forces = np.zeros((*none.shape, rows.shape[1]))
+    return CommandLimits(rows[None], sizes[None], none[..., None], forces, none, ENDLESS)
 
 
 def command_limits(designs: Designs, system: Driven, necks: Array, load: Array) -> CommandLimits:
@@ -318,14 +321,12 @@ def command_limits(designs: Designs, system: Driven, necks: Array, load: Array) 
     rows = [np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits]
     force = system.drive.preload - system.Y @ system.C[..., 3:, :3] @ load
     loads = np.concatenate([np.broadcast_to(load, (n, 3)), force], axis=-1)[:, None, None, :, None]
-    sections = sections_of(designs).reshape(3, n, 9, -1)
     return CommandLimits(
         np.concatenate(rows, axis=1),
         np.concatenate([limit.offsets + limit.sizes for limit in limits], axis=-1),
-        sections,
-        np.max(np.abs(sections), axis=-1),
-        neck_forces(designs.frames, necks[..., 3:] @ system.per_command[:, None, None]).reshape(3, n, 9, -1),
-        neck_forces(designs.frames, necks @ loads).reshape(3, n, 9),
+        sections_of(designs).reshape(3, n, 9, -1),
+        np.reshape(at_necks(designs.frames, necks[..., 3:] @ system.per_command[:, None, None]), (3, n, 9, -1)),
+        np.reshape(at_necks(designs.frames, necks @ loads), (3, n, 9)),
         designs.yield_strength * (1 - YIELD_MARGIN[designs.plane]),
     )
 

@@ -20,7 +20,7 @@ from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.files.tables import once
 from flexfem.mechanism.contacts import hinge_couples
-from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import Convergence, command_convergence, error_matrix, levels
 from flexfem.questions.case import Case, Drive
@@ -37,7 +37,7 @@ class Imposed(NamedTuple):
     model : the driven stage of the model; None if hinge rotations are imposed.
     """
 
-    drive: StageDrive
+    drive: ActuatorSet
     per_command: Array
     model: Driven | None
 
@@ -75,7 +75,7 @@ def imposed(stage: Stage, model: AnalyticResult, inputs: Drive) -> Imposed:
         endless, none = np.full(len(couples), np.inf), np.zeros(len(couples))
         limits = {"lowest": -endless, "highest": endless, "blocking_force": endless, "preload": none}
         names, rigid = tuple(couples), np.eye(len(couples))
-        drive = StageDrive(tuple(couples.values()), names, stiffness=endless, differential=rigid, **limits)
+        drive = ActuatorSet(tuple(couples.values()), names, stiffness=endless, differential=rigid, **limits)
         return Imposed(drive, per_command, None)
     stacks, lever = drive_of(stage), stage.chain.link_lengths[2]
     driven = Driven.of(driven_model(stage, model).compliance, stacks)

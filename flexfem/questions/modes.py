@@ -29,7 +29,7 @@ from flexfem.fem.structure import mass_of, structure
 from flexfem.files.writing import replacing, write_atomically
 from flexfem.mechanism import bodies
 from flexfem.mechanism.bodies import Payload
-from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import counted
@@ -468,7 +468,7 @@ def _sorted(found: Mapping[str, ModelAnswer], order: Index, count: int) -> dict[
     return {label: ModelAnswer(*(placed(label, part) for part in one)) for label, one in found.items()}
 
 
-def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings: list[str]) -> dict[str, Array]:
+def _analytic(stage: Stage, payload: Payload, drive: ActuatorSet | None, warnings: list[str]) -> dict[str, Array]:
     """Return frequencies (21,), rad/s, by the stage's rigid model, the best of its plane problem, and the best of all.
 
     Freedoms that a model lacks have inf. Reasons for replacing a model are added to `warnings`.
@@ -484,7 +484,7 @@ def _analytic(stage: Stage, payload: Payload, drive: StageDrive | None, warnings
     return frequencies
 
 
-def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: StageDrive | None = None) -> VibratingStructure:
+def vibrating(stage: Stage, mesh: StageMesh, payload: Payload, drive: ActuatorSet | None = None) -> VibratingStructure:
     """Return the vibrating stage on one mesh, with an engaged drive or none. Raises BadInput unless it is plane."""
     plate, loads, springs = structure(mesh, plate_of(stage)), None, None
     if drive is not None:
@@ -501,7 +501,7 @@ def _shares(solution: ModesOfStructure) -> Array:
 def _by_elements(
     stage: Stage,
     payload: Payload,
-    drive: StageDrive | None,
+    drive: ActuatorSet | None,
     count: int,
     mesh: Mesh,
     damping: float,
@@ -592,7 +592,7 @@ def frequency_convergence(resolutions: Array, values: Array) -> Convergence:
     return convergence._replace(band=max(convergence.band, factor * float(step)))
 
 
-def _reduce(body: VibratingStructure, modes: ModesOfStructure, ratio: float, drive: StageDrive | None) -> DynamicModel:
+def _reduce(body: VibratingStructure, modes: ModesOfStructure, ratio: float, drive: ActuatorSet | None) -> DynamicModel:
     """Return the dynamics of a structure by some of its modes; inputs include the commands of an engaged drive."""
     size = body.structure.size
     loads = np.eye(size, 3, 3 - size)

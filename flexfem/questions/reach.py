@@ -15,15 +15,14 @@ import numpy as np
 from flexfem import arguments
 from flexfem.arrays import Array, Index
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
-from flexfem.questions import actuators
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.actuators import MechanismReach
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
-from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of, meshed, usual_solid
+from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits, stroke_limits
+from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
@@ -58,6 +57,22 @@ class Reach(Result):
     volume = Quantity("volume of all poses", "um2_mrad", (), SOLVED)
     vertices = Quantity("vertices of all poses", "motion", ("vertex", "direction"), SOLVED, "all", shown=False)
     commands = Quantity("actuator strokes at the vertices", "um", ("vertex", "actuator"), SOLVED, "all", shown=False)
+
+
+class MechanismReach(Result):
+    """Ends of the motion of the output of a mechanism by the strokes of all actuators."""
+
+    title = "reach of the drive"
+    main = ("ends", {"others": "free"})
+    labels = Reach.labels
+    reading = (
+        "motion relative to zero strokes; others: the other two directions, free, or held at zero by at least three "
+        "actuators",
+    )
+    ends = Quantity(
+        "ends of the motion of the output", "motion", ("others", "end", "model", "direction"), plates.ON_MESHES, "all",
+        prefixed=True,
+    )  # fmt: skip
 
 
 class NothingAllowed(Exception):  # noqa: N818
@@ -156,8 +171,7 @@ def reach(
     [24.0, 28.6]
     """
     if isinstance(stage, Mechanism):
-        mesh = mesh_of(models, resolution, layers, usual_solid=usual_solid(stage))
-        return actuators.reach(stage, mesh, models)
+        return of_mechanism(stage, mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage)), models)
     mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))
@@ -194,11 +208,21 @@ def reach(
         notes[-1] += f"; some poses are outside these faces by up to {100 * solid.missed:.2g} % of the largest"
     notes.append(warning.driven_accuracy(commanded.result.formula, commanded.result.links, commanded.result.plane))
     axes = {"model": tuple(ranges), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
-    settings = {"analytic model": commanded.result.name} | meshed(mesh)
+    settings = {"analytic model": commanded.result.name} | setup.meshed(mesh)
     return Reach(
         about(stage, drive=True), values, None, axes, settings, warnings, notes,
         ReachedPoses(solid, section_of(solid), stops),
     )  # fmt: skip
+
+
+def of_mechanism(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.Models) -> MechanismReach:
+    """Return the ends of the motion of the output of a mechanism by the strokes of all actuators."""
+
+    def values(response: plates.Responses) -> dict[str, Any]:
+        system = Driven.of_mechanism(mechanism, response.compliance)
+        return {"ends": PoseSet(system, stroke_limits(system), np.zeros(3)).ranges()[0]}
+
+    return setup.answer(MechanismReach, mechanism, plates.of_models(mechanism, mesh, models, values), mesh)
 
 
 class PoseSet:
@@ -253,12 +277,14 @@ class PoseSet:
     def ranges(self) -> tuple[Array, Stops]:
         """Return ends (2 others zero or free, 2 low and high, 3), nan if no pose is reached, and their limits.
 
-        Raises NothingAllowed.
+        Fewer than three commands do not hold the others at zero. Raises NothingAllowed.
         """
         ends, stops = np.full((2, 2, 3), np.nan), Stops()
         for axis, direction in enumerate(DIRECTIONS):
             others_of = {"zero": tuple(k for k in range(3) if k != axis), "free": ()}
             for row, (others, zero) in enumerate(others_of.items()):
+                if zero and self.G.shape[1] < 3:
+                    continue
                 try:
                     x, by = self.farthest(np.outer([-1.0, 1.0], self.G[axis]), zero)
                 except NothingAllowed:
@@ -384,12 +410,12 @@ def _why_unreachable(commanded: Commanding, poses: PoseSet, load: Array) -> str:
     return f"the drive reaches no pose: the limits of {kinds} allow no commands {under}{preloads}"
 
 
-def _preload_stress(commanded: Commanding, drive: StageDrive) -> float:
+def _preload_stress(commanded: Commanding, drive: ActuatorSet) -> float:
     """Return the highest neck stress by the preloads alone, MPa; those of a pair balance and cause none."""
     return float(np.max(commanded.stress(np.zeros(3), drive.preload)))
 
 
-def _warnings(commanded: Commanding, drive: StageDrive, solid: Polytope, lever: float) -> list[str]:
+def _warnings(commanded: Commanding, drive: ActuatorSet, solid: Polytope, lever: float) -> list[str]:
     messages, unpaired = list[str](), np.count_nonzero(drive.differential, axis=0) == 1
     if np.any(np.abs(drive.differential[:, unpaired]).T @ drive.preload > 0):
         messages.append(

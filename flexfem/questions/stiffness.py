@@ -18,12 +18,12 @@ from flexfem.fem.stage_mesh import out_of_plane_ratio_of, sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import actuators, plates, setup
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid_bands, stress_bands
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
-from flexfem.questions.reach import reach
+from flexfem.questions.reach import of_mechanism, reach
 from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import COARSER, FRESH, SHEET, SOLVED, STRESS, Progress, Quantity, Result
@@ -379,7 +379,7 @@ def summary(
                 target["amplification"] = source["amplification"][0].T
                 target["input_stiffness"] = source["input_stiffness"][0]
         if stage.layout.actuators:
-            reached = actuators.reach(stage, setup.mesh_of(**mesh, usual_solid=setup.usual_solid(stage)), models)
+            reached = of_mechanism(stage, setup.mesh_of(**mesh, usual_solid=setup.usual_solid(stage)), models)
             drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
             notes.append(f"{drive}; first frequency: without the actuators")
     else:

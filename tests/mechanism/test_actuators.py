@@ -109,12 +109,15 @@ BAD = [  # edits of the first actuator, what is said, what is named
 OWN = '[[override]]\nchain = 2\nactuator = "base"\n'
 BAD_OVERRIDES = [  # what is added, what is said
     (OWN.replace('"base"', '"bass"') + "preload_n = 40.0\n", "an actuator of this stage, did you mean base?"),
-    (OWN, "expected at least one of arm_mm, side"),
+    (OWN, "expected at least one of stack, stroke_um"),
     (OWN + "preload_n = 936.0\n", "override.2.actuator.base.preload_n = 936.0, expected at most the blocking force"),
     (OWN + "preload_n = 0.0\n", "a ball without preload has no stiffness"),
     (OWN + "stroke_um = 9.0\n", "override.2.actuator.base.stroke_um = 9.0, expected the numbers of the catalogue"),
     (OWN + "arm_mm = 29.0\n", "override.2.actuator.base.arm_mm = 29, contact off the link"),
-    (OWN + "neck_mm = 0.4\n", "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only arm_mm"),
+    (
+        OWN + "neck_mm = 0.4\n",
+        "override.2.actuator.base.neck_mm = 0.4, expected with an actuator only stack, stroke_um",
+    ),
     (OWN + 'hinge = "base"\npreload_n = 40.0\n', "either a hinge or an actuator"),
     ("[[override]]\nchain = 2\nneck_mm = 0.4\n", "either a hinge or an actuator"),
     (OWN + "preload_n = 40.0\n" + OWN + "arm_mm = 11.0\n", "one override for each actuator"),

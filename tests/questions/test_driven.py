@@ -10,7 +10,7 @@ from flexfem.analytic.paper import inverse_kinematics, stiffness
 from flexfem.fem.fields import neck_wrenches
 from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.contacts import Push, Stack
-from flexfem.mechanism.drives import StageDrive, drive_of
+from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.questions.drive import calibration, commanding, driven_elements
 from flexfem.questions.driven import CRITERIA, Driven
@@ -28,13 +28,13 @@ NONE = np.zeros(3)
 MESH = 4e-3  # four triangles across a neck and the beams of the links: 0.2 % seen, of C as of stiffness alone
 
 
-def spring(stiffness: float, stack: float, stroke: float = 0.0174) -> tuple[np.ndarray, StageDrive]:
+def spring(stiffness: float, stack: float, stroke: float = 0.0174) -> tuple[np.ndarray, ActuatorSet]:
     """The platform on one spring in x, pushed by one stack; y and theta go along with no one."""
     nowhere = Stack(0, (Push(3, np.array([1.0, 0, 0]), None), Push(0, np.zeros(3), None)))
     C = np.diag([1 / stiffness, 1.0, 1.0, 1 / stiffness])
     C[0, 3] = C[3, 0] = 1 / stiffness
     one = np.ones(1)
-    return C, StageDrive((nowhere,), ("one",), stack * one, 0 * one, 935.0 * one, np.eye(1), 0 * one, stroke * one)
+    return C, ActuatorSet((nowhere,), ("one",), stack * one, 0 * one, 935.0 * one, np.eye(1), 0 * one, stroke * one)
 
 
 def model(stage: Stage, mobility: int | None = None, formula: str = CALIBRATED, links: bool = True):
