@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.collections import LineCollection
+from scipy.optimize import linprog
 
 import flexfem
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, ModelChoice
 from flexfem.mechanism.designs import lower
-from flexfem.mechanism.drives import drive_of
+from flexfem.mechanism.drives import ActuatorSet, drive_of
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements
-from flexfem.questions.driven import CommandLimits, Driven, drive_ranges, stress_along
+from flexfem.questions.driven import CommandLimits, Driven, drive_ranges, stress_along, stroke_limits
 from flexfem.questions.reach import PoseSet, Reach, pose_set, section_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
@@ -88,7 +89,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     rows = np.concatenate([np.eye(3), -np.eye(3), [[1.0, 1.0, 0.0], [1.0, 0.0, 0.0]]])
     drive = drive_of(stage)._replace(lowest=-np.ones(3), highest=np.ones(3), differential=np.eye(3))
     of = Driven(np.block([[np.zeros((3, 3)), np.eye(3)], [np.eye(3), np.zeros((3, 3))]]), np.eye(3), drive)
-    necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
+    necks = np.zeros((3, 1, 9, 1)), np.zeros((3, 1, 9, 3)), np.zeros((3, 1, 9)), np.ones(1)
     poses = PoseSet(of, CommandLimits(rows[None], np.append(np.ones(6), [1.5, 3.0])[None], *necks), NONE)
     poses.names = [*(f"stroke of {k}" for k in range(6)), "contact of 0", "contact of 1"]
     found = poses.solid(2.0)
@@ -136,6 +137,22 @@ def test_ranges_of_the_reference_stages(reached):
     ]
     three = reach(load_stage(GEOMETRY / "mobility3.toml").replace(model="plane_stress"))
     np.testing.assert_allclose(ends(three, "zero")[:2], [[-24.780, 24.780], [-26.232, 26.232]], rtol=1e-4)
+
+
+def test_strokes_alone_limit_a_mechanism():
+    """Four actuators, each way against HiGHS; in closed form with the others free, and nothing held by two."""
+    rng, strokes = np.random.default_rng(3), np.array([0.02, 0.05, 0.01, 0.03])
+    root = rng.normal(size=(7, 7)) * [1, 1, 1 / LEVER, 1, 1, 1, 1]
+    for count in (4, 2):
+        one, rest = np.ones(count), np.zeros(count)
+        drive = ActuatorSet((), ("a", "b", "c", "d")[:count], one, rest, one, np.eye(count), rest, strokes[:count])
+        system = Driven.of((root.T @ root)[: 3 + count, : 3 + count], drive)
+        motion, (held, free) = system.poses * strokes[:count], PoseSet(system, stroke_limits(system), NONE).ranges()[0]
+        np.testing.assert_allclose(free, [np.minimum(motion, 0).sum(axis=1), np.maximum(motion, 0).sum(axis=1)])
+        for axis, (row, sign) in product(range(3), enumerate((1, -1))):
+            others = {"A_eq": np.delete(motion, axis, axis=0), "b_eq": np.zeros(2), "bounds": (0, 1)}
+            wanted = sign * linprog(sign * motion[axis], **others).fun if count > 2 else np.nan
+            assert held[row, axis] == pytest.approx(wanted, rel=1e-9, abs=1e-12, nan_ok=True)
 
 
 def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
