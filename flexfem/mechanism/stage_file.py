@@ -16,7 +16,7 @@ from flexfem.files.quantities import Angle, FrameExpansion, Length
 from flexfem.files.refusals import KeyPath, key_path, nearest, problems_of, refusal, shown
 from flexfem.files.tables import Label, Table, once, plain
 from flexfem.mechanism.actuators import HINGE_NAMES as HINGE_NAMES
-from flexfem.mechanism.actuators import Actuator
+from flexfem.mechanism.actuators import Actuator, RatedActuator
 from flexfem.mechanism.actuators import HingeName as HingeName
 from flexfem.mechanism.materials import Material
 from flexfem.mechanism.plate_file import PlateFile, merged_tables
@@ -114,7 +114,7 @@ def counted(count: int, singular: str, plural: str) -> str:
 class _Target(Table):
     """The target of an override."""
 
-    described_by: ClassVar = (Hinge, Actuator)
+    described_by: ClassVar = (Hinge, RatedActuator, Actuator)
 
     chain: int = Field(ge=1, le=3, examples=[2])
     """Chain of the overridden hinge or actuator"""

@@ -40,7 +40,7 @@ from flexfem.units import COMMANDS, Unit
 LARGEST_FACTOR = 1e9  # largest multiple of the amplitude in the search for a life
 LARGEST_POSE = 1e2  # mm, rad
 LARGEST_LIFE = 1e12  # cycles; a thousand years at 30 Hz
-NECK, HINGE = ("model", "chain", "hinge"), ("model", "hinge")
+NECK = ("model", "chain", "hinge")
 COLUMNS = ["stress_mpa", "cycles"]
 LEFT_OUT = (
     "life: median of polished specimens; it excludes scatter, surface, size, residual stress, corrosion and stress "
@@ -153,17 +153,12 @@ def preload_warnings(stage: Stage) -> list[str]:
 def factor_at(stress: StressCycles, law: Basquin, life: float, proportional: bool) -> float:
     """Return the factor on the amplitude for a life, in cycles, of the first neck; inf if no stress is tensile."""
     target = float(law.amplitude(life))
-    if proportional:
-        highest = float(np.max(stress.equivalent(law.walker)))
-        return target / highest if highest > 0 else float("inf")
 
     def excess(factor: float) -> float:
-        return float(np.max(stress.times(factor, False).equivalent(law.walker))) - target
+        return float(np.max(stress.times(factor, proportional).equivalent(law.walker))) - target
 
-    upper = 1.0
-    while excess(upper) < 0 and upper < LARGEST_FACTOR:
-        upper *= 2.0
-    return float(brentq(excess, 0.0, upper, xtol=1e-14, rtol=1e-13)) if upper < LARGEST_FACTOR else float("inf")
+    limited = excess(LARGEST_FACTOR) >= 0
+    return float(brentq(excess, 0.0, LARGEST_FACTOR, xtol=1e-14, rtol=1e-13)) if limited else math.inf
 
 
 class Life(Result):
@@ -173,8 +168,8 @@ class Life(Result):
     main = ("life", {})
     figure = "experiment.life_figure"
     life = Quantity("cycles until the first neck fails", "", ("model",), Gate(0.05))
-    fewest = Quantity("fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
-    most = Quantity("most cycles by the uncertainty of the stress", "", ("model",), Gate(0.1))
+    fewest = Quantity("fewest cycles by the uncertainty of the stress", "", ("model",), Gate(0.1), only="stage")
+    most = Quantity("most cycles by the uncertainty of the stress", "", ("model",), Gate(0.1), only="stage")
     safety = Quantity("yield strength over the highest stress", "", ("model",), STRESS)
     factor = Quantity("factor on the amplitude for the wanted life", "", ("model",), STRESS)
     peak_at_largest = Quantity("highest stress at that amplitude", "mpa", ("model",), STRESS)
@@ -188,14 +183,9 @@ class Life(Result):
     yield_strength: float
 
 
-class MechanismLife(Life):
+class MechanismLife(Life, mechanism=True):
     """Cycles to failure of the hinges of a mechanism, and the amplitude for a wanted life."""
 
-    equivalent = Quantity("equivalent fully reversed stress", "mpa", HINGE, plates.PEAK, "all", largest=("hinge",))
-    peak = Quantity("largest magnitude of the stress", "mpa", HINGE, plates.PEAK, "all", largest=("hinge",))
-    amplitude = Quantity("amplitude of the stress", "mpa", HINGE, plates.PEAK, "all", shown=False)
-    mean = Quantity("mean of the stress", "mpa", HINGE, plates.PEAK, "all", shown=False)
-    cycles = Quantity("cycles to failure of each hinge", "", HINGE, Gate(0.05), shown=False)
     reading = ("the highest stress of a hinge in the mean pose counts as tension, which is conservative",)
 
 

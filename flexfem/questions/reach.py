@@ -46,33 +46,33 @@ class Reach(Result):
     reading = (
         "limits: stroke, contacts without tension, blocking force, and yield of the necks by the linear analytic model",
     )
-    load = Quantity("load on the platform", "wrench", ("direction",), shown=False)
+    load = Quantity("load on the platform", "wrench", ("direction",), shown=False, only="stage")
     ends = Quantity(
         "ends of the ranges, other directions zero or free", "motion", ("others", "end", "model", "direction"),
         FRESH, "pose", prefixed=True,
     )  # fmt: skip
-    rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose", prefixed=True)
-    circle = Quantity("radius of the largest circle about rest at theta 0", "um", (), SOLVED)
-    ball = Quantity("radius of the largest ball about rest, theta times lever", "um", (), SOLVED)
-    volume = Quantity("volume of all poses", "um2_mrad", (), SOLVED)
-    vertices = Quantity("vertices of all poses", "motion", ("vertex", "direction"), SOLVED, "all", shown=False)
-    commands = Quantity("actuator strokes at the vertices", "um", ("vertex", "actuator"), SOLVED, "all", shown=False)
+    rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose", prefixed=True, only="stage")
+    circle = Quantity("radius of the largest circle about rest at theta 0", "um", (), SOLVED, only="stage")
+    ball = Quantity("radius of the largest ball about rest, theta times lever", "um", (), SOLVED, only="stage")
+    volume = Quantity("volume of all poses", "um2_mrad", (), SOLVED, only="stage")
+    vertices = Quantity(
+        "vertices of all poses", "motion", ("vertex", "direction"), SOLVED, "all", shown=False, only="stage"
+    )
+    commands = Quantity(
+        "actuator strokes at the vertices", "um", ("vertex", "actuator"), SOLVED, "all", shown=False, only="stage"
+    )
 
 
-class MechanismReach(Result):
+class MechanismReach(Reach, mechanism=True):
     """Ends of the motion of the output of a mechanism by the strokes of all actuators."""
 
     title = "reach of the drive"
     main = ("ends", {"others": "free"})
-    labels = Reach.labels
+    figure, drawn_from_fields = "", False
     reading = (
         "motion relative to zero strokes; others: the other two directions, free, or held at zero by at least three "
         "actuators",
     )
-    ends = Quantity(
-        "ends of the motion of the output", "motion", ("others", "end", "model", "direction"), plates.ON_MESHES, "all",
-        prefixed=True,
-    )  # fmt: skip
 
 
 class NothingAllowed(Exception):  # noqa: N818
