@@ -107,10 +107,10 @@ class Quantity:
         object.__setattr__(self, "name", name)
         object.__setattr__(self, "unit", BY_DIRECTION.get(self.unit, self.unit))
 
-    def of(self, plate: Literal["stage", "mechanism"]) -> Quantity:
-        """Return the declaration for a stage or for a mechanism, of a result that has both kinds."""
-        gate, absent = self.gate, {"stage": "point", "mechanism": "chain"}[plate]
-        if plate == "mechanism" and (self.uneven or gate.relative >= FRESH.relative):
+    def of(self, mechanism: bool) -> Quantity:
+        """Return the declaration for a mechanism or for a stage, of a result that has both kinds."""
+        gate, absent = self.gate, "chain" if mechanism else "point"
+        if mechanism and (self.uneven or gate.relative >= FRESH.relative):
             gate = self.uneven or Gate(max(gate.relative, COARSER.relative), MAGNITUDE, gate.absolute)
         over, largest = (tuple(axis for axis in axes if axis != absent) for axes in (self.over, self.largest))
         found = replace(self, over=over, largest=largest, gate=gate)
@@ -227,8 +227,9 @@ class Result:
         if mechanism:
             of_stage: Any = cls.__mro__[1]
             of_stage.of_mechanism = cls
-            of_stage.quantities = {name: one.of("stage") for name, one in declared.items() if one.only != "mechanism"}
-            cls.quantities = {name: one.of("mechanism") for name, one in declared.items() if one.only != "stage"}
+            for kind, other in ((of_stage, "mechanism"), (cls, "stage")):
+                kept = {name: one for name, one in kind.quantities.items() if one.only != other}
+                kind.quantities = {name: one.of(kind is cls) for name, one in kept.items()}
 
     def __init__(
         self,

@@ -153,3 +153,32 @@ def test_a_dataset_of_xarray_has_labels_declared_units_and_bands(found: Trial) -
     with pytest.MonkeyPatch.context() as patched, pytest.raises(ImportError, match=r"^[^\n]*xarray[^\n]*$"):
         patched.setitem(sys.modules, "xarray", None)
         found.to_xarray()
+
+
+class Bent(Result):
+    """A result of both plates."""
+
+    title = "bending"
+    stress = Quantity("stress", "mpa", ("point", "chain", "hinge"), Gate(1.5e-5), "all", largest=("chain", "hinge"))
+    mass = Quantity("mass", "kg", only="stage")
+    input = Quantity("input", "n", gate=Gate(1e-9), only="mechanism")
+
+
+class MechanismBent(Bent, mechanism=True):
+    """The same of a mechanism."""
+
+
+def test_a_quantity_of_both_plates_has_chains_for_a_stage_and_points_and_a_wider_gate_for_a_mechanism() -> None:
+    assert Bent.of_mechanism is MechanismBent and [*Bent.quantities] == ["stress", "mass"]
+    assert [*MechanismBent.quantities] == ["stress", "input"] and Result.kinds["mechanism_bent"] is MechanismBent
+    of_stage = Bent(About("s"), {"stress": np.ones((3, 3))})
+    (largest,) = of_stage.tables()
+    assert largest.rows == [["stress", "1 MPa\nbase, chain 1"]]
+    axes = {"point": ("output", "tip"), "hinge": ("left", "right")}
+    of_mechanism = MechanismBent(About("m"), {"stress": [[1.0, 2.0], [3.0, 1.0]], "input": 4.0}, axes=axes)
+    assert of_mechanism.at("stress", point="tip", hinge="left") == 3.0
+    accepted = [{e.path: e for e in found.entries()} for found in (of_stage, of_mechanism)]
+    assert accepted[0]["stress.chain_1.base"].accepted == pytest.approx(1.5e-5)
+    assert accepted[1]["stress.tip.left"].accepted == pytest.approx(3e-4 * 3.0)
+    assert accepted[1]["input"].accepted == pytest.approx(4e-9)  # no mesh
+    jsonschema.validate(of_mechanism.to_dict() | {"digest": ""}, MechanismBent.schema())

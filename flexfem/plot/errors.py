@@ -179,7 +179,7 @@ def plot_budget(ax: Axes, budget: Budget, direction: Direction) -> Axes:
 def convergence_figure(study: MeshConvergence) -> Figure:
     """Draw the error of each diagonal compliance relative to its extrapolated value over the triangle size."""
     lines = [
-        f"Platform compliance on {len(study.resolutions)} meshes, {study.unknowns[0]:.0f} to {study.unknowns[-1]:.0f} "
+        f"Compliance on {len(study.resolutions)} meshes, {study.unknowns[0]:.0f} to {study.unknowns[-1]:.0f} "
         "unknowns: relative difference from the value extrapolated to zero triangle size. "
         "Error bar: band of the finest mesh by its grid convergence index."
     ]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias, TypeVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
@@ -30,7 +30,7 @@ from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.plates import PART_RESOLUTION, ElasticParts, parts_in, parts_of
-from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, about, for_mechanisms
+from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, about, kind_of, options
 from flexfem.refused import BadInput
 from flexfem.results import EXACT, SOLVED, Quantity, Result
 from flexfem.units import MICROMETRE
@@ -42,7 +42,6 @@ OF_LIMITS = 2.67  # standard error of these quantiles times the root of the draw
 PLAUSIBLE = (0.5, 2.0)  # measured neck / drawn neck; outside this range the unit or the hinge is probably wrong
 LARGEST_DEVIATION = 0.2  # standard deviation / neck
 IN_MEMORY = 2**21  # numbers of the matrices of networks that are solved together
-Kind = TypeVar("Kind", bound="AsBuilt")
 Refusal: TypeAlias = Callable[[tuple[str | int, ...], str], BadInput]  # of the keys of a value, with a text
 HingePlace: TypeAlias = tuple[int | None, str]  # chain, none in a mechanism, and name of the hinge
 
@@ -92,7 +91,7 @@ class Necks(Sourced):
 
 
 class AsBuilt(Result):
-    """Stiffness of a stage with its measured necks, and its scatter due to the measurement uncertainty."""
+    """Stiffness of a plate with its measured necks, and its scatter due to the measurement uncertainty."""
 
     title = "stage as built"
     columns = ("component",)
@@ -100,20 +99,17 @@ class AsBuilt(Result):
     drawn = Quantity("stiffness as drawn", "stiffness matrix", ("direction", "component"), EXACT, "matrix", shown=False)
     deviation = Quantity("deviation from the drawing", "percent", ("direction",))
     spread = Quantity("standard deviation", "stiffness", ("direction",), SOLVED)
-    low = Quantity("95 % of stages from", "stiffness", ("direction",), SOLVED)
+    low = Quantity("95 % of parts from", "stiffness", ("direction",), SOLVED)
     high = Quantity("to", "stiffness", ("direction",), SOLVED)
     necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
     sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
     unanswered = Quantity("draws without a solution", shown=False)
 
 
-class MechanismAsBuilt(AsBuilt):
-    """Stiffness of a mechanism with its measured necks, and its scatter due to the measurement uncertainty."""
+class MechanismAsBuilt(AsBuilt, mechanism=True):
+    """The same of a mechanism."""
 
     title = "mechanism as built"
-    low = Quantity("95 % of mechanisms from", "stiffness", ("direction",), SOLVED)
-    necks = Quantity("neck", "um", ("hinge",), shown=False)
-    sd = Quantity("standard deviation of the neck", "um", ("hinge",), shown=False)
 
 
 def read_necks(path: str | os.PathLike[str], drawn: Mapping[HingePlace, float]) -> Necks:
@@ -185,7 +181,6 @@ def _number(cell: str) -> int | float | str:
 
 
 def _answer(
-    kind: type[Kind],
     plate: Stage | Mechanism,
     measured: Necks,
     necks: tuple[Array, Array],
@@ -193,7 +188,7 @@ def _answer(
     diagonals: Callable[[Array], Array],
     notes: Sequence[str] = (),
     **texts: Any,
-) -> Kind:
+) -> AsBuilt:
     """Return the result from necks and deviations (hinges,), and from the stiffness (3, 3) as drawn and as made.
 
     diagonals : stiffness diagonals (draws, 3) with necks thicker by (draws, hinges), mm.
@@ -211,7 +206,7 @@ def _answer(
         f"standard error of the standard deviation is {100 / np.sqrt(2 * len(solved)):.2g} % of it, that of each limit "
         f"{100 * OF_LIMITS / np.sqrt(len(solved)):.2g} % of it"
     )
-    by_hinge = [len(texts["axes"]["hinge"])] if "axes" in texts else [3, 3]
+    by_hinge = (3, 3) if isinstance(plate, Stage) else (len(neck),)
     values = {
         "stiffness": made,
         "drawn": drawn,
@@ -228,10 +223,10 @@ def _answer(
         accuracy if np.any(sd) else "no standard deviation is given: the scatter is not known",
         *[f"{left_out} draws have no solution and are excluded"] * (left_out > 0),
     ]
-    return kind(about(plate, files={"necks": measured}), values, **texts)
+    return kind_of(AsBuilt, plate)(about(plate, files={"necks": measured}), values, **texts)
 
 
-def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
+def _of_mechanism(mechanism: Mechanism, necks: Path) -> AsBuilt:
     layout = mechanism.layout
     drawn: dict[HingePlace, float] = {(None, joint.name): joint.profile.neck for joint in layout.joints}
     measured = read_necks(necks, drawn)
@@ -262,9 +257,7 @@ def _of_mechanism(mechanism: Mechanism, necks: Path) -> MechanismAsBuilt:
     ]
     stiffness = _stiffness(layout, parts_of(mechanism)), _stiffness(made, parts)
     axes, settings = {"hinge": [joint.name for joint in layout.joints]}, {"analytic model": ELASTIC}
-    return _answer(
-        MechanismAsBuilt, mechanism, measured, (neck, sd), stiffness, diagonals, notes, axes=axes, settings=settings
-    )
+    return _answer(mechanism, measured, (neck, sd), stiffness, diagonals, notes, axes=axes, settings=settings)
 
 
 def _stiffness(layout: Layout, parts: ElasticParts) -> Array:
@@ -284,8 +277,8 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
     return made
 
 
-@for_mechanisms(AsBuilt, MechanismAsBuilt, not_for="analytic")
-def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt | MechanismAsBuilt:
+@options(not_for="analytic")
+def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:
     """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the measurement uncertainty.
 
     Parameters
@@ -314,4 +307,4 @@ def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFA
 
     warnings += warning.of_result(made, model)
     settings, stiffness = {"analytic model": model.name}, (as_drawn.stiffness, model.stiffness)
-    return _answer(AsBuilt, stage, measured, (neck, sd), stiffness, diagonals, settings=settings, warnings=warnings)
+    return _answer(stage, measured, (neck, sd), stiffness, diagonals, settings=settings, warnings=warnings)

@@ -12,18 +12,19 @@ import numpy as np
 
 from flexfem import arguments
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA, analyse, corrected
+from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.mesh import RESOLUTION
+from flexfem.fem.mesh import LAYERS, RESOLUTION
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, warnings
-from flexfem.questions.bands import SAFETY, command_errors, error_matrix, levels, solve_solid
-from flexfem.questions.plates import MechanismBudget
-from flexfem.questions.setup import about, for_mechanisms, on_meshes, solved
+from flexfem.questions.bands import SAFETY, command_errors, error_bands, error_matrix, levels, solve_solid
+from flexfem.questions.plates import ElasticParts
+from flexfem.questions.setup import PLATE_SOLID_RESOLUTION, Mesh, about, answer, lever_of, on_meshes, options, solved
 from flexfem.refused import BadInput
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -39,6 +40,7 @@ SHARES = (
     "large displacement",
 )
 TOTAL = "total"
+MECHANISM_SHARES = ("rigid bodies", "hinge formulas", "joining of parts", "three dimensions", TOTAL)
 CHART, MEASURED, IN_ALL = "three-dimensional hinges", "three dimensions", "total in three dimensions"
 POINTS = Gate(FRESH.relative, absolute=100 * FRESH.relative)  # percentage points of a command
 
@@ -50,20 +52,41 @@ class Budget(Result):
     main = ("share", {"share": TOTAL})
     labels: ClassVar = {"share": (*SHARES, TOTAL), "outside": (CHART, MEASURED, IN_ALL), "commanded": DIRECTIONS}
     figure = "errors.budget_figure"
-    reading = ("shares are % of the commanded motion; a share is the error change by one model refinement",)
-    share = Quantity("share of the error in the commanded direction", "percents", ("share", "direction"), POINTS)
-    solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS)
+    reading: ClassVar[tuple[str, ...]] = (
+        "shares are % of the commanded motion; a share is the error change by one model refinement",
+    )
+    share = Quantity(
+        "share of the error in the commanded direction",
+        "percents",
+        ("share", "direction"),
+        POINTS,
+        uneven=plates.POINTS,
+    )
+    solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS, only="stage")
     across = Quantity(
         "share of the error, by commanded direction", "percents", ("share", "commanded", "direction"), POINTS,
-        shown=False,
+        shown=False, only="stage",
     )  # fmt: skip
     solid_across = Quantity(
         "not in the planar total, by commanded direction", "percents", ("outside", "commanded", "direction"), POINTS,
-        shown=False,
+        shown=False, only="stage",
     )  # fmt: skip
 
 
-@for_mechanisms(Budget, MechanismBudget, not_for="amplitude")
+class MechanismBudget(Budget, mechanism=True):
+    """Shares of the error of the network with rigid bodies, which add up to the total."""
+
+    labels: ClassVar = {"share": MECHANISM_SHARES}
+    figure = ""
+    reading = (
+        "shares are % of the commanded motion, under the force of the network with rigid bodies",
+        "rigid bodies: change by elastic bodies, from plane finite elements of each body",
+        "hinge formulas: change from beam integrals to plane finite elements of each hinge",
+        "joining of parts: change from parts with rigid end sections to plane finite elements of the whole mechanism",
+    )
+
+
+@options(not_for="amplitude")
 def budget(
     stage: Stage | Mechanism,
     *,
@@ -71,7 +94,7 @@ def budget(
     resolution: int = RESOLUTION,
     plane: bool = False,
     progress: Progress | None = None,
-) -> Budget | MechanismBudget:
+) -> Budget:
     """Split the error of the analytic model of a stage or mechanism into named shares that add up to it.
 
     Parameters
@@ -82,12 +105,12 @@ def budget(
         Neglect the effect of three dimensions.
     {shared}
     """
+    steps, lever = levels(arguments.resolution(resolution, 4)), lever_of(stage)
     if isinstance(stage, Mechanism):
-        return plates.budget(stage, resolution, plane, progress)
+        return _of_mechanism(stage, steps, plane, progress)
     commands = np.asarray(arguments.poses("amplitude", amplitude, 1)).ravel()
     if not np.all((commands > 0) & (commands <= LARGEST_AMPLITUDE)):
         raise BadInput(f"amplitude {amplitude}, expected three numbers above 0 up to 10 mm, 10 mm and 1 rad")
-    steps, lever = levels(arguments.resolution(resolution, 4)), stage.chain.link_lengths[2]
     paper = analyse(stage)
     models = [paper, *(analyse(stage, 21, *choice) for choice in ((), (CALIBRATED,), (CALIBRATED, True)))]
     meshes = on_meshes(steps, lambda level: solved(stage, level), progress)
@@ -119,6 +142,27 @@ def budget(
     )
     values |= {"across": np.moveaxis(shares, 1, 2), "solid_across": np.moveaxis(outside, 1, 2)}
     return Budget(about(stage), values, bands, settings=settings, warnings=texts)
+
+
+def _of_mechanism(mechanism: Mechanism, steps: tuple[int, int, int], plane: bool, progress: Progress | None) -> Budget:
+    """Return the shares of the error of the network with rigid bodies of a mechanism."""
+    layout, lever, parts = mechanism.layout, lever_of(mechanism), plates.parts_of(mechanism, steps[-1])
+    rigid, *changed = (
+        respond(layout, one.bodies, hinges=one.hinges).compliance[:3, :3]
+        for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
+    )
+    K, C = np.asarray(np.linalg.inv(rigid)), plates.compliances(mechanism, steps, progress)
+    errors, bands = (np.diag(part) for part in error_bands(K, C, steps, lever))
+    shares, widths = np.full((2, len(MECHANISM_SHARES), 3), np.nan)
+    reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
+    shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
+    if not plane:
+        coarse, (_, few, many) = levels(PLATE_SOLID_RESOLUTION)[0], levels(LAYERS)
+        by_layers = (plates.solved(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many))
+        flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
+        shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
+        shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
+    return answer(Budget, mechanism, {}, Mesh(steps[-1], 0), {}, {"share": shares}, bands={"share": widths})
 
 
 def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
-from flexfem.fem.response import Response
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import grid_convergence, refinements
-from flexfem.questions.plates import ON_MESHES
-from flexfem.questions.setup import answer, for_mechanisms, on_meshes, solved
+from flexfem.questions.setup import answer, on_meshes, question
 from flexfem.results import COARSER, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
@@ -20,19 +20,20 @@ LARGE = 1e-3  # of a compliance: the target accuracy of the default mesh
 
 
 class MeshConvergence(Result):
-    """Platform compliance of a stage on meshes of increasing resolution, and its extrapolated limit."""
+    """Compliance of the platform or output on meshes of increasing resolution, and its extrapolated limit."""
 
     title = "mesh convergence"
     main = ("extrapolated", {})
     figure = "errors.convergence_figure"
     along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), COARSER)
     extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), COARSER)
-    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1))
-    triangles = Quantity("triangles", "", ("mesh",), Gate(0.05))
+    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.1), uneven=Gate(0.5))
+    triangles = Quantity("triangles", "", ("mesh",), Gate(0.05), only="stage")
     unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
     compliance = Quantity(
-        "compliance", "compliance matrix", ("mesh", "component", "direction"), COARSER, "matrix", shown=False
-    )
+        "compliance", "compliance matrix", ("mesh", "component", "direction"), COARSER, "matrix", shown=False,
+        only="stage",
+    )  # fmt: skip
 
     @property
     def resolutions(self) -> list[int]:
@@ -45,21 +46,14 @@ class MeshConvergence(Result):
         return [note.partition(": ")[2] for note in self.notes]
 
 
-class MechanismConvergence(Result):
-    """Output compliance on meshes of increasing resolution, and its extrapolated limit."""
-
-    title = "mesh convergence"
-    main = ("extrapolated", {})
-    along = Quantity("compliance along each direction", "compliance", ("mesh", "direction"), ON_MESHES)
-    extrapolated = Quantity("extrapolated compliance", "compliance", ("direction",), ON_MESHES)
-    order = Quantity("observed order", ("", "", ""), ("direction",), Gate(0.5))
-    unknowns = Quantity("unknowns", "", ("mesh",), Gate(0.05))
+class MechanismConvergence(MeshConvergence, mechanism=True):
+    """The same of the output of a mechanism."""
 
 
-@for_mechanisms(MeshConvergence, MechanismConvergence)
+@question
 def converge(
     stage: Stage | Mechanism, *, resolutions: list[int] | None = None, progress: Progress | None = None
-) -> MeshConvergence | MechanismConvergence:
+) -> MeshConvergence:
     """Solve a stage or mechanism on finer and finer meshes: observed order, extrapolated compliance and mesh band.
 
     Parameters
@@ -81,11 +75,7 @@ def converge(
     """
     usual = MECHANISM_RESOLUTIONS if isinstance(stage, Mechanism) else RESOLUTIONS
     steps = refinements(usual if resolutions is None else resolutions)
-
-    def solve(level: int) -> Response:
-        return plates.solved(stage, level) if isinstance(stage, Mechanism) else solved(stage, level)
-
-    meshes = on_meshes(steps, solve, progress)
+    meshes = on_meshes(steps, partial(plates.solved, stage), progress)
     C = np.array([mesh.compliance for mesh in meshes])
     along = np.diagonal(C, axis1=1, axis2=2)[:, :3]
     curves = [grid_convergence(np.array(steps), values, round_off=0.0) for values in along.T]
@@ -95,14 +85,13 @@ def converge(
     bands["along"][-1] = widths
     labels = {"mesh": [f"{level} across a neck" for level in steps]}
     notes = [f"meshes in {axis}: {curve.verdict}" for axis, curve in zip(DIRECTIONS, curves, strict=True)]
-    if isinstance(stage, Mechanism):
-        return answer(MechanismConvergence, stage, {}, None, {}, values, labels, bands, notes=notes)
-    values |= {"compliance": C, "triangles": [solved(stage, level).triangles for level in steps]}
-    large = [
+    warnings = [
         f"the mesh band of the compliance in {axis} is ±{100 * curve.band / abs(curve.extrapolated):.2g} % "
         f"({curve.verdict}); finer meshes reduce it"
         for axis, curve in zip(DIRECTIONS, curves, strict=True)
         if curve.band > LARGE * abs(curve.extrapolated)
     ]
-    texts = {"warnings": [*warning.of_numbers(stage), *large], "notes": notes}
-    return answer(MeshConvergence, stage, {}, None, {}, values, labels, bands, **texts)
+    if isinstance(stage, Stage):
+        values |= {"compliance": C, "triangles": [mesh.triangles for mesh in meshes]}
+        warnings = [*warning.of_numbers(stage), *warnings]
+    return answer(MeshConvergence, stage, {}, None, {}, values, labels, bands, warnings=warnings, notes=notes)

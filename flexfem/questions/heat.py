@@ -33,7 +33,7 @@ from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.plates import ON_MESHES, PEAK, ROUND_OFF
+from flexfem.questions.plates import ON_MESHES, ROUND_OFF
 from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Mesh, ModelAnswer, Models, on_meshes
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity, Result
@@ -55,7 +55,7 @@ CASE_DRIFT = FRESH._replace(absolute=1e-15)
 
 
 class Drift(Result):
-    """Displacement and stress of a stage per change of temperature."""
+    """Displacement and stress of a plate per change of temperature."""
 
     title = "change of temperature"
     main_key = FRAME
@@ -63,49 +63,42 @@ class Drift(Result):
     labels: ClassVar = {"case": CASES, "out of plane": LIFTED}
     figure = "fields.drift_figure"
     drawn_from_fields = True
-    reading = (
+    reading: ClassVar[tuple[str, ...]] = (
         "uniform: per K; gradients: per K/mm about the platform's centre in the mid-plane, the same in stage and frame",
         "all numbers are proportional to the difference of the two coefficients of expansion",
     )
     pose = Quantity(
-        "displacement of the platform", "motion", ("case", "model", "direction"), CASE_DRIFT, "pose",
-        prefixed=True,
+        "displacement", "motion", ("case", "point", "model", "direction"), CASE_DRIFT, "pose", prefixed=True,
+        uneven=ON_MESHES._replace(absolute=1e-8),
     )  # fmt: skip
     stress = Quantity(
-        "highest neck stress", "mpa", ("case", "model", "chain", "hinge"), STRESS, "all", largest=("chain", "hinge")
+        "highest hinge stress", "mpa", ("case", "model", "chain", "hinge"), STRESS, "all", largest=("chain", "hinge")
     )
     edges = Quantity(
         "highest stress at clamped edges", "mpa", ("case", "model", "chain"), STRESS, "all", largest=("chain",),
+        only="stage",
         note="excludes a fifth of each edge at both corners, where stress is singular",
     )  # fmt: skip
     tilt = Quantity(
         "displacement and rotations about x and y by a gradient in z", ("mm", "rad", "rad"), ("model", "out of plane"),
-        FRESH, "all", prefixed=True,
+        FRESH, "all", prefixed=True, only="stage",
     )  # fmt: skip
     unlike = Quantity(
         f"displacement with the necks of some chains changed by {UNLIKE:g} %, analytic", "motion",
-        ("case", "direction"), SOLVED, "pose", prefixed=True,
+        ("case", "direction"), SOLVED, "pose", prefixed=True, only="stage",
     )  # fmt: skip
     reaction = Quantity(
         "reaction of the ground about the platform's centre", "wrench",
-        ("case", "model", "chain", "direction"), FRESH, "all", shown=False,
+        ("case", "model", "chain", "direction"), FRESH, "all", shown=False, only="stage",
     )  # fmt: skip
     columns = ("direction", "out of plane")
 
 
-class MechanismDrift(Result):
-    """Displacement and stress of a mechanism per change of temperature."""
+class MechanismDrift(Drift, mechanism=True):
+    """The same of a mechanism."""
 
-    title = "change of temperature"
-    main_key = FRAME
-    main = ("pose", {"case": "uniform"})
-    labels: ClassVar = {"case": CASES}
+    figure = ""
     reading = ("uniform: per K; gradients: per K/mm about the origin, the same in the plate and in the ground",)
-    pose = Quantity(
-        "displacement", "motion", ("case", "point", "model", "direction"), ON_MESHES._replace(absolute=1e-8), "pose",
-        prefixed=True,
-    )  # fmt: skip
-    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "hinge"), PEAK, "all", largest=("hinge",))
 
 
 class Expansion(NamedTuple):
@@ -126,7 +119,7 @@ class WarmFields(NamedTuple):
     ground: Index
 
 
-@setup.for_mechanisms(Drift, MechanismDrift, not_for="analytic")
+@setup.options(not_for="analytic")
 def drift(
     stage: Stage | Mechanism,
     *,
@@ -135,7 +128,7 @@ def drift(
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> Drift | MechanismDrift:
+) -> Drift:
     """Displacement and stress of a stage or mechanism per kelvin, and per kelvin per mm along X and Y.
 
     Parameters
@@ -156,7 +149,7 @@ def drift(
     if isinstance(stage, Mechanism):
         mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
         found = _of_mechanism(stage, mesh, models, progress)
-        return setup.answer(MechanismDrift, stage, found, mesh, warnings=_frame_warnings(stage))
+        return setup.answer(Drift, stage, found, mesh, warnings=_frame_warnings(stage))
     mesh = setup.mesh_of(models, resolution, layers, LEAST_SOLID if layers else 4)
     expansion, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
     warnings += _frame_warnings(stage)

@@ -12,12 +12,11 @@ from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem import arguments
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.elements import Layers, mirrored
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.mesh import LAYERS, RESOLUTION, StageMesh, welded
+from flexfem.fem.mesh import RESOLUTION, StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
@@ -28,10 +27,9 @@ from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, error_matrix, levels, solve_solid
+from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, levels, solve_solid
 from flexfem.questions.setup import (
     ELASTIC,
-    PLATE_SOLID_RESOLUTION,
     Mesh,
     ModelAnswer,
     Models,
@@ -48,7 +46,6 @@ ROUND_OFF = 1e-9
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
 PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force")
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
-SHARES = ("rigid bodies", "hinge formulas", "joining of parts", "three dimensions", "total")
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
 
 
@@ -262,7 +259,9 @@ def of_models(
 
 def over_yield(plate: Stage | Mechanism, found: Mapping[str, ModelAnswer], stress: str, where: str) -> list[str]:
     """Warn of a highest stress above the yield strength; `stress` names the quantity, `where` the load."""
-    highest = max(float(np.max(model.values[stress])) for model in found.values() if stress in model.values)
+    highest = max(
+        float(np.max(model.values[stress], initial=0.0)) for model in found.values() if stress in model.values
+    )
     return warning.of_yield(highest, plate.material.yield_strength, where)
 
 
@@ -280,22 +279,7 @@ class MechanismErrors(Result):
     lever = Quantity("lever of the output: distance to its farthest hinge", "mm")
 
 
-class MechanismBudget(Result):
-    """Shares of the error of the network with rigid bodies, which add up to the total."""
-
-    title = "error budget"
-    main = ("share", {"share": SHARES[-1]})
-    labels: ClassVar = {"share": SHARES}
-    reading = (
-        "shares are % of the commanded motion, under the force of the network with rigid bodies",
-        "rigid bodies: change by elastic bodies, from plane finite elements of each body",
-        "hinge formulas: change from beam integrals to plane finite elements of each hinge",
-        "joining of parts: change from parts with rigid end sections to plane finite elements of the whole mechanism",
-    )
-    share = Quantity("share of the error", "percents", ("share", "direction"), POINTS)
-
-
-def _compliances(mechanism: Mechanism, steps: Sequence[int], progress: Progress | None = None) -> Array:
+def compliances(mechanism: Mechanism, steps: Sequence[int], progress: Progress | None = None) -> Array:
     """Return the compliances (levels, 3, 3) of the output by plane finite elements."""
     return np.array([one.compliance[:3, :3] for one in on_meshes(steps, partial(solved, mechanism), progress)])
 
@@ -303,31 +287,9 @@ def _compliances(mechanism: Mechanism, steps: Sequence[int], progress: Progress 
 def verification(mechanism: Mechanism) -> MechanismErrors:
     """Return the errors of both analytic networks of a mechanism."""
     steps, lever, models = levels(RESOLUTION), mechanism.layout.lever, dict[str, ModelAnswer]()
-    C = _compliances(mechanism, steps)
+    C = compliances(mechanism, steps)
     for label in (ANALYTIC, ELASTIC):
         K = np.asarray(np.linalg.inv(network(mechanism, label == ELASTIC).compliance[:3, :3]))
         values, bands = error_bands(K, C, steps, lever)
         models[label] = ModelAnswer({"percent": values.T, "stiffness": np.diag(K)}, {"percent": bands.T})
     return answer(MechanismErrors, mechanism, models, Mesh(RESOLUTION, 0), {}, {"lever": lever})
-
-
-def budget(mechanism: Mechanism, resolution: int, plane: bool, progress: Progress | None) -> MechanismBudget:
-    """Return the shares of the error of the network with rigid bodies of a mechanism."""
-    steps, lever = levels(arguments.resolution(resolution, 4)), mechanism.layout.lever
-    parts = parts_of(mechanism, resolution)
-    rigid, *changed = (
-        respond(mechanism.layout, one.bodies, hinges=one.hinges).compliance[:3, :3]
-        for one in (ElasticParts(), ElasticParts(parts.bodies), parts)
-    )
-    K = np.asarray(np.linalg.inv(rigid))
-    errors, bands = (np.diag(part) for part in error_bands(K, _compliances(mechanism, steps, progress), steps, lever))
-    shares, widths = np.full((2, len(SHARES), 3), np.nan)
-    reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
-    shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
-    if not plane:
-        coarse, (_, few, many) = levels(PLATE_SOLID_RESOLUTION)[0], levels(LAYERS)
-        by_layers = (elements(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many))
-        flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
-        shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
-        shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
-    return answer(MechanismBudget, mechanism, {}, Mesh(resolution, 0), {}, {"share": shares}, bands={"share": widths})

@@ -98,7 +98,7 @@ def solved(_, resolution):
 
 
 def test_each_direction_has_its_own_values_order_limit_and_band(monkeypatch):
-    monkeypatch.setattr(convergence, "solved", solved)
+    monkeypatch.setattr(convergence.plates, "solved", solved)
     made = converge(load_stage(PATH), resolutions=[4, 6, 8])
     expected = LIMIT * (1 + RATE * np.array([[4.0], [6], [8]]) ** -ORDER)
     np.testing.assert_allclose(made.along, expected, rtol=1e-12)

@@ -41,7 +41,7 @@ def test_wide_leaves_lie_between_plane_stress_and_plane_strain_and_bands_cover_f
     assert np.all(np.abs(solid - finer) < band)
     assert np.all(band < 0.005 * solid)
     share = flexfem.budget(guide)
-    at = plates.SHARES.index("three dimensions")
+    at = share.axes["share"].index("three dimensions")
     assert share.values["share"][at, 0] == pytest.approx(100 * (plane[0] / solid[0] - 1), abs=1.0)
     assert share.bands["share"][at, 0] > 0.05
 
