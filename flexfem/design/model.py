@@ -166,7 +166,7 @@ class Model:
 
     def columns(self, values: Array) -> tuple[dict[str, Array], AnyArray]:
         """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for designs without any."""
-        study, required, rows = self.loaded.study, self.required, self._rows(values)
+        study, required, rows = self.loaded, self.required, self._rows(values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
         columns = dict(zip(study.outputs, rows.values.T, strict=True)) | dict(
             zip(self.space.names, values.T, strict=True)
@@ -187,7 +187,7 @@ class Model:
 
     def _rows(self, values: Array) -> Rows:
         """Return the rows of designs (n, d) by the analytic model; those of a mechanism are kept."""
-        study = self.loaded.study
+        study = self.loaded
         if not self.required.on_mechanism:
             self.counts["analytic"] += len(values)
             return answer_designs(study, values)
@@ -204,7 +204,7 @@ class Model:
         for k in np.flatnonzero(reason == ""):
             self.counts["drawn"] += 1
             try:
-                masses[k] = float(drawn_inertia(stage_of(self.loaded.study, values[k]))[0, 0]) * UNITS["kg"].factor
+                masses[k] = float(drawn_inertia(stage_of(self.loaded, values[k]))[0, 0]) * UNITS["kg"].factor
             except BadInput as refusal:
                 reason[k] = str(refusal)
         return masses
@@ -218,8 +218,8 @@ class Model:
         """Return the quantities (n, q) of columns (n,) by name; derived outputs are computed first."""
         known, n = dict(columns), len(next(iter(columns.values())))
         for output in self.required.output:
-            known[output.name] = evaluated(self.loaded.study, output.expression, known, n)
-        return np.column_stack([evaluated(self.loaded.study, text, known, n) for text in self.required.quantities])
+            known[output.name] = evaluated(self.loaded, output.expression, known, n)
+        return np.column_stack([evaluated(self.loaded, text, known, n) for text in self.required.quantities])
 
     def signed(self, quantities: Array) -> Array:
         """Return all objectives (n, k) of quantities (n, q), with the signs for minimisation."""
@@ -266,7 +266,7 @@ class Model:
             return True
         self.counts["drawn"] += 1
         try:
-            check_feasible(stage_of(self.loaded.study, values))
+            check_feasible(stage_of(self.loaded, values))
         except BadInput:
             return False
         return True
@@ -277,7 +277,7 @@ class Model:
         if self.required.on_mechanism:
             return ends
         with np.errstate(all="ignore"):
-            designs = designs_of(self.loaded.study, values)
+            designs = designs_of(self.loaded, values)
             checks = conditions(designs)
             notch, clear, apart, hub = (
                 np.column_stack([check.room.min(axis=1) for check in checks if word in check.wrong])

@@ -22,7 +22,6 @@ from flexfem.files.tables import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import of_heat
 from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
 from flexfem.results import versions
@@ -68,7 +67,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     coordinates = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
     history = rounds[0].best.history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
-    assumed, not_stated = assumptions_of(loaded, stage)
+    assumed, not_stated = replace(loaded, base=stage).assumptions
     return record.Designed(
         name=required.name,
         file=str(loaded.path),
@@ -107,7 +106,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
 
 def designed_stage(loaded: LoadedRequirements, values: Array) -> Stage | Mechanism:
     """Return the plate of a design (d,); the provenance of its free dimensions is the design, else that of the base."""
-    base, stage, required = loaded.base, plate_of(loaded.study, values), loaded.requirements
+    base, stage, required = loaded.base, plate_of(loaded, values), loaded.requirements
     source = f"designed: {required.name}, seed {required.seed}"
     sources, members = dict(base.provenance), dict[str, list[int]]()
     for path in (path for column in loaded.columns for path in column.keys):
@@ -131,7 +130,7 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
     unchecked |= {*SCATTERED} if required.tolerance is None or not required.tolerance.checked or solid else set()
     if names & unchecked:
         return "analytic model alone"
-    if not names & {*required.study.outputs, *outputs.ERRORS, *SCATTERED}:
+    if not names & {*required.outputs, *outputs.ERRORS, *SCATTERED}:
         return "exact"  # mass and envelope of the drawing, dimensions themselves
     return "finite elements in three dimensions" if solid else "finite elements"
 
@@ -143,7 +142,7 @@ def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[s
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
     spread = None
     if names & {*outputs.ENGAGED}:
-        driven = commanding(best_model(stage_of(loaded.study, verified.values), []))
+        driven = commanding(best_model(stage_of(loaded, verified.values), []))
         relative = push_spread(driven) / driven.system.stiffness
         columns = {name: np.full(2, value) for name, value in verified.columns.items()}
         for name, share in zip(outputs.ENGAGED, relative, strict=True):
@@ -314,14 +313,14 @@ def share_kept(verified: Proof, tolerance: Tolerance) -> float:
 
     Columns that the study does not compute, such as masses and couplings under tolerance, stay as in the design.
     """
-    model, study = replace(verified.model, guard=0.0), verified.model.loaded.study
-    stage = stage_of(study, verified.values)
+    model, loaded = replace(verified.model, guard=0.0), verified.model.loaded
+    stage = stage_of(loaded, verified.values)
     off = deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63).reshape(-1, 9)
     hinges = [(k, name) for k in (1, 2, 3) for name in HINGE_NAMES]
     columns = columns_of(Factor(key=f"override.{k}.{name}.neck_mm", values=(0.5,)) for k, name in hinges)
     necks = off + [stage.hinge(*hinge).neck for hinge in hinges]
-    rows = answer_designs(replace(study, base=stage, columns=columns), necks)
-    by_name = model.corrected(dict(zip(study.outputs, rows.values.T, strict=True)))
+    rows = answer_designs(replace(loaded, base=stage, columns=columns), necks)
+    by_name = model.corrected(dict(zip(loaded.outputs, rows.values.T, strict=True)))
     quantities = model.quantities({n: np.full(SHARED, x) for n, x in verified.columns.items()} | by_name)
     return float(np.mean((rows.status == "ok") & np.all(model.margins(quantities) >= -ROUND_OFF, axis=1)))
 
@@ -340,8 +339,8 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
             far = f"model and finite elements differed by {100 * rounds[0].proof.gap:.3g} % in the first round"
             warnings.append(f"{far}: designs in other parts of the ranges may be better")
         return [*warnings, *sharp_roots(loaded.base.layout)]
-    row = outputs.row_of("ok", "", [columns[name] for name in loaded.study.outputs])
-    reason = str(with_warnings(loaded.study, last.values[None], row).reason[0])
+    row = outputs.row_of("ok", "", [columns[name] for name in loaded.outputs])
+    reason = str(with_warnings(loaded, last.values[None], row).reason[0])
     warnings += reason.split("; ") if reason else []
     amplitudes = [name for name in outputs.LIFE_AMPLITUDES if name in columns and name in required.used]
     if required.life is not None and amplitudes:
@@ -355,15 +354,3 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
     if required.used & {*SCATTERED} and required.tolerance is not None and not required.tolerance.checked:
         warnings.append("coupling under tolerance is by the analytic model alone: tolerance.checked is 0")
     return warnings
-
-
-def assumptions_of(loaded: LoadedRequirements, stage: Stage | Mechanism) -> tuple[list[str], list[str]]:
-    """Return the key paths, of the stage and of the requirements, that are assumed, and those without a source."""
-    required, study = loaded.requirements, replace(loaded.study, base=stage)
-    of_file = [key for key, source in required.provenance.items() if is_assumed(source)], required.not_stated
-    heat, prefix = study.study.drift is not None, "stage: "
-    of_stage = [[key for key in keys if key.startswith(prefix) and (heat or not of_heat(key.removeprefix(prefix)))]
-                for keys in study.assumptions]  # fmt: skip
-    assumed, not_stated = ([*stage_keys, *(f"requirements: {key}" for key in keys)]
-                           for stage_keys, keys in zip(of_stage, of_file, strict=True))  # fmt: skip
-    return assumed, not_stated

@@ -86,10 +86,10 @@ class ElementSolver:
 
     def solve(self, values: Array) -> list[dict[str, float]]:
         """Return the columns of a design (d,) by name on each mesh. Raises ComputationFailed."""
-        stage = plate_of(self.loaded.study, values)
+        stage = plate_of(self.loaded, values)
         stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
         studies, on_mechanism = [self._study(*mesh) for mesh in self.meshes], self.loaded.requirements.on_mechanism
-        names = (*studies[0].study.columns, *self.loaded.study.study.ask)
+        names = (*studies[0].study.columns, *self.loaded.study.ask)
         names += tuple(map(BAND.format, names)) if on_mechanism else ()
         return [dict(zip(names, row, strict=True)) for row in self._solved([(study, stage) for study in studies])]
 
@@ -105,7 +105,7 @@ class ElementSolver:
 
     def solve_scattered(self, values: Array, off: Array) -> list[Array]:
         """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3), mm, on each mesh."""
-        stage, couplings = stage_of(self.loaded.study, values), list[Array]()
+        stage, couplings = stage_of(self.loaded, values), list[Array]()
         hinges = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
         overrides = [{at: {"neck": stage.hinge(*at).neck + float(d[k, n])} for k, n, at in hinges} for d in off]
         for resolution in SCATTER:
@@ -125,7 +125,7 @@ class ElementSolver:
             drive = required.drive if required.drive is not None and required.drive.stroke_um is not None else None
             drive = drive and drive.model_copy(update={"actuators": False})
             settings |= {"frequencies": None, "life": None, "drift": None, "drive": drive}
-        study = self.loaded.study
+        study = self.loaded
         return replace(study, study=study.study.model_copy(update=settings | dict(changes)))
 
     def _solved(self, tasks: list[tuple[LoadedStudy, Stage | Mechanism]]) -> list[list[float]]:
@@ -292,7 +292,7 @@ def verified_quantiles(model: Model, solver: ElementSolver, values: Array) -> Co
     scatter, required = model.scatter, model.required
     if scatter is None or required.tolerance is None:
         return None
-    couplings = scatter.couplings(designs_of(model.loaded.study, values[None]), required.formula, required.mobility)
+    couplings = scatter.couplings(designs_of(model.loaded, values[None]), required.formula, required.mobility)
     model.counts["analytic with scattered necks"] += couplings.shape[-1]
     checked = 0 if model.loaded.solid else required.tolerance.checked
     return coupling_quantiles(couplings, solver.solve_scattered(values, scatter.others[:checked]) if checked else [])

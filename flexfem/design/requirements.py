@@ -8,26 +8,23 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
-from pydantic import ConfigDict, Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
 from flexfem.arguments import FINEST
 from flexfem.arrays import Array
-from flexfem.files.expressions import names_in
-from flexfem.files.provenance import Sourced
+from flexfem.files.provenance import Assumptions
 from flexfem.files.quantities import OF_THE_KEY, AnyNumber, AnyPositive, Limits, Percent, Scatter
-from flexfem.files.refusals import KeyPath, problems_of, refusal, shown
+from flexfem.files.refusals import KeyPath, refusal, shown
 from flexfem.files.tables import Label, Table
 from flexfem.files.toml import PathLike, bad_key, validate
 from flexfem.mechanism.keys import keys
-from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import Stage
-from flexfem.questions.case import ELASTIC, FORMULA, FormulaName, Mobility
-from flexfem.study import plan
+from flexfem.questions.case import FORMULA, FormulaName, Mobility
 from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
-from flexfem.study.factors import MANY, NAMED, Column, Factor
-from flexfem.study.loaded import LoadedStudy, base_stage, columns_of_file, is_fixed, require_key_values
+from flexfem.study.factors import MANY, NAMED, Factor
+from flexfem.study.loaded import LoadedStudy, base_of, is_fixed
+from flexfem.study.plan import Asked, Expression, Sampling, Study, require_ends
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -38,7 +35,6 @@ QUANTITY = "Arithmetic on columns and keys of the base file, as in studies"
 MASS = ("mass_kg",)
 DENSITY = "material.density_kg_m3"
 SCATTERED = ("coupling_xy_95", "coupling_xt_95", "coupling_yt_95", "coupling_95")
-SHARED = ("name", "stage", "ask", "formula", "mobility", "links", "drive", "frequencies", "life", "drift")  # of studies
 
 End: TypeAlias = Annotated[float, Limits(OF_THE_KEY, ge=-LARGEST, le=LARGEST)]
 
@@ -93,7 +89,7 @@ class Free(Factor):
 class Require(Table):
     """A requirement: the limits between which an expression of columns and keys must lie."""
 
-    quantity: plan.Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
+    quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End | None = Field(default=None, description="Lower limit", examples=[100.0])
     at_most: End | None = Field(default=None, description="Upper limit; one or both are needed", examples=[150.0])
     label: Label | None = Field(default=None, examples=["stiffness in X"])
@@ -101,7 +97,7 @@ class Require(Table):
 
     @model_validator(mode="after")
     def _has_an_end(self) -> Require:
-        plan.require_ends(self, "at_least", "at_most")
+        require_ends(self, "at_least", "at_most")
         for key, end in (("at_least", self.at_least), ("at_most", self.at_most)):
             if 0 < abs(end or 0.0) < 1 / LARGEST:
                 raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are relative to it", key)
@@ -116,9 +112,9 @@ class Require(Table):
 class Objective(Table):
     """A quantity to maximise or to minimise."""
 
-    maximise: plan.Expression | None = Field(default=None, examples=["range_x_um"])
+    maximise: Expression | None = Field(default=None, examples=["range_x_um"])
     """Expression to maximise"""
-    minimise: plan.Expression | None = Field(default=None, examples=["envelope_mm"])
+    minimise: Expression | None = Field(default=None, examples=["envelope_mm"])
     """Instead of `maximise`: expression to minimise"""
     label: Label | None = Field(default=None, examples=["range at yield in X"])
     """Name in the output"""
@@ -166,23 +162,17 @@ class Tolerance(Table):
         return self
 
 
-class Requirements(Sourced):
+class Requirements(Asked):
     """Contents of a requirements file."""
 
     kind: ClassVar[str] = "requirements file"
+    array: ClassVar[str] = "free"
+    subject: ClassVar[str] = "design"
 
-    name: Label = Field(description="Name of the designed stage, and title of figures", examples=["Long range"])
-    stage: Label = Field(examples=["stage.toml"])
-    """File of the base stage, relative to this one, with the values of all dimensions that are not free. It can be a
-    mechanism file: free keys are then `parameters.NAME`, and quantities are numbers of `ask`"""
-    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["stiffness.free.analytic.x"]])
-    """On a mechanism, as in studies: columns by the path of a number in the JSON output of a command, for the analytic
-    model. Finite elements give the same numbers of the designed mechanism"""
     formula: FormulaName = Field(default=CALIBRATED, description=FORMULA)
+    mobility: Mobility | None = Field(default=21, description="Mobility of the analytic model")
     paper_formula: FormulaName = DEFAULT_FORMULA
     """Formula of the model, with the stage's own mobility, whose errors are `error_x_percent` and the like"""
-    mobility: Mobility | None = Field(default=21, description="Mobility of the analytic model")
-    links: bool = Field(default=False, description=f"{ELASTIC}; one design after the other, slower")
     seed: int = Field(ge=0, lt=2**63, description="Seed of the search", examples=[2003])
     accuracy_percent: Percent = 0.1
     """Required agreement of the corrected analytic model and finite elements at the optimum"""
@@ -193,44 +183,14 @@ class Requirements(Sourced):
     """Dimensions that may differ from the base stage; numbers in the unit of the key"""
     require: tuple[Require, ...] = Field(default=(), max_length=50, description="Requirements on the stage")
     objective: tuple[Objective, ...] = Field(min_length=1, max_length=2, description="One or two objectives")
-    output: tuple[plan.Output, ...] = Field(default=(), max_length=50)
-    """A name for an expression, for use in requirements and objectives"""
-    drive: plan.DriveQuestion | None = Field(default=None, description="Requests the range of a drive")
-    frequencies: plan.Frequencies | None = None
-    """Requests natural frequencies in the plane; the table may be empty"""
-    life: plan.LifeTable | None = Field(default=None, description="Requests fatigue lives at an amplitude of the pose")
-    drift: plan.DriftTable | None = None
-    """Requests the drift with temperature; the table has no keys"""
     tolerance: Tolerance | None = None
     """Requests the share of stages that meet all requirements when their nine necks scatter, and the 95 % quantiles of
     the couplings: `coupling_95`, `coupling_xy_95`, `coupling_xt_95`, `coupling_yt_95`"""
 
     @model_validator(mode="after")
-    def _keys_fit_the_base(self) -> Requirements:
-        for key in ("tolerance", "paper_formula") if self.on_mechanism else ("ask",):
-            if key in self.model_fields_set:
-                base = "a mechanism, whose numbers are those of ask" if self.on_mechanism else "a stage"
-                raise refusal(f"no {key} in a design of {base}", key)
-        return self
-
-    @model_validator(mode="after")
-    def _is_a_valid_study(self) -> Requirements:
-        try:
-            _ = self.study
-        except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            path = (*first["loc"], *first.get("ctx", {}).get("at", ()))
-            renamed = ("free" if part == "factor" else part for part in path)
-            raise refusal(problems_of(error)[0].expected.replace("factor[", "free["), *renamed) from None
-        return self
-
-    @model_validator(mode="after")
-    def _expressions_name_columns(self) -> Requirements:
-        columns = (*self.study.outputs, *(() if self.tolerance is None else SCATTERED))
-        columns += () if self.on_mechanism else (*MASS, *ERRORS)
-        known = plan.require_own_names("free", self.free, self.output, columns, SCATTERED)
-        for path, expression in self.expressions.items():
-            plan.require_known(expression, known, *path)
+    def _asks_of_mechanisms(self) -> Requirements:
+        if self.ask and not self.on_mechanism:
+            raise refusal("no ask in a design of a stage", "ask")
         return self
 
     @model_validator(mode="after")
@@ -244,26 +204,23 @@ class Requirements(Sourced):
         return self
 
     @property
-    def on_mechanism(self) -> bool:
-        """Whether free keys are parameters of a mechanism."""
-        return plan.set_parameters(self.free)
+    def known(self) -> tuple[str, ...]:
+        """Names, besides those of factors, derived outputs and keys, that expressions may use."""
+        others = () if self.on_mechanism else (*MASS, *ERRORS)
+        return (*self.outputs, *others, *(() if self.tolerance is None else SCATTERED))
 
     @cached_property
-    def study(self) -> plan.Study:
-        """The study whose factors are the free dimensions. Raises ValidationError like a study file."""
-        shared = [name for name in SHARED if name in self.model_fields_set or not self.on_mechanism]
-        content: dict[str, Any] = {name: getattr(self, name) for name in shared}
-        options: dict[str, Any] = {"by_alias": True, "exclude_unset": True, "exclude": {"step", "points"}}
-        factors = tuple(free.model_dump(**options) for free in self.free)
-        sampling = {"method": "sobol", "designs": 1, "seed": 0}
-        return plan.Study.model_validate(content | {"model": "analytic", "sampling": sampling, "factor": factors})
+    def study(self) -> Study:
+        """The study of the free dimensions by the analytic model."""
+        shared = {name: getattr(self, name) for name in Asked.model_fields if name != "provenance"}
+        sampling = Sampling(method="sobol", designs=1, seed=0)
+        return Study.model_construct(**shared, model="analytic", sampling=sampling, factor=self.free)
 
     @property
     def expressions(self) -> dict[KeyPath, str]:
-        """All expressions by their key paths."""
-        outputs: dict[KeyPath, str] = {("output", k, "expression"): o.expression for k, o in enumerate(self.output)}
-        outputs |= {("require", k, "quantity"): each.quantity for k, each in enumerate(self.require)}
-        return outputs | {("objective", k, each.key): each.quantity for k, each in enumerate(self.objective)}
+        """All expressions by their key paths, derived outputs first."""
+        found = super().expressions | {("require", k, "quantity"): each.quantity for k, each in enumerate(self.require)}
+        return found | {("objective", k, each.key): each.quantity for k, each in enumerate(self.objective)}
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -275,6 +232,11 @@ class Requirements(Sourced):
         """Names in the quantities and in the derived outputs that these use."""
         return self.names_of(*self.quantities)
 
+    @property
+    def unused_keys(self) -> frozenset[str]:
+        """Key paths of material and frame on which no quantity depends."""
+        return super().unused_keys - self.used - ({DENSITY} if self.used & {*MASS} else set())
+
     def title_of(self, requested: Objective | Require) -> str:
         """Return the title of a quantity; without its own label, label and unit of the derived output that it names."""
         output = next((each for each in self.output if each.name == requested.quantity), None)
@@ -282,34 +244,22 @@ class Requirements(Sourced):
             return requested.title
         return f"{output.label} ({output.unit})" if output.unit else output.label
 
-    def names_of(self, *expressions: str) -> frozenset[str]:
-        """Return the names in expressions and in the derived outputs that these use."""
-        return plan.expanded_names((name for text in expressions for name in names_in(text)), self.output)
-
     @property
     def numbers(self) -> tuple[str, ...]:
         """Key paths of the numbers that need a source; the accuracy and derived outputs need none."""
         return tuple(path for path in super().numbers if not path.startswith(("accuracy_percent", "output")))
 
 
-@dataclass(frozen=True)
-class LoadedRequirements:
-    """Requirements with their feasible base, and the free dimensions as columns with stars expanded."""
+@dataclass(frozen=True, kw_only=True)
+class LoadedRequirements(LoadedStudy):
+    """Requirements with their feasible base, and the study of the free dimensions as columns with stars expanded."""
 
-    path: Path
     requirements: Requirements
-    base: Stage | Mechanism
-    columns: tuple[Column, ...]
-
-    @cached_property
-    def study(self) -> LoadedStudy:
-        """The study that evaluates designs by the analytic model."""
-        return LoadedStudy(self.path, self.requirements.study, self.base, self.columns, self.path.stem)
 
     @property
-    def stage(self) -> Stage:
-        """The base stage of a design that is not of a mechanism."""
-        return self.study.stage
+    def assumptions(self) -> Assumptions:
+        """Key paths of the numbers of stage and requirements that are assumed or not stated."""
+        return self.assumptions_with("requirements", self.requirements)
 
     @property
     def solid(self) -> bool:
@@ -333,16 +283,15 @@ def load_requirements(path: PathLike) -> LoadedRequirements:
     Raises BadInput, in one line with file, line and key, for an invalid file, and for an objective that no free
     dimension changes.
     """
-    required = validate(Requirements, path)
-    stage = base_stage(path, required.study)
-    unused = required.study.unused_keys - required.used - ({DENSITY} if required.used & {*MASS} else set())
-    columns = columns_of_file(path, "free", required.free, stage, unused)
-    require_key_values(path, required.expressions, columns, stage)
+    required, file = validate(Requirements, path), Path(path)
+    base, columns = base_of(path, required, required.study)
     derived = {output.name for output in required.output}
     for index, objective in enumerate(required.objective):
-        if all(is_fixed(name, columns, stage) for name in required.names_of(objective.quantity) - derived):
+        if all(is_fixed(name, columns, base) for name in required.names_of(objective.quantity) - derived):
             given = f"objective[{index}].{objective.key} = {shown(objective.quantity)}, expected"
             raise bad_key(path, ("objective", index, objective.key), f"{given} a quantity that free dimensions change")
-    loaded = LoadedRequirements(Path(path), required, stage, columns)
-    require_extra_numbers(loaded.study)
+    loaded = LoadedRequirements(
+        path=file, study=required.study, base=base, columns=columns, stem=file.stem, requirements=required
+    )
+    require_extra_numbers(loaded)
     return loaded

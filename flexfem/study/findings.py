@@ -23,7 +23,7 @@ from flexfem.results import SPACE, thousands
 from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, plate_of
-from flexfem.study.plan import Figure, Study, expanded_names
+from flexfem.study.plan import Figure, Study
 from flexfem.units import DIRECTIONS, unit_of, without_unit
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ class Source(NamedTuple):
             text.append(f"{kept} of {computed} designs with a result satisfy the constraints: {limits}.")
         text += [f"{warning}." for warning in table.warnings]
         of_stress = {*STRESSES, *RANGES, *(() if study.life is None else life_columns(study.life.moved))}
-        if expanded_names((name for name, _ in figure.columns.values()), study.output) & of_stress:
+        if study.behind(name for name, _ in figure.columns.values()) & of_stress:
             text.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*text, *lines], *loaded.assumptions)
 

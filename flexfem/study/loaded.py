@@ -8,7 +8,6 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,8 +17,8 @@ from scipy.special import ndtr, ndtri
 from flexfem.analytic.responses import require_expansion
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.expressions import Evaluated, names_in, value_of
-from flexfem.files.provenance import Assumptions, is_assumed
-from flexfem.files.refusals import KeyPath, key_path, one_line, place_of, shown, suggestion
+from flexfem.files.provenance import Assumptions, Sourced, is_assumed
+from flexfem.files.refusals import key_path, one_line, place_of, shown, suggestion
 from flexfem.files.toml import PathLike, bad_key, read_bytes, validate
 from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
@@ -27,10 +26,11 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
 from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.stage import Stage
+from flexfem.mechanism.stage_file import of_drive, of_heat
 from flexfem.questions import warnings as accuracy
 from flexfem.refused import BadInput
 from flexfem.study.factors import Column, Factor, columns_on
-from flexfem.study.plan import EXTENSIBLE, Study, expanded_names, normal_correlation
+from flexfem.study.plan import EXTENSIBLE, Asked, Study, normal_correlation
 from flexfem.units import without_unit
 
 
@@ -66,16 +66,20 @@ class LoadedStudy:
 
     @property
     def assumptions(self) -> Assumptions:
-        """Key paths of the numbers of stage and study that are assumed or not stated, with those of drive and expansion
+        """Key paths of the numbers of stage and file that are assumed or not stated; those of drive and expansion only
         where the study uses them."""
-        study, stage = self.study, self.base
-        used = [stage.drive_assumptions] if isinstance(stage, Stage) and study.driven else []
-        used += [stage.heat_assumptions] if isinstance(stage, Stage) and study.drift is not None else []
-        used = used or [Assumptions([*stage.assumed], [*stage.not_stated])]
-        of_stage = [dict.fromkeys(chain(*paths)) for paths in zip(*used, strict=True)]
-        of_study = [key for key, source in study.provenance.items() if is_assumed(source)], study.not_stated
-        both = zip(of_stage, of_study, strict=True)
-        return Assumptions(*([*(f"stage: {key}" for key in a), *(f"study: {key}" for key in b)] for a, b in both))
+        return self.assumptions_with("study", self.study)
+
+    def assumptions_with(self, prefix: str, file: Sourced) -> Assumptions:
+        """Return the assumptions of the base, and of the file with the questions."""
+        base, of_base = self.base, [[*self.base.assumed], [*self.base.not_stated]]
+        if isinstance(base, Stage):
+            unused = [of_drive] * (not self.study.driven) + [of_heat] * (self.study.drift is None)
+            pairs = zip(base.drive_assumptions, base.heat_assumptions, strict=True)
+            of_base = [[key for key in dict.fromkeys(a + b) if not any(of(key) for of in unused)] for a, b in pairs]
+        of_file = [key for key, source in file.provenance.items() if is_assumed(source)], [*file.not_stated]
+        both = zip(of_base, of_file, strict=True)
+        return Assumptions(*([*(f"stage: {key}" for key in a), *(f"{prefix}: {key}" for key in b)] for a, b in both))
 
     @property
     def stress_accuracy(self) -> str:
@@ -105,7 +109,7 @@ class LoadedStudy:
             content["sampling"] |= {"designs": None, "base": None}
         # a hinge with an override does not follow the factor of its kind, even if its numbers are those of the others
         overrides = (o for o in getattr(stage, "override", ()) if o.hinge or study.driven)
-        used = expanded_names((name for c in study.refusing for name in names_in(c.value)), study.output)
+        used = study.names_of(*(constraint.value for constraint in study.refusing))
         numbers = sorted(name for name in used if is_fixed(name, self.columns, stage))
         of_stage = stage.stated_hash if isinstance(stage, Mechanism) else stage.hash
         content |= {
@@ -130,19 +134,36 @@ def load_study(path: PathLike) -> LoadedStudy:
     Raises BadInput as `toml.validate`, or for a base stage that cannot be read or made: one line with file, line, key.
     """
     study = validate(Study, path)
-    stage = base_stage(path, study)
-    columns, table = columns_of_file(path, "factor", study.factor, stage, study.unused_keys), None
+    stage, columns = base_of(path, study, study)
+    table = None
     if study.sampling.file is not None:
         try:
             table = design_table_of(Path(path).parent / study.sampling.file, columns)
         except BadInput as error:
             raise bad_key(path, ("sampling", "file"), f"sampling.file: {error}") from None
-    require_key_values(path, study.expressions, columns, stage)
     return LoadedStudy(Path(path), study, stage, columns, Path(path).stem, table)
 
 
+def base_of(path: PathLike, asked: Asked, study: Study) -> tuple[Stage | Mechanism, tuple[Column, ...]]:
+    """Return the base that a file names, and the columns of its factors on this base, as `columns_on`.
+
+    Raises BadInput with file, line and key, also where an expression uses a key that the base leaves to a default.
+    """
+    base, columns = base_stage(path, study), list[Column]()
+    for index, factor in enumerate(asked.varied):
+        try:
+            columns += columns_on(base, factor, asked.unused_keys)
+        except BadInput as error:
+            raise bad_key(path, (asked.array, index), f"{asked.array}[{index}].{error}") from None
+    for place, expression in asked.expressions.items():
+        for name in names_in(expression):
+            if is_fixed(name, columns, base) and keys()[name].value_in(base) is None:
+                raise bad_key(path, place, f"{key_path(place)}: the stage does not state {name}")
+    return base, tuple(columns)
+
+
 def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
-    """Return the base stage that a study or requirements file names. Raises BadInput where it does not fit."""
+    """Return the base that a study names. Raises BadInput where it does not fit."""
     try:
         stage = load_plate(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
@@ -171,29 +192,6 @@ def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
         except BadInput as error:
             raise bad_key(path, (key,), f"{key}, on the base stage: {error}") from None
     return stage
-
-
-def columns_of_file(
-    path: PathLike, array: str, factors: Sequence[Factor], stage: Stage | Mechanism, unused_keys: frozenset[str]
-) -> tuple[Column, ...]:
-    """Return the columns of the factors in an array of a file, as `columns_on`. BadInput names file, line and key."""
-    columns = list[Column]()
-    for index, factor in enumerate(factors):
-        try:
-            columns += columns_on(stage, factor, unused_keys)
-        except BadInput as error:
-            raise bad_key(path, (array, index), f"{key_path((array, index))}.{error}") from None
-    return tuple(columns)
-
-
-def require_key_values(
-    path: PathLike, expressions: Mapping[KeyPath, str], columns: Sequence[Column], stage: Stage | Mechanism
-) -> None:
-    """Raise BadInput where an expression of a file uses a key that the stage leaves to a default."""
-    for place, expression in expressions.items():
-        for name in names_in(expression):
-            if is_fixed(name, columns, stage) and keys()[name].value_in(stage) is None:
-                raise bad_key(path, place, f"{key_path(place)}: the stage does not state {name}")
 
 
 def is_fixed(name: str, columns: Sequence[Column], stage: Stage | Mechanism) -> bool:

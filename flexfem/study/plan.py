@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
@@ -301,8 +301,8 @@ class LifeTable(Table):
 
 
 QUESTIONS = ("budget", "converge", "drift", "gravity", "large", "modes", "reach", "stiffness", "summary")  # of a stage
-OF_MECHANISM = ("name", "stage", "model", "resolution", "layers", "time_limit_s", "sampling", "factor", "correlation",
-                "ask", "output", "constraint", "figure", "provenance")  # keys of a study on a mechanism  # fmt: skip
+OF_STAGE = ("formula", "paper_formula", "mobility", "links", "bands", "check", "drive", "frequencies", "life", "drift",
+            "tolerance")  # keys without an effect on a mechanism  # fmt: skip
 UNCORRELATED: dict[Method, str] = {
     "saltelli": "Sobol indices split the variance among independent factors",
     "grid": "a grid contains all combinations of values",
@@ -323,23 +323,179 @@ APPLIES = {  # models of the keys that not every model takes
 }
 
 
-class Study(Sourced):
+class Asked(Sourced):
+    """Questions about designs of a base stage or mechanism: what study files and requirements files have in common."""
+
+    array: ClassVar[str]  # the array of tables with the keys that differ between designs
+    subject: ClassVar[str]
+
+    name: Label = Field(examples=["Stiffness against range at yield"])
+    """Title of figures and, of a design, name of the designed stage"""
+    stage: Label = Field(examples=["stage.toml"])
+    """File of the base stage or mechanism, relative to this file. It has the values of all numbers that do not vary.
+    Keys of a mechanism are `parameters.NAME`, and its outputs are the numbers of `ask`"""
+    formula: FormulaName = Field(default=DEFAULT_FORMULA, description=FORMULA)
+    mobility: Mobility | None = Field(default=None, description=OF_MODEL, examples=[6])
+    links: bool = Field(default=False, description=f"{ELASTIC}; slower, one design after the other")
+    drive: DriveQuestion | None = None
+    """Requests the range of a drive"""
+    frequencies: Frequencies | None = None
+    """Requests natural frequencies in the plane, with or without a payload; the table may be empty. Factors can then
+    set `material.density_kg_m3`. Every design is drawn, some 5 ms each. Not with `three_dimensional`"""
+    life: LifeTable | None = None
+    """Requests fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
+    set. Not with `three_dimensional`"""
+    drift: DriftTable | None = None
+    """Requests the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
+    which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
+    drawn, which takes up to 0.15 s more a design. Not with `three_dimensional`"""
+    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
+    """Other numbers by their paths in the JSON output of a command, such as `drift.pose.uniform.analytic.x`. Each is a
+    column of that name, computed for one design after the other"""
+    output: tuple[Output, ...] = Field(default=(), max_length=50)
+    """A derived output: a name for an expression"""
+
+    @model_validator(mode="after")
+    def _keys_fit_the_base(self) -> Self:
+        fields = type(self).model_fields
+        for key in (fields[name].alias or name for name in fields if name in self.model_fields_set):
+            if self.on_mechanism and key in OF_STAGE:
+                expected = f"no {key} in a {self.subject} of a mechanism, whose numbers are those of ask"
+                raise refusal(expected, key)
+        if self.on_mechanism and not self.ask:
+            raise refusal(f"ask = [...]: the numbers that a {self.subject} of a mechanism computes")
+        if not self.on_mechanism and any(path.startswith("drive.") for path in self.ask):
+            raise refusal(f"a question of {', '.join(QUESTIONS)} about a stage", "ask")
+        if self.links and self.mobility != 21:
+            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
+        for index, factor in enumerate(self.varied):
+            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
+                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
+                raise refusal(expected, self.array, index)
+        return self
+
+    @field_validator("ask")
+    @classmethod
+    def _asks_questions(cls, paths: tuple[str, ...]) -> tuple[str, ...]:
+        for index, path in enumerate(paths):
+            name, _, number = path.partition(".")
+            if name not in (*QUESTIONS, "drive") or not number:
+                raise refusal(f"question.quantity.labels with a question of {', '.join(QUESTIONS)}", "ask", index)
+            if path in paths[:index]:
+                raise refusal("each path once", "ask", index)
+        return paths
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> Self:
+        """Refuse columns of the same name, a key that two factors set, and unknown names in expressions."""
+        known, reserved, set_by = set(self.known), {*RESERVED, FEASIBLE, *self.known}, dict[str, int]()
+
+        def add(name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
+            if name in known | reserved or (name in keys() and name not in own_keys):
+                raise refusal(f"a unique name, not {shown(name)} again", *at)
+            known.add(name)
+
+        for index, factor in enumerate(self.varied):
+            for path in factor.paths:
+                first = set_by.setdefault(path, index)
+                if first != index:
+                    sets = f"each key set once, and {key_path((self.array, first))} sets {path}"
+                    raise refusal(sets, self.array, index)
+            for column in columns_of([factor]):
+                add(column.name, column.keys, self.array, index)
+        for place, expression in self.expressions.items():
+            names = {*known, *keys()}
+            for name in names_in(expression):
+                if name not in names and name not in keys():  # keys of actuators are valid but not listed
+                    close = key_suggestion(name, sorted(names))
+                    raise refusal(f"columns and keys by name, not {shown(name)}{close}", *place)
+            if place[0] == "output":
+                add(self.output[int(place[1])].name, (), *place[:2], "name")
+        return self
+
+    @property
+    def varied(self) -> tuple[Factor, ...]:
+        """The factors, or the free dimensions of a design."""
+        factors: tuple[Factor, ...] = getattr(self, self.array)
+        return factors
+
+    @property
+    def factor_columns(self) -> tuple[Column, ...]:
+        """The columns of the factors, stars expanded."""
+        return columns_of(self.varied)
+
+    @property
+    def on_mechanism(self) -> bool:
+        """Whether factors set parameters of a mechanism file."""
+        return any(keys()[path].table == PARAMETERS for factor in self.varied for path in factor.paths)
+
+    @property
+    def rotation(self) -> float | None:
+        """Largest rotation of a base hinge, rad; None without a stroke."""
+        return None if self.drive is None else self.drive.rotation
+
+    @property
+    def driven(self) -> bool:
+        """Whether the actuators of the base stage drive the designs."""
+        return self.drive is not None and self.drive.actuators
+
+    @property
+    def requested(self) -> list[str]:
+        """Names of the optional groups of columns."""
+        tables = [name for name in ("frequencies", "life", "drift") if getattr(self, name) is not None]
+        return [*tables, *["travel"] * (self.rotation is not None), *["drive"] * self.driven]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the requested output columns, without numbers of other questions."""
+        moved = (True, True, True) if self.life is None else self.life.moved
+        return () if self.on_mechanism else outputs_of(*self.requested, moved=moved)
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """Names of all output columns in their order: `columns`, then the numbers of other questions."""
+        return (*self.columns, *self.ask)
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names, besides those of factors, derived outputs and keys, that expressions may use."""
+        return self.outputs
+
+    @property
+    def unused_keys(self) -> frozenset[str]:
+        """Key paths of material and frame on which no output depends."""
+        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
+        return frozenset(path for path, key in keys().items() if used_by.get(key.attribute, self) is None)
+
+    @property
+    def expressions(self) -> dict[KeyPath, str]:
+        """Expressions by their key paths, derived outputs first."""
+        return {("output", k, "expression"): output.expression for k, output in enumerate(self.output)}
+
+    def names_of(self, *expressions: str) -> frozenset[str]:
+        """Return the names in expressions and in the derived outputs that these use."""
+        return self.behind(name for text in expressions for name in names_in(text))
+
+    def behind(self, names: Iterable[str]) -> frozenset[str]:
+        """Return names of columns together with those on which the derived outputs among them depend."""
+        expanded = set(names)
+        for output in reversed(self.output):  # an output uses only those before it
+            if output.name in expanded:
+                expanded |= {*names_in(output.expression)}
+        return frozenset(expanded)
+
+
+class Study(Asked):
     """Contents of a study file."""
 
     kind: ClassVar[str] = "study file"
+    array: ClassVar[str] = "factor"
+    subject: ClassVar[str] = "study"
 
-    name: Label = Field(examples=["Stiffness against range at yield"])
-    """Name of the study, shown above figures"""
-    stage: Label = Field(examples=["stage.toml"])
-    """File of the base stage, relative to the study file"""
     model: Literal["analytic", "fe", "verify", "three_dimensional"] = Field(examples=["analytic"])
     """`analytic`; `fe`, finite elements in the plane model of the stage; `three_dimensional`, finite elements of the
-    extruded stage; or `verify`, the error percentages of `analytic` against `fe`"""
-    formula: FormulaName = Field(default=DEFAULT_FORMULA, description=f"{FORMULA}; with `analytic` and `verify`")
-    mobility: Mobility | None = Field(
-        default=None, description=f"{OF_MODEL}; with `analytic` and `verify`", examples=[6]
-    )
-    links: bool = Field(default=False, description=f"{ELASTIC}, with `analytic`; slower, one design after the other")
+    extruded stage; or `verify`, the error percentages of `analytic` against `fe`. `formula` and `mobility` are for
+    `analytic` and `verify`, `links` for `analytic`"""
     resolution: int = Field(default=4, ge=4, le=FINEST)
     """Number of triangles across every neck, with `fe`, `verify`, `three_dimensional`"""
     layers: int = Field(default=2, ge=1, le=MOST_LAYERS)
@@ -361,65 +517,25 @@ class Study(Sourced):
     correlation: tuple[Correlation, ...] = Field(default=(), max_length=500)
     """Rank correlation of two factors, by a Gaussian copula: every factor keeps its distribution. Not with `saltelli`
     (Sobol indices split the variance among independent factors), `grid` or `table`"""
-    drive: DriveQuestion | None = None
-    """Requests the range of a drive"""
-    frequencies: Frequencies | None = None
-    """Requests natural frequencies in the plane, with or without a payload; the table may be empty. Factors can then
-    set `material.density_kg_m3`. Every design is drawn, some 5 ms each. Not with `three_dimensional`"""
-    life: LifeTable | None = None
-    """Requests fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
-    set. Not with `three_dimensional`"""
-    drift: DriftTable | None = None
-    """Requests the drift with temperature; the table has no keys. The stage must state both coefficients of expansion,
-    which factors can then set: `material.expansion_um_per_m_k`, `frame.expansion_um_per_m_k`. With `links` every pad is
-    drawn, which takes up to 0.15 s more a design. Not with `three_dimensional`"""
-    ask: tuple[Label, ...] = Field(default=(), max_length=100, examples=[["drift.stress.uniform.analytic.1.base"]])
-    """Other numbers by their paths in the JSON output of a command, such as `drift.pose.uniform.analytic.x`. Each is a
-    column of that name, computed for one design after the other by the model of the study"""
-    output: tuple[Output, ...] = Field(default=(), max_length=50)
-    """A derived output, computed when the table is collected"""
     constraint: tuple[Constraint, ...] = Field(default=(), max_length=50)
     """Limits of an expression for a feasible design"""
     figure: tuple[Figure, ...] = Field(default=(), max_length=50)
     """A figure of `flexfem study plot`"""
 
     @model_validator(mode="after")
-    def _keys_fit_model_and_base(self) -> Study:
+    def _keys_fit_the_model(self) -> Study:
         fields = type(self).model_fields
-        for key in (field.alias or name for name, field in fields.items() if name in self.model_fields_set):
+        for key in (fields[name].alias or name for name in fields if name in self.model_fields_set):
             if self.model not in APPLIES.get(key, (self.model,)):
                 raise refusal(f'no {key} with model = "{self.model}"', key)
-            if self.on_mechanism and key not in OF_MECHANISM:
-                raise refusal(f"no {key} in a study of a mechanism, whose numbers are those of ask", key)
         if self.on_mechanism and self.model == "verify":
             raise refusal("analytic, fe or three_dimensional in a study of a mechanism", "model")
-        if self.on_mechanism and not self.ask:
-            raise refusal("ask = [...]: the numbers that a study of a mechanism computes")
-        if not self.on_mechanism and any(path.startswith("drive.") for path in self.ask):
-            raise refusal(f"a question of {', '.join(QUESTIONS)} about a stage", "ask")
-        if self.links and self.mobility != 21:
-            raise refusal("mobility = 21 with it: elastic links need all freedoms of the hinges", "links")
         if self.check == "closed_form" and self.model != "analytic":
             raise refusal("drawing: meshed designs are always drawn", "check")
         if self.driven and self.model == "three_dimensional":
             expected = 'no actuators with model = "three_dimensional": a drive is solved in the plane only'
             raise refusal(expected, "drive", "actuators")
-        for index, factor in enumerate(self.factor):
-            if not self.driven and any(keys()[path].of_drive for path in factor.paths):
-                expected = "[drive] actuators = true with a number of an actuator: no other output depends on it"
-                raise refusal(expected, "factor", index)
         return self
-
-    @field_validator("ask")
-    @classmethod
-    def _asks_questions(cls, paths: tuple[str, ...]) -> tuple[str, ...]:
-        for index, path in enumerate(paths):
-            name, _, number = path.partition(".")
-            if name not in (*QUESTIONS, "drive") or not number:
-                raise refusal(f"question.quantity.labels with a question of {', '.join(QUESTIONS)}", "ask", index)
-            if path in paths[:index]:
-                raise refusal("each path once", "ask", index)
-        return paths
 
     @model_validator(mode="after")
     def _factors_fit_sampling(self) -> Study:
@@ -440,18 +556,9 @@ class Study(Sourced):
         return self
 
     @model_validator(mode="after")
-    def _names_are_unique(self) -> Study:
-        """Refuse columns of the same name, a key that two factors set, and unknown names in expressions."""
-        set_by = dict[str, int]()
-        for index, factor in enumerate(self.factor):
-            for path in factor.paths:
-                first = set_by.setdefault(path, index)
-                if first != index:
-                    raise refusal(f"each key set once, and {key_path(('factor', first))} sets {path}", "factor", index)
-        known = require_own_names("factor", self.factor, self.output, self.outputs, (*RESERVED, FEASIBLE))
+    def _refusals_leave_factors_independent(self) -> Study:
         for index, constraint in enumerate(self.constraint):
-            require_known(constraint.value, known, "constraint", index, "value")
-            if self.sampling.method == "saltelli" and self.uses_no_output(constraint.value):
+            if self.sampling.method == "saltelli" and constraint in self.refusing:
                 expected = 'an output in it with method = "saltelli": refused designs would make the factors dependent'
                 raise refusal(expected, "constraint", index, "value")
         return self
@@ -502,11 +609,6 @@ class Study(Sourced):
         return tuple(path for path in super().numbers if path != "time_limit_s")
 
     @property
-    def factor_columns(self) -> tuple[Column, ...]:
-        """The columns of the factors, stars expanded."""
-        return columns_of(self.factor)
-
-    @property
     def count(self) -> int:
         """Number of designs."""
         if self.sampling.method == "grid":
@@ -516,42 +618,10 @@ class Study(Sourced):
         return self.sampling.designs or 0
 
     @property
-    def rotation(self) -> float | None:
-        """Largest rotation of a base hinge, rad; None without a stroke."""
-        return None if self.drive is None else self.drive.rotation
-
-    @property
-    def on_mechanism(self) -> bool:
-        """Whether factors set parameters of a mechanism file."""
-        return set_parameters(self.factor)
-
-    @property
-    def driven(self) -> bool:
-        """Whether the actuators of the base stage drive the designs."""
-        return self.drive is not None and self.drive.actuators
-
-    @property
-    def columns(self) -> tuple[str, ...]:
-        """Names of the requested output columns, without numbers of other questions."""
-        if self.on_mechanism:
-            return ()
+    def requested(self) -> list[str]:
+        """Names of the optional groups of columns."""
         verified = self.model == "verify"
-        requested = {"travel": self.rotation is not None, "drive": self.driven}
-        requested |= {"verify": verified, "bands": verified and self.bands}
-        requested |= {name: getattr(self, name) is not None for name in ("frequencies", "life", "drift")}
-        moved = (True, True, True) if self.life is None else self.life.moved
-        return outputs_of(*(name for name, included in requested.items() if included), moved=moved)
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        """Names of all output columns in their order: `columns`, then the numbers of other questions."""
-        return (*self.columns, *self.ask)
-
-    @property
-    def unused_keys(self) -> frozenset[str]:
-        """Key paths of material and frame on which no output depends."""
-        used_by = {"density": self.frequencies, "expansion": self.drift} | dict.fromkeys(LIFE_CONSTANTS, self.life)
-        return frozenset(path for path, key in keys().items() if used_by.get(key.attribute, self) is None)
+        return [*super().requested, *["verify"] * verified, *["bands"] * (verified and self.bands)]
 
     @property
     def stress_below(self) -> str:
@@ -560,13 +630,12 @@ class Study(Sourced):
 
     @property
     def expressions(self) -> dict[KeyPath, str]:
-        """Expressions by their key paths."""
-        derived: dict[KeyPath, str] = {("output", k, "expression"): o.expression for k, o in enumerate(self.output)}
-        return derived | {("constraint", k, "value"): c.value for k, c in enumerate(self.constraint)}
+        """Expressions by their key paths, derived outputs first."""
+        return super().expressions | {("constraint", k, "value"): c.value for k, c in enumerate(self.constraint)}
 
     def uses_no_output(self, expression: str) -> bool:
         """Return whether an expression uses factors and keys only, and no output of the model."""
-        return expanded_names(names_in(expression), self.output).isdisjoint(self.outputs)
+        return self.names_of(expression).isdisjoint(self.outputs)
 
     @property
     def refusing(self) -> list[Constraint]:
@@ -577,49 +646,3 @@ class Study(Sourced):
     def draws(self) -> bool:
         """Whether the bodies of every design are drawn to check that they do not overlap."""
         return (self.check or ("closed_form" if self.model == "analytic" else "drawing")) == "drawing"
-
-
-def set_parameters(factors: Iterable[Factor]) -> bool:
-    """Return whether factors set parameters of a mechanism file."""
-    return any(keys()[path].table == PARAMETERS for factor in factors for path in factor.paths)
-
-
-def expanded_names(names: Iterable[str], outputs: Sequence[Output]) -> frozenset[str]:
-    """Return names together with those on which the derived outputs among them depend."""
-    expanded = set(names)
-    for output in reversed(outputs):  # an output uses only those before it
-        if output.name in expanded:
-            expanded |= {*names_in(output.expression)}
-    return frozenset(expanded)
-
-
-def require_own_names(
-    array: str, factors: Sequence[Factor], outputs: Sequence[Output], columns: Iterable[str], reserved: Iterable[str]
-) -> set[str]:
-    """Return the names, besides keys, that expressions may use: columns, factors and derived outputs.
-
-    Refuses, at its key path, a factor of the `array` or a derived output whose name is used before, `reserved` or the
-    path of another key, and a derived output whose expression uses a name not defined before it.
-    """
-    known, reserved = set(columns), {*reserved}
-
-    def add(name: str, own_keys: tuple[str, ...], *at: str | int) -> None:
-        if name in known or name in reserved or (name in keys() and name not in own_keys):
-            raise refusal(f"a unique name, not {shown(name)} again", *at)
-        known.add(name)
-
-    for index, factor in enumerate(factors):
-        for column in columns_of([factor]):
-            add(column.name, column.keys, array, index)
-    for index, output in enumerate(outputs):
-        require_known(output.expression, known, "output", index, "expression")
-        add(output.name, (), "output", index, "name")
-    return known
-
-
-def require_known(expression: str, known: Iterable[str], *at: str | int) -> None:
-    """Refuse an expression, at its key path, with a name that is neither known nor a key of the stage file."""
-    names = {*known, *keys()}
-    for name in names_in(expression):
-        if name not in names and name not in keys():  # keys of actuators are valid but not listed
-            raise refusal(f"columns and keys by name, not {shown(name)}{key_suggestion(name, sorted(names))}", *at)

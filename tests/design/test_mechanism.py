@@ -102,8 +102,8 @@ NECK = '[[free]]\nkey = "hinges.elbow.neck_mm"\nfrom = 0.3\nto = 0.7\n'
     ("ask", "pieces", "message"),
     [
         ((HELD,), (tolerance(),), "expected no tolerance in a design of a mechanism, whose numbers are"),
-        ((HELD,), ("[drift]\n",), "expected no drift in a study of a mechanism"),
-        ((), (), "expected ask = [...]: the numbers that a study of a mechanism computes"),
+        ((HELD,), ("[drift]\n",), "expected no drift in a design of a mechanism"),
+        ((), (), "expected ask = [...]: the numbers that a design of a mechanism computes"),
         ((HELD + ".z",), (), "ask: no number stiffness.stiffness.analytic.x.x.z of this stage and model"),
         ((HELD,), (best("maximise", "mass_kg"),), 'not "mass_kg"'),
         ((HELD,), (best("minimise", "parameters.neck_mm"),), "expected a quantity that free dimensions change"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ class Softer(ElementSolver):
     def solve(self, values):
         self.counts["finite elements"] += 3
         columns, _ = Model(self.loaded).columns(values[None])
-        own = {name: float(columns[name][0]) for name in self.loaded.study.outputs}
+        own = {name: float(columns[name][0]) for name in self.loaded.outputs}
         return [{n: v * (0.97 if n[0] == "k" else 1.2 if "range" in n else 1) * more for n, v in own.items()}
                 for more in (1.004, 1.001, 1.0)]  # fmt: skip
 
@@ -143,7 +144,7 @@ def test_a_record_warns_of_a_life_beyond_the_cycles_of_its_law(load):
 def test_what_is_assumed_of_stage_drive_frame_and_requirements_is_listed(load, piece, own):
     source = '[provenance]\n"require[0]" = "assumed: a wish"\n"free[0]" = "measured"\n'
     loaded = load(NECK, piece, *WANTED, RANGE, source)
-    assumed = outcome.assumptions_of(loaded, outcome.designed_stage(loaded, np.array([0.6])))[0]
+    assumed = replace(loaded, base=outcome.designed_stage(loaded, np.array([0.6]))).assumptions.assumed
     assert "requirements: require[0]" in assumed and "requirements: free[0]" not in assumed
     stage = [key.removeprefix("stage: ") for key in assumed if key.startswith("stage: ")]
     assert len(stage) == len({*stage}) and "hinges.elbow.neck_mm" not in stage and "chain.link_lengths_mm" in stage

@@ -60,7 +60,7 @@ def test_a_dimension_that_answers_follow_in_part_is_free(load):
 def test_model_and_questions_reach_the_study(load):
     head = HEAD + 'formula = "lobontiu"\nmobility = 6\n'
     pieces = "[drive]\nstroke_um = 12.0\nlever_arm_mm = 9.0\n", "[frequencies]\npayload_kg = 0.3\n", "[drift]\n"
-    study = load(NECK, *pieces, best("minimise", "drift_theta_urad_per_k"), head=head).study.study
+    study = load(NECK, *pieces, best("minimise", "drift_theta_urad_per_k"), head=head).study
     assert (study.formula, study.mobility, study.links, study.model) == ("lobontiu", 6, False, "analytic")
     assert (study.drive.stroke_um, study.drive.lever_arm_mm, study.frequencies.payload_kg) == (12.0, 9.0, 0.3)
     assert study.drift is not None

@@ -83,7 +83,7 @@ class Uneven(ElementSolver):
 
     def solve(self, values):
         columns, _ = Model(self.loaded).columns(values[None])
-        own = {name: float(columns[name][0]) for name in self.loaded.study.outputs}
+        own = {name: float(columns[name][0]) for name in self.loaded.outputs}
         return [own, own, own]
 
     def solve_scattered(self, values, off):
