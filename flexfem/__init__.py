@@ -77,6 +77,7 @@ if TYPE_CHECKING:  # names that scripts may use, too; documented in their module
     from flexfem.schemas import schema as schema
     from flexfem.studies import clean_study as clean_study
     from flexfem.studies import collect_study as collect_study
+    from flexfem.studies import plot_study as plot_study
     from flexfem.studies import run_study as run_study
     from flexfem.studies import study_findings as study_findings
     from flexfem.studies import study_status as study_status

@@ -369,7 +369,7 @@ def _of_study(path: Path) -> Iterator[Number]:
         status = flexfem.run_study(path, folder, workers=1)
         if status["failed"]:
             raise ComputationFailed(f"{path}: {', '.join(status['reasons']['failed'])}")
-        found = table(flexfem.collect_study(path, folder).path, as_arrow=True)
+        found = table(flexfem.collect_study(path, folder)["written"][0], as_arrow=True)
     every = {name: found[name].to_numpy() for name in found.column_names}
     columns = {name: values for name, values in every.items() if values.dtype.kind in "fi"}
     sizes = sizes_of(columns) | dict.fromkeys(ERRORS, np.asarray(100.0))  # the largest number of the column for others

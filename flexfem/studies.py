@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,14 +21,27 @@ from flexfem.arrays import brief
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_file, check_folder
+from flexfem.mechanism.stage_file import assumptions_said
 from flexfem.refused import BadInput
+from flexfem.results import Progress
 from flexfem.study import MOST_WORKERS, REPORTS, run
 from flexfem.study.answer import nominal, require_extra_numbers
 from flexfem.study.collect import Collected, collect, counted_warnings, read_table, table_path
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
-from flexfem.study.run import Counts, Parts, Progress
+from flexfem.study.run import Counts, Parts
 from flexfem.study.workers import Workers
+
+
+class Facts(dict[str, Any]):
+    """Facts about a study, which print as lines of text; `failed`: the command ends with exit code 1."""
+
+    def __init__(self, facts: Mapping[str, Any], lines: Iterable[str], failed: bool = False) -> None:
+        super().__init__(facts)
+        self.text, self.failed = "\n".join(lines), failed
+
+    def __str__(self) -> str:
+        return self.text
 
 
 @brief
@@ -74,76 +88,148 @@ def _study_of(results: Path) -> tuple[Path, Path]:
 def run_study(
     study: PathLike,
     output: PathLike = REPORTS,
+    *,
     workers: int | None = None,
     shard: str = "1/1",
     retry: bool = False,
-) -> dict[str, Any]:
+    progress: Progress | None = None,
+) -> Facts:
     """Compute the unfinished designs of a study. The same call continues a run that was stopped or killed.
 
     Parameters
     ----------
-    study : the study file, or the folder of its results, such as `reports/study-reach`, as for all functions here.
-    output : the folder of results, in which the study has its own folder.
-    workers : number of processes on this machine, by default one per processor.
-    shard : `I/N`, compute only the I-th of N shares.
-    retry : also repeat designs that failed or ran out of time.
+    study : path
+        Study file, see flexfem schema study, or the folder of its results, such as `reports/study-reach`.
+    output : path
+        Folder of results, with a folder for each study.
+    workers : int, optional
+        Number of processes on this machine, at most 1024, by default one per processor.
+    shard : str
+        Compute share I of N, written I/N, for job arrays.
+    retry : bool
+        Repeat designs that failed or ran out of time.
+    progress : callable, optional
+        Called with a line of text after every part.
 
-    Returns the same as `study_status`, for this share. Raises BadInput or ComputationFailed as `flexfem study run`;
-    written parts are kept in any case.
+    Returns
+    -------
+    dict
+        As that of `study_status`, for this share, with the `next` command. Raises BadInput or ComputationFailed;
+        written parts are kept in any case.
     """
     share, parts = shard_of(shard), parts_of(study, output)
-    compute(parts, workers, share, retry)
-    return status_facts(parts, share)
-
-
-def compute(
-    parts: Parts,
-    workers: int | None,
-    share: slice,
-    retry: bool,
-    watch: Callable[[Progress], object] = lambda progress: None,
-    say: Callable[[str], object] = lambda text: None,
-) -> None:
-    """Compute the open parts of a share, with at most one worker a part."""
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
     if not all(parts.path(chunk).exists() for chunk in parts.chunks(share)):
         require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
     with Workers(max(1, min(count, len(parts.chunks(share))))) as pool:
-        run.run_parts(parts, pool, shard=share, retry=retry, watch=watch, say=say)
+        run.run_parts(parts, pool, shard=share, retry=retry, say=progress or (lambda text: None))
+    facts = status_facts(parts, share)
+    folder = parts.folder.parents[1]
+    where = [] if folder.absolute() == REPORTS.absolute() else ["--output", str(folder)]
+    command = ["run", "--retry"] if facts["failed"] else ["status"] if facts["open_elsewhere"] else ["plot"]
+    facts |= {"shard": shard, "next": shlex.join(["flexfem", "study", *command, facts["file"], *where])}
+    return Facts(facts, _lines(facts), bool(facts["open"] or (facts["failed"] and not facts["ok"])))
 
 
-def study_status(study: PathLike, output: PathLike = REPORTS) -> dict[str, Any]:
-    """Count the finished, refused, failed and unfinished designs of a study, with reasons, as `study status --json`.
+def study_status(study: PathLike, output: PathLike = REPORTS) -> Facts:
+    """Count the designs of a study by status. The output states the reasons of refusals and failures.
 
-    Raises BadInput.
+    Parameters
+    ----------
+    study : path
+        Study file, see flexfem schema study, or the folder of its results.
+    output : path
+        Folder of results, with a folder for each study.
+
+    Returns
+    -------
+    dict
+        Numbers of finished, refused, failed and unfinished designs, with reasons. Raises BadInput.
     """
-    return status_facts(parts_of(study, output))
+    facts = status_facts(parts_of(study, output))
+    return Facts(facts, _lines(facts))
 
 
-def clean_study(study: PathLike, output: PathLike = REPORTS, dry_run: bool = False) -> dict[str, Any]:
-    """Remove parts of other inputs or versions than those of a study; `dry_run` only counts them. Raises BadInput."""
+def clean_study(study: PathLike, output: PathLike = REPORTS, *, dry_run: bool = False) -> Facts:
+    """Remove parts of other inputs or versions. Parts of the present study file and versions stay.
+
+    Parameters
+    ----------
+    study : path
+        Study file, see flexfem schema study, or the folder of its results.
+    output : path
+        Folder of results, with a folder for each study.
+    dry_run : bool
+        Count the parts without removing them.
+
+    Returns
+    -------
+    dict
+        Number and bytes of the parts. Raises BadInput.
+    """
     count, size = run.remove_stale(parts_of(study, output), dry_run)
-    return {"stale": count, "bytes": size, "removed": bool(count) and not dry_run}
+    removed = bool(count) and not dry_run
+    line = f"{count:,} parts of other inputs or versions, {size / 1e6:.3g} MB: {'' if removed else 'nothing '}removed"
+    return Facts({"stale": count, "bytes": size, "removed": removed}, [line])
 
 
 def collect_study(
-    study: PathLike, output: PathLike = REPORTS, to: PathLike | None = None, partial: bool = False
-) -> Collected:
+    study: PathLike, output: PathLike = REPORTS, *, to: PathLike | None = None, partial: bool = False
+) -> Facts:
     """Join the finished designs in one table, in their order.
 
     Parameters
     ----------
-    to : the table to write, .parquet or .csv.
-    partial : leave out unfinished designs instead of refusing them.
+    study : path
+        Study file, see flexfem schema study, or the folder of its results.
+    output : path
+        Folder of results, with a folder for each study.
+    to : path, optional
+        Table to write, .parquet or .csv.
+    partial : bool
+        Leave out unfinished designs instead of refusing them.
 
-    Raises BadInput: designs are unfinished, a part is damaged, or the table cannot be written.
+    Returns
+    -------
+    dict
+        The written table, and the numbers of its designs and of unfinished ones. Raises BadInput: designs are
+        unfinished, a part is damaged, or the table cannot be written.
     """
     parts = parts_of(study, output)
     target = table_path(parts) if to is None else checked_path(to)
     if to is not None:
         check_file(target)
-    return collect(parts, target, partial)
+    table = collect(parts, target, partial)
+    return Facts({"written": [str(table.path)], "designs": table.designs, "open": table.open}, [str(table.path)])
+
+
+def plot_study(study: PathLike, output: PathLike = REPORTS, *, partial: bool = False) -> Facts:
+    """Collect the table and draw the figures. They are PNG and PDF files; --json prints their numbers.
+
+    Parameters
+    ----------
+    study : path
+        Study file, see flexfem schema study, or the folder of its results.
+    output : path
+        Folder of results, with a folder for each study.
+    partial : bool
+        Leave out unfinished designs instead of refusing them.
+
+    Returns
+    -------
+    dict
+        The written files, warnings, and the rows of every figure, or why it cannot be drawn. Raises BadInput.
+    """
+    from flexfem.plot.study import write_study_figures  # heavy
+
+    table, source, found = study_findings(study, output, partial)
+    written = [str(path) for path in (table.path, *write_study_figures(found, table.path.parent))]
+    refused = {name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)}
+    warnings, figures = source.table.warnings, {name: facts_of(finding) for name, finding in found.items()}
+    lines = [*written, *(f"warning: {text}" for text in warnings)]
+    lines += [f"{name} is not drawn: {reason}" for name, reason in refused.items()]
+    return Facts({"written": written, "warnings": warnings, "findings": figures}, lines, bool(refused))
 
 
 def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = False) -> StudyFindings:
@@ -199,6 +285,26 @@ def _reasons(counts: Counts, status: str) -> Counter[str]:
     """Return the number of designs of a status by kind of reason, the most frequent first."""
     reasons = [(reason, n) for (other, reason), n in counts.items() if other == status]
     return Counter(dict(sorted(reasons, key=lambda item: (-item[1], item[0]))))
+
+
+def _lines(facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the facts of `study run` and `study status` as text."""
+    share = f", share {facts['shard']}" if facts.get("shard", "1/1") != "1/1" else ""
+    elsewhere = f", {facts['open_elsewhere']:,} in other shares" if share else ""
+    yield f"{facts['name']}{share}: {facts['designs']:,} designs, {facts['open']:,} unfinished{elsewhere}"
+    yield f"done {facts['done']:,}: {facts['ok']:,} ok, {facts['refused']:,} refused, {facts['failed']:,} failed"
+    for state, reasons in facts["reasons"].items():
+        yield from (f"  {n:,} {state}: {reason}" for reason, n in reasons.items())
+    yield f"{facts['parts']:,} part{'s' * (facts['parts'] != 1)} in {facts['folder']}"
+    yield from (f"{text}; flexfem study run computes it again" for text in facts["damaged"])
+    if facts["stale"]:
+        yield f"{facts['stale']:,} parts there belong to other inputs or versions; flexfem study clean removes them"
+    yield from (f"warning: {text}" for text in facts["warnings"])
+    yield f"accuracy: {facts['stress_accuracy']}"
+    for text in assumptions_said(facts["assumed"], facts["not_stated"], "of the numbers of the study "):
+        yield f"{text}: --json lists them"
+    if "next" in facts:
+        yield f"next: {facts['next']}"
 
 
 def facts_of(record: Record | Refused) -> dict[str, Any]:

@@ -21,9 +21,7 @@ ENDING = 5.0  # s for a stopped command to end; after that the next signal ends 
 
 
 class Stopped(KeyboardInterrupt):
-    """A signal stopped the command; `code` is 128 plus the signal number, `said` the message."""
-
-    said = "stopped"
+    """A signal stopped the command; `code` is 128 plus the signal number. A note on it replaces its message."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)

@@ -134,7 +134,7 @@ def test_from_a_module_that_may_solve_reports_take_records_and_no_function():
 
 
 def test_reach_goes_through_other_modules():
-    assert "flexfem.fem.response" in reached("flexfem.commands.study")
+    assert "flexfem.fem.response" in reached("flexfem.commands.cli")
     assert "flexfem.study.answer" in reached("flexfem.study.run")
 
 

@@ -26,7 +26,6 @@ from typer.core import TyperCommand, TyperGroup
 
 import flexfem
 from flexfem import terminal as streams
-from flexfem.commands import study
 from flexfem.commands.console import Json, OutputFolder, show, usable
 from flexfem.files.inputs import note, noted
 from flexfem.refused import BadInput, ComputationFailed
@@ -53,6 +52,13 @@ RENAMED = {  # old names of commands, with their replacements
     "benchmark": "make validation",
     "cross-check": "make validation",
 }
+STUDY = {  # commands of `flexfem study`, with their functions
+    "run": "run_study",
+    "status": "study_status",
+    "clean": "clean_study",
+    "collect": "collect_study",
+    "plot": "plot_study",
+}
 HAND_WRITTEN = ("study", "design")  # the other commands are made from the functions in MADE
 MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in HAND_WRITTEN}
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
@@ -75,6 +81,8 @@ ABOUT = "Verification and design of planar flexure mechanisms."
 class Commands(TyperGroup):
     """The commands in sections, each built when it is called."""
 
+    groups, made = GROUPS, MADE
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Refuse arguments after the completion options, which apply to the current shell."""
         if args and args[0] in ("--install-completion", "--show-completion") and args[1:]:
@@ -83,11 +91,11 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return all names in the order of the sections."""
-        return [name for group in GROUPS.values() for name in group]
+        return [name for group in self.groups.values() for name in group]
 
     def get_command(self, ctx: Any, name: str) -> Any:
         """Return the command with a name."""
-        return command(name) if name in MADE else super().get_command(ctx, name)
+        return command(name, self.made[name]) if name in self.made else super().get_command(ctx, name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the command named by the first argument; refuse an unknown one with similar names."""
@@ -101,19 +109,25 @@ class Commands(TyperGroup):
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the sections, each command with a summary."""
-        for title, group in GROUPS.items():
+        for title, group in self.groups.items():
             with formatter.section(title):
                 formatter.write_dl([(name, self._summary(name)) for name in group])
 
     def _summary(self, name: str) -> str:
         """Return the first sentence of a command's docstring, read without an import of its module."""
-        if name in HAND_WRITTEN:
+        if name not in self.made:
             return str(self.commands[name].get_short_help_str(400))
-        function = MADE[name]
+        function = self.made[name]
         source = (Path(__file__).parents[1] / f"{flexfem.home_of(function).replace('.', '/')}.py").read_text()
         pattern = rf'^def {function}\(.*?\) -> [^\n]*:\n    r?"""(.*?)(?:\n\n|""")'
         found = re.search(pattern, source, re.DOTALL | re.MULTILINE)
         return " ".join(found[1].split()) if found else ""
+
+
+class StudyCommands(Commands):
+    """The commands of `flexfem study`."""
+
+    groups, made = {"Commands": tuple(STUDY)}, STUDY
 
 
 class Command(TyperCommand):
@@ -136,7 +150,8 @@ app = typer.Typer(
     cls=Commands,
     context_settings={"help_option_names": ["--help", "-h"]},  # of all commands
 )
-app.add_typer(study.app, name="study")
+about_studies = "Study many designs: run, count finished designs, collect the table, plot."
+app.add_typer(typer.Typer(help=about_studies, no_args_is_help=True, cls=StudyCommands), name="study")
 
 
 @app.command()
@@ -163,9 +178,9 @@ def design(
     raise typer.Exit(0 if found.feasible and found.agreed else 1)
 
 
-def command(name: str) -> Any:
+def command(name: str, made_from: str) -> Any:
     """Return the command of a function that `flexfem` offers."""
-    function = getattr(flexfem, MADE[name])
+    function = getattr(flexfem, made_from)
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
     single.command(name, cls=Command, help=_description(function.__doc__))(_runner(name, function))
     return typer.main.get_command(single)
@@ -186,7 +201,7 @@ def _runner(name: str, function: Callable[..., Any]) -> Callable[..., None]:
         if isinstance(found, Result) and given["output"] is not None:
             write(found, given["output"] / f"{stem}.json")
         show(found, given["json"])
-        if getattr(found, "findings", None):  # of a check
+        if getattr(found, "findings", None) or getattr(found, "failed", False):  # of a check, of a study
             raise typer.Exit(1)
 
     run.__signature__ = inspect.Signature(options)  # type: ignore[attr-defined]
@@ -199,7 +214,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
     hints, texts = get_type_hints(function), parameters(function.__doc__) | STAGE
     for name, parameter in inspect.signature(function).parameters.items():
         several, default = parameter.kind is parameter.VAR_POSITIONAL, parameter.default
-        hint = hints[name] if several else TYPES.get(name, hints[name])
+        hint = hints[name] if several else TYPES.get(name, Path if "PathLike" in str(hints[name]) else hints[name])
         if name in PYTHON_ONLY:
             continue
         if hasattr(hint, "_fields"):
@@ -259,7 +274,8 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             stated = given[parameter.name] not in (None, parameter.default)
             if stated and MEASURED.get(parameter.name) is POSES and "stage" in arguments:
                 _check_size(parameter.name, given[parameter.name], arguments["stage"])
-    with streams.working(name) if "progress" in hints else nullcontext() as say:
+    pause = streams.EVERY if name in STUDY else 0.0
+    with streams.working(name, pause) if "progress" in hints else nullcontext() as say:
         return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
 
 
@@ -342,12 +358,12 @@ def main() -> None:
     streams.open_streams()
     os.environ["PYTHONSAFEPATH"] = "1"  # child processes must not import from the current folder
     os.environ.update(ONE_THREAD | os.environ)  # matrices are small: waiting threads take up to twice the time
-    code, text = 130, streams.Stopped.said
+    code, text = 130, "stopped"
     with streams.plain_streams(), noted():
         with suppress(KeyboardInterrupt), streams.stoppable() as stops:
             code, text = _run()
         if stops:  # libraries may have replaced the exception
-            code, text = stops[0].code, stops[0].said
+            code, text = stops[0].code, getattr(stops[0], "__notes__", ["stopped"])[0]
         if text:
             print(f"flexfem: {text}", file=sys.stderr)
     if code:

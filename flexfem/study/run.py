@@ -169,37 +169,30 @@ def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
     return found._replace(stale=[parts.folder / name for name in stale if PART.fullmatch(name)], elsewhere=elsewhere)
 
 
-class Progress(NamedTuple):
-    """Progress of a run: `designs` in all, `known` before the run, `counts` done by status and kind of reason."""
-
-    designs: int
-    known: int
-    counts: Counts
-
-
 def run_parts(
     parts: Parts,
     workers: Workers,
     solve: Solve = answer,
     shard: slice = WHOLE,
     retry: bool = False,
-    watch: Callable[[Progress], object] = lambda progress: None,
     say: Callable[[str], object] = lambda text: None,
-) -> Progress:
+) -> int:
     """Compute the missing parts of a study; several runs may work in the same folder at the same time.
 
     Parameters
     ----------
     solve : computes the rows of a range of designs; importable by workers.
     retry : also compute parts again whose designs ran out of time, crashed or failed.
-    watch, say : called with the progress after every part, and with lines for the user.
+    say : called with lines for the user: on damaged and other parts, and on the progress after every part.
+
+    Returns the number of designs that were known before. A stop notes how many designs are kept.
 
     Raises
     ------
     BadInput : no file can be written in the folder, or a worker has another flexfem.
     ComputationFailed : workers cannot start. Written parts are kept.
     """
-    found, chunks = survey(parts, shard, whole=True), parts.chunks(shard)
+    found, chunks, began = survey(parts, shard, whole=True), parts.chunks(shard), time.monotonic()
     for chunk in found.damaged:
         say(f"{parts.path(chunk)}: a damaged part, computed again")
     if found.stale:
@@ -210,7 +203,6 @@ def run_parts(
     todo.rotate(random.randrange(len(todo) or 1))  # runs in the same folder start with different parts
     counts: Counts = sum((n for chunk, n in found.counts.items() if chunk not in again), Counter())
     designs, known, pieces = sum(map(len, chunks)), counts.total(), defaultdict[range, list[Any]](list)
-    watch(Progress(designs, known, counts))
     if todo:
         content = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
         write_atomically(parts.folder.parent / FILE, lambda file: file.write(json.dumps(content).encode()), again=True)
@@ -227,21 +219,35 @@ def run_parts(
         study = parts.loaded.study
         return ANALYTIC_LIMIT if study.model == "analytic" else len(task[-1]) * (study.time_limit + SLACK)
 
-    for (_, _, chunk, piece), result in workers.results(solve_task, next_task, limit):
-        if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
-            middle = len(piece) // 2
-            todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
-            continue
-        if isinstance(result, Failure):
-            result = table_of(parts, piece, failed_row(len(parts.loaded.outputs), *result))
-        if isinstance(result, pa.Table):
-            pieces[chunk].append(result)
-            if sum(map(len, pieces[chunk])) < len(chunk):
+    try:
+        say(progress_line(counts, designs, 0.0))
+        for (_, _, chunk, piece), result in workers.results(solve_task, next_task, limit):
+            if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
+                middle = len(piece) // 2
+                todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
                 continue
-            result = write_part(parts, chunk, pa.concat_tables(pieces.pop(chunk)).sort_by("design"))
-        counts.update(result)
-        watch(Progress(designs, known, counts))
-    return Progress(designs, known, counts)
+            if isinstance(result, Failure):
+                result = table_of(parts, piece, failed_row(len(parts.loaded.outputs), *result))
+            if isinstance(result, pa.Table):
+                pieces[chunk].append(result)
+                if sum(map(len, pieces[chunk])) < len(chunk):
+                    continue
+                result = write_part(parts, chunk, pa.concat_tables(pieces.pop(chunk)).sort_by("design"))
+            counts.update(result)
+            say(progress_line(counts, designs, (counts.total() - known) / (time.monotonic() - began)))
+    except KeyboardInterrupt as stop:
+        kept = f"{counts.total():,} of {designs:,} designs are kept in {parts.folder}"
+        stop.add_note(f"stopped; {kept}; the same command continues the run")
+        raise
+    return known
+
+
+def progress_line(counts: Counts, designs: int, rate: float) -> str:
+    """Return one line on a run with `rate` designs a second: designs done, rate, time left, failures."""
+    done, failed = counts.total(), sum(n for (status, _), n in counts.items() if status in RETRIED)
+    minutes, s = divmod(round((designs - done) / rate), 60) if rate > 0 else (0, 0)
+    left = f"{minutes // 60} h {minutes % 60:02d} min {s:02d} s left" if rate > 0 else "waiting for the first"
+    return f"{done:,}/{designs:,} designs, {rate:,.{0 if rate > 10 else 2}f}/s, {left}, {failed:,} failed"
 
 
 def write_part(parts: Parts, chunk: range, table: Any) -> Counts:

@@ -103,7 +103,7 @@ def test_lives_are_asked_of_materials_that_have_constants(studies: Any) -> None:
 def test_a_number_that_no_question_has_is_refused_before_anything_runs(studies: Any) -> None:
     path = studies.write(("mobility = 21\n", 'mobility = 21\nask = ["stiffness.nope"]\n'))
     with pytest.raises(BadInput, match=r"study\.toml, line 6: ask: no number stiffness\.nope of this stage"):
-        flexfem.run_study(path, studies.folder / "out", 1)
+        flexfem.run_study(path, studies.folder / "out", workers=1)
     assert not (studies.folder / "out").exists()
     path = studies.write(("mobility = 21\n", 'mobility = 21\nask = ["reach.range.x"]\n'))
     assert parts_of(load_study(path), studies.folder).size * 0.5 < 60  # s, at half a second a design

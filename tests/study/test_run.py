@@ -129,10 +129,10 @@ def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path
     here = Here()
     run_parts(parts, here, say=said.append)
     assert sorted(here.asked) == [*range(64, 192)]
-    assert [text.split(":")[0] for text in said] == [str(path) for path in paths[1:3]]
+    assert [text.split(":")[0] for text in said[:2]] == [str(path) for path in paths[1:3]]
     assert table(parts).equals(expected)
     here = Here()
-    assert run_parts(parts, here).known == 300 and here.asked == []
+    assert run_parts(parts, here) == 300 and here.asked == []
 
 
 def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, monkeypatch):
@@ -310,7 +310,7 @@ from flexfem.study.workers import Workers
 parts = run.parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 16)
 with Workers(2) as pool:
     print("running", flush=True)
-    print(run.run_parts(parts, pool, strange.slow).known)
+    print(run.run_parts(parts, pool, strange.slow))
 """
 
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from flexfem.commands.study import app
-from flexfem.studies import status_facts
+from flexfem.studies import plot_study, status_facts
 from flexfem.study.answer import answer
 from flexfem.study.loaded import sample
 from flexfem.study.run import parts_of, table_of, write_part
@@ -39,11 +35,10 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     warnings = [f"{beyond.sum()} of 200 designs with a result: {said}"]
     facts = status_facts(parts)
     assert facts["warnings"] == warnings and facts["reasons"] == {} and facts["ok"] == 200
-    plot = CliRunner().invoke(app, ["plot", str(loaded.path), "--output", str(studies.folder / "out"), "--json"])
-    facts = json.loads(plot.stdout)
-    assert plot.exit_code == 1  # of the figure that is refused; the other is drawn
+    facts = plot_study(loaded.path, studies.folder / "out")
+    assert facts.failed  # by the figure that is refused; the other is drawn
     assert len(facts["written"]) == 3 and "study-sensitivity-2" not in "".join(facts["written"])
-    assert facts["warnings"] == warnings and f"flexfem: warning: {warnings[0]}" in plot.stderr
+    assert facts["warnings"] == warnings and f"warning: {warnings[0]}\nstudy-sensitivity-2 is not drawn" in str(facts)
     (row,) = facts["findings"]["study-sensitivity"]["rows"]
     assert "total" not in row and row["first"] == pytest.approx(1.0, abs=0.1)
     assert "no factor changes it" in facts["findings"]["study-sensitivity-2"]["refused"]
