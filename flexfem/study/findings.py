@@ -73,6 +73,16 @@ class Caption(NamedTuple):
     not_stated: Sequence[str] = ()
 
 
+def axis_of(loaded: LoadedStudy, name: str) -> AxisText:
+    """Return name and unit of a column of a study."""
+    study = loaded.study
+    if column := next((column for column in loaded.columns if column.name == name), None):
+        return factor(column)
+    if derived := next((derived for derived in study.output if derived.name == name), None):
+        return AxisText(derived.label or name, derived.unit or "")
+    return asked(name, study.on_mechanism) if name in study.ask else output(name, study)
+
+
 def output(column: str, study: Study | None = None) -> AxisText:
     """Return the name of an output column, with the known error of a stress by finite elements."""
     below = study.stress_below if study is not None and column in STRESSES else ""
@@ -170,14 +180,7 @@ class Source(NamedTuple):
 
     def quantity(self, name: str) -> AxisText:
         """Return name and unit of a column."""
-        study = self.loaded.study
-        for column in self.loaded.columns:
-            if column.name == name:
-                return factor(column)
-        for derived in study.output:
-            if derived.name == name:
-                return AxisText(derived.label or name, derived.unit or "")
-        return asked(name, study.on_mechanism) if name in study.ask else output(name, study)
+        return axis_of(self.loaded, name)
 
     def column(self, name: str) -> Array:
         """Return the numbers (n,) of a column of the table, round-off as 0."""
@@ -484,6 +487,7 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
     rows = np.flatnonzero(table.kept)
     if len(rows) == 0:
         raise source.refusal("pareto", y, "no design satisfies all constraints, expected some")
+    axes = {name: source.quantity(name) for name in dict.fromkeys([x, y, *(column.name for column in loaded.columns)])}
     points = np.column_stack([source.column(name)[rows] for name in (x, y)])
 
     def stages_at(places: Index) -> Iterator[Stage | Mechanism | None]:
@@ -492,28 +496,35 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
 
     larger = (figure.x_better == "larger", figure.y_better == "larger")
     attempts = 0 if loaded.study.draws else ATTEMPTS  # designs that were drawn before they were solved can be drawn
-    front = drawable_front(points, larger, stages_at, attempts)
-    best, power = points[front.places], None
+    front, undrawable, unchecked = drawable_front(points, larger, stages_at, attempts)
+    best, power, gain = points[front], None, None
     if best.min() > 0 and np.ptp(best[:, 0]) > 0:
         power = float(np.polyfit(np.log(best[:, 0]), np.log(best[:, 1]), 1)[0])
-    gain = _gain(source, figure, rows, front.undrawable, stages_at)
-    log = {column.name for column in loaded.columns if column.factor.scale == "log"}
-    along = [np.log(v) if name in log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)]
-    names = dict.fromkeys([x, y, *(column.name for column in loaded.columns)])
-    axes = {name: source.quantity(name) for name in names}
-    numbers = {name: source.column(name)[rows[front.places]].tolist() for name in names}
+    base, base_size = source.base_point(x, y), source.base_value(SIZE)
+    if SIZE in table.columns and base is not None and base_size is not None and base[1]:
+        ahead = (points - base) * np.where(larger, 1.0, -1.0)  # of the base stage
+        eligible = (ahead[:, 0] >= 0) & (source.column(SIZE)[rows] <= base_size)
+        eligible[undrawable] = False
+        places = np.flatnonzero(eligible)
+        places = places[np.argsort(-ahead[places, 1], kind="stable")][:ATTEMPTS]
+        drawn = (k for k, stage in zip(places, stages_at(places), strict=True) if stage is not None)
+        gain = next((float(points[k, 1] / base[1]) for k in drawn), None)
+    x_axis, y_axis = (
+        axes[name]._replace(log=axes[name].log or is_wide(v)) for name, v in zip((x, y), points.T, strict=True)
+    )
+    along = [np.log(v) if axes[name].log or is_wide(v) else v for name, v in zip((x, y), best.T, strict=True)]
+    numbers = {name: source.column(name)[rows[front]].tolist() for name in axes}
     selected = spread(np.column_stack(along), figure.drawn)
     chosen = [
-        Chosen(front.places[k], stage, [(axis, numbers[name][k]) for name, axis in axes.items()])
-        for k, stage in zip(selected, stages_at(front.places[selected]), strict=True)
+        Chosen(int(front[k]), stage, [(axis, numbers[name][k]) for name, axis in axes.items()])
+        for k, stage in zip(selected, stages_at(front[selected]), strict=True)
         if stage is not None
     ]
     excluded = {status: n for status, n in table.counts.items() if status != "ok"}
     excluded["that violate a constraint"] = int(table.infeasible.sum())
     left_out = [f"not drawn: {counted(excluded)}"] if any(excluded.values()) else []
-    if attempts and front.unchecked:
-        left_out.append(f"{front.unchecked} on the front were not checked by drawing")
-    x_axis, y_axis = (axes[name]._replace(log=axes[name].log or is_wide(points[:, k])) for k, name in enumerate((x, y)))
+    if attempts and unchecked:
+        left_out.append(f"{unchecked} on the front were not checked by drawing")
     lines = list[str]()
     if power is not None:
         lines.append(f"On the front, {y_axis.name} varies as {x_axis.name} to the power {power:.3g} (least squares).")
@@ -521,22 +532,11 @@ def front_of(source: Source, figure: Figure) -> ParetoFront:
         best_of = f"The best design that is no larger and no worse in {x_axis.name} than the base stage"
         lines.append(f"{best_of} has {gain:.3g} times its {y_axis.name}.")
     head = {"design": "design", **{name: axis.label for name, axis in axes.items()}}
-    designs = map(str, table.design[rows[front.places]])
+    designs = map(str, table.design[rows[front]])
     listed = FigureTable("Designs of the front", head, [*zip(designs, *numbers.values(), strict=True)])
     caption = source.caption(figure, f"{y_axis.name} against {x_axis.name}", *lines)
-    better, places = (figure.x_better, figure.y_better), (front.places, front.undrawable)
-    return ParetoFront(
-        caption, x_axis, y_axis, better, points, *places, chosen, left_out, source.base_point(x, y), power, gain, listed
-    )
-
-
-class Front(NamedTuple):
-    """Places (m,) of the drawable designs on the front, from the best in x to the best in y; places of designs on the
-    front or better that cannot be drawn; and the number of designs on the front that were not tested."""
-
-    places: Index
-    undrawable: Index
-    unchecked: int
+    better, shown = (figure.x_better, figure.y_better), (chosen, left_out, base, power, gain, listed)
+    return ParetoFront(caption, x_axis, y_axis, better, points, front, undrawable, *shown)
 
 
 def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> Index:
@@ -556,8 +556,14 @@ def non_dominated(points: Array, larger: tuple[bool, bool] = (True, True)) -> In
 
 def drawable_front(
     points: Array, larger: tuple[bool, bool], stages_at: Callable[[Index], Iterable[object]], attempts: int
-) -> Front:
-    """Return the front of the designs that can be drawn; `stages_at` yields None for a design that cannot."""
+) -> tuple[Index, Index, int]:
+    """Return the front of the designs that can be drawn, from the best in x to the best in y.
+
+    stages_at : yields None for a design that cannot be drawn.   attempts : most designs that are tested.
+
+    Also returns the places of designs on the front or better that cannot be drawn, and the number of designs on the
+    front that were not tested.
+    """
     possible, known = np.ones(len(points), dtype=bool), np.zeros(len(points), dtype=bool)
     while True:
         remaining = np.flatnonzero(possible)
@@ -565,7 +571,7 @@ def drawable_front(
         untested = places[~known[places]]
         tested = untested[: attempts - int(known.sum())]
         if len(tested) == 0:
-            return Front(places, np.flatnonzero(~possible), len(untested))
+            return places, np.flatnonzero(~possible), len(untested)
         known[tested] = True
         possible[tested] = [stage is not None for stage in stages_at(tested)]
 
@@ -585,23 +591,6 @@ def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
         check_layout(plate.layout) if isinstance(plate, Mechanism) else check_feasible(plate)
         return plate
     return None
-
-
-def _gain(
-    source: Source, figure: Figure, rows: Index, undrawable: Index, stages_at: Callable[[Index], Iterable[object]]
-) -> float | None:
-    """Return y over that of the base stage for the best drawable design that is no worse in x and no larger."""
-    x, y, sign = figure.x or "", figure.y or "", {"larger": 1.0, "smaller": -1.0}
-    base_x, base_y, base_size = map(source.base_value, (x, y, SIZE))
-    if SIZE not in source.table.columns or base_x is None or base_size is None or not base_y:
-        return None
-    x_values, y_values, size = (source.column(name)[rows] for name in (x, y, SIZE))
-    eligible = (sign[figure.x_better] * (x_values - base_x) >= 0) & (size <= base_size)
-    eligible[undrawable] = False
-    places = np.flatnonzero(eligible)
-    ordered = places[np.argsort(-sign[figure.y_better] * y_values[places], kind="stable")][:ATTEMPTS]
-    best = next((place for place, stage in zip(ordered, stages_at(ordered), strict=True) if stage is not None), None)
-    return None if best is None else float(y_values[best] / base_y)
 
 
 # percentiles

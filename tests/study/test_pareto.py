@@ -47,14 +47,14 @@ def test_what_cannot_be_drawn_makes_room_for_what_is_behind(
     points: np.ndarray, larger: tuple[bool, bool], data: st.DataObject
 ) -> None:
     possible = np.array(data.draw(st.lists(st.booleans(), min_size=len(points), max_size=len(points))))
-    found = drawable_front(
+    places, undrawable, unchecked = drawable_front(
         points, larger, lambda places: [place if possible[place] else None for place in places], 1000
     )
     left = np.flatnonzero(possible)
-    assert set(found.places) == set(left[non_dominated(points[left], larger)])
-    assert found.unchecked == 0 and not possible[found.undrawable].any()
-    for place in found.undrawable:  # each stood in the way of the front that was found
-        assert not beats(points[found.places], points[place], larger).any()
+    assert set(places) == set(left[non_dominated(points[left], larger)])
+    assert unchecked == 0 and not possible[undrawable].any()
+    for place in undrawable:  # each stood in the way of the front that was found
+        assert not beats(points[places], points[place], larger).any()
 
 
 def test_when_attempts_run_out_the_rest_is_counted_as_unchecked() -> None:
@@ -64,10 +64,10 @@ def test_when_attempts_run_out_the_rest_is_counted_as_unchecked() -> None:
         asked.extend(places)
         return [None if place % 2 else place for place in places]
 
-    found = drawable_front(points, (True, True), drawn, 4)
+    places, undrawable, unchecked = drawable_front(points, (True, True), drawn, 4)
     assert asked == [9, 8, 7, 6]
-    assert list(found.undrawable) == [7, 9] and list(found.places) == [8, 6, 5, 4, 3, 2, 1, 0]
-    assert found.unchecked == 6
+    assert list(undrawable) == [7, 9] and list(places) == [8, 6, 5, 4, 3, 2, 1, 0]
+    assert unchecked == 6
 
 
 def test_chosen_designs_lie_equally_far_apart_along_the_front() -> None:
