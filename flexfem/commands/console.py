@@ -120,7 +120,9 @@ def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None
             for column in columns:
                 words = re.sub(r" (?=[^(]*\)$)", SPACE, column[0])  # a unit stays in one line
                 column[0] = fill(words, max(_width(column[1:]) - GAP, NARROWEST), break_long_words=False)
-            columns[0] = [fill(cell, LONGEST) if "\n" not in cell else cell for cell in columns[0]]
+            columns[0] = [
+                fill(cell, LONGEST, break_long_words=False) if "\n" not in cell else cell for cell in columns[0]
+            ]
         names = min(content.names, len(columns) - 1) or 1
         parts = [columns[:names]]
         for column in columns[names:]:

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,9 +18,10 @@ from flexfem.design.scatter import REFUSED, NeckScatter
 from flexfem.mechanism.bodies import drawn_inertia
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.feasibility import check_feasible, conditions
+from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import error_matrix
-from flexfem.refused import BadInput
-from flexfem.study.answer import answer_designs, joined
+from flexfem.results import Progress
+from flexfem.study.answer import answer_designs, for_stages, joined
 from flexfem.study.columns import ERRORS, STIFFNESSES, Rows
 from flexfem.study.factors import Column
 from flexfem.study.loaded import designs_of, evaluated, stage_of
@@ -32,8 +33,6 @@ ROUND_OFF = 1e-9  # relative to the size of a requirement: smaller violations co
 BETWEEN = 0.45  # largest guard at each end, as a part of the distance between two ends
 NEAR = 0.1  # least ratio of finite elements and model, either way, at which the correction is a factor, not a term
 WHOLE = 6  # stepped dimensions up to which all combinations of neighbours are evaluated; of more, all pairs
-
-Say = Callable[[str], object]
 
 
 def silent(text: str) -> None:
@@ -137,20 +136,19 @@ class Model:
     bounds: Mapping[int, float] = field(default_factory=dict)
     soft: int | None = None
     counts: Counter[str] = field(default_factory=Counter)
-    say: Say = silent
+    say: Progress = silent
     known: dict[bytes, Rows] = field(default_factory=dict)  # rows of mechanisms, which take 20 ms each
 
     def __post_init__(self) -> None:
         self.required, self.space = self.loaded.requirements, DesignSpace(self.loaded.columns)
         self.signs = np.array([objective.sign for objective in self.required.objective])
-        ends: list[tuple[float | None, float | None]] = [(None, None)] * len(self.signs)
+        ends = [(-np.inf, np.inf)] * len(self.signs)
         for k, most in self.bounds.items():
-            ends[k] = (None, most) if self.signs[k] > 0 else (-most, None)
-        ends += [(requirement.at_least, requirement.at_most) for requirement in self.required.require]
-        self.low = np.array([-np.inf if low is None else low for low, _ in ends])
-        self.high = np.array([np.inf if high is None else high for _, high in ends])
-        self.sizes = np.array([max(abs(low or 0.0), abs(high or 0.0)) or 1.0 for low, high in ends])
-        self.sizes[np.isinf(self.low) & np.isinf(self.high)] = 0.0
+            ends[k] = (-np.inf, most) if self.signs[k] > 0 else (-most, np.inf)
+        ends += [requirement.ends for requirement in self.required.require]
+        self.low, self.high = np.array(ends).T
+        finite = np.where(np.isfinite(ends), np.abs(ends), 0.0).max(axis=1)
+        self.sizes = np.where(np.isfinite(ends).any(axis=1), np.where(finite > 0, finite, 1.0), 0.0)
         self.room = BETWEEN * (self.high - self.low)  # infinite where there is one end
 
     @property
@@ -168,12 +166,11 @@ class Model:
         """Return the uncorrected columns (n,) of the model by name, and the reasons (n,) for designs without any."""
         study, required, rows = self.loaded, self.required, self._rows(values)
         reason = np.where(rows.status == "ok", "", rows.reason).astype(object)
-        columns = dict(zip(study.outputs, rows.values.T, strict=True)) | dict(
-            zip(self.space.names, values.T, strict=True)
-        )
+        columns = dict(zip((*study.outputs, *self.space.names), (*rows.values.T, *values.T), strict=True))
         with np.errstate(all="ignore"):
             if required.used & {*MASS}:
-                columns["mass_kg"] = self._masses(values, reason)
+                drawn = self._drawn(values, reason, lambda stage: float(drawn_inertia(stage)[0, 0]))
+                columns["mass_kg"] = UNITS["kg"].factor * np.array([drawn.get(k, np.nan) for k in range(len(values))])
             if required.used & {*ERRORS}:
                 K = np.array([columns[name] for name in STIFFNESSES]).T[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
                 errors = formula_errors(designs_of(study, values), K, required.paper_formula)
@@ -198,16 +195,10 @@ class Model:
                 self.known[key] = answer_designs(study, row[None])
         return joined(study, [self.known[key] for key in keys])
 
-    def _masses(self, values: Array, reason: AnyArray) -> Array:
-        """Return the masses (n,), kg, of the drawn stages; write why a design cannot be drawn to `reason` (n,)."""
-        masses = np.full(len(values), np.nan)
-        for k in np.flatnonzero(reason == ""):
-            self.counts["drawn"] += 1
-            try:
-                masses[k] = float(drawn_inertia(stage_of(self.loaded, values[k]))[0, 0]) * UNITS["kg"].factor
-            except BadInput as refusal:
-                reason[k] = str(refusal)
-        return masses
+    def _drawn(self, values: Array, reason: AnyArray, function: Callable[[Stage], Any]) -> dict[int, Any]:
+        """Return the results of a function of each drawn stage; write why one cannot be drawn to `reason` (n,)."""
+        self.counts["drawn"] += int(np.sum(reason == ""))
+        return for_stages(lambda k: stage_of(self.loaded, values[k]), reason, function)
 
     def corrected(self, columns: Mapping[str, Array]) -> dict[str, Array]:
         """Apply the corrections to columns by name."""
@@ -262,14 +253,8 @@ class Model:
 
     def drawable(self, values: Array) -> bool:
         """Return whether a design (d,) can be drawn, without overlap of its bodies, as any mechanism with a result."""
-        if self.required.on_mechanism:
-            return True
-        self.counts["drawn"] += 1
-        try:
-            check_feasible(stage_of(self.loaded, values))
-        except BadInput:
-            return False
-        return True
+        reason = np.array([""], object)
+        return self.required.on_mechanism or bool(self._drawn(values[None], reason, check_feasible))
 
     def constraints(self, values: Array, quantities: Array) -> Array:
         """Return the inequality constraints (n, c), >= 0: margins of ends and bounds, gaps over the link width."""

@@ -14,21 +14,20 @@ from flexfem.design import result as record
 from flexfem.design.model import MISSED, ROUND_OFF, Model
 from flexfem.design.proof import ElementSolver, Proof, Proposal, proof, space_mapping
 from flexfem.design.requirements import SCATTERED, LoadedRequirements, Objective, Require, Tolerance
-from flexfem.design.scatter import OTHERS, deviations
+from flexfem.design.scatter import OTHERS, deviations, scattered
 from flexfem.design.search import optimum
 from flexfem.files.provenance import is_assumed
 from flexfem.files.refusals import key_path, one_line, path_of
 from flexfem.files.tables import LABEL_LENGTH
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.questions.drive import commanding, push_spread
 from flexfem.questions.setup import sharp_roots
 from flexfem.results import versions
 from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, with_warnings
-from flexfem.study.factors import Factor, columns_of
-from flexfem.study.findings import factor, non_dominated
+from flexfem.study.findings import axis_of, factor, non_dominated
 from flexfem.study.loaded import plate_of, stage_of
 from flexfem.units import unit_of
 
@@ -138,7 +137,8 @@ def checked_by(loaded: LoadedRequirements, names: frozenset[str]) -> record.Chec
 def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[str, Any]:
     """Return the fields of `Stated` for the quantity with index `k`."""
     model, loaded = verified.model, verified.model.loaded
-    names = loaded.requirements.names_of(requested.quantity)
+    required, quantity = loaded.requirements, requested.quantity
+    names = required.names_of(quantity)
     by, sampled = checked_by(loaded, names), bool(names & {*SCATTERED})
     spread = None
     if names & {*outputs.ENGAGED}:
@@ -151,8 +151,9 @@ def _quantity(verified: Proof, k: int, requested: Objective | Require) -> dict[s
     both = verified.elements[k], verified.uncorrected[k]
     value, uncorrected = (float(x) if abs(x) > verified.round_off[k] else 0.0 for x in both)
     return {
-        "name": requested.quantity,
-        "label": loaded.requirements.title_of(requested),
+        "name": quantity,
+        "label": required.title_of(requested),
+        "unit": axis_of(loaded, quantity).unit if quantity in names else "",
         "value": value,
         "band": float(verified.bands[k]) if sampled or by.startswith("finite") else None,
         "sampling": float(verified.sampling[k]) if sampled else None,
@@ -314,12 +315,8 @@ def share_kept(verified: Proof, tolerance: Tolerance) -> float:
     Columns that the study does not compute, such as masses and couplings under tolerance, stay as in the design.
     """
     model, loaded = replace(verified.model, guard=0.0), verified.model.loaded
-    stage = stage_of(loaded, verified.values)
-    off = deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63).reshape(-1, 9)
-    hinges = [(k, name) for k in (1, 2, 3) for name in HINGE_NAMES]
-    columns = columns_of(Factor(key=f"override.{k}.{name}.neck_mm", values=(0.5,)) for k, name in hinges)
-    necks = off + [stage.hinge(*hinge).neck for hinge in hinges]
-    rows = answer_designs(replace(loaded, base=stage, columns=columns), necks)
+    made, necks = scattered(loaded, verified.values, deviations(tolerance, SHARED, (model.required.seed + 1) % 2**63))
+    rows = answer_designs(made, necks)
     by_name = model.corrected(dict(zip(loaded.outputs, rows.values.T, strict=True)))
     quantities = model.quantities({n: np.full(SHARED, x) for n, x in verified.columns.items()} | by_name)
     return float(np.mean((rows.status == "ok") & np.all(model.margins(quantities) >= -ROUND_OFF, axis=1)))

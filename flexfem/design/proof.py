@@ -18,17 +18,17 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from flexfem.arrays import Array
-from flexfem.design.model import MISSED, Model, Say, correction_of, silent
+from flexfem.design.model import MISSED, Model, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
-from flexfem.design.scatter import CouplingQuantiles, coupling_quantiles
+from flexfem.design.scatter import CouplingQuantiles, coupling_quantiles, scattered
 from flexfem.design.search import BestDesign, optimum
 from flexfem.files.writing import digest, write_atomically
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, ELEMENTS
+from flexfem.results import ANALYTIC, ELEMENTS, Progress
 from flexfem.study import columns as outputs
 from flexfem.study.answer import extra_numbers, solved_values
 from flexfem.study.loaded import LoadedStudy, designs_of, plate_of, stage_of
@@ -73,7 +73,7 @@ class ElementSolver:
     counts: Counter[str]
     workers: Workers | None = None
     folder: Path | None = None
-    say: Say = silent
+    say: Progress = silent
     _known: dict[str, list[float]] = field(default_factory=dict, init=False)
 
     @property
@@ -88,9 +88,9 @@ class ElementSolver:
         """Return the columns of a design (d,) by name on each mesh. Raises ComputationFailed."""
         stage = plate_of(self.loaded, values)
         stage = stage.replace(model="plane_stress") if self.loaded.solid else stage
-        studies, on_mechanism = [self._study(*mesh) for mesh in self.meshes], self.loaded.requirements.on_mechanism
+        studies = [self._study(*mesh) for mesh in self.meshes]
         names = (*studies[0].study.columns, *self.loaded.study.ask)
-        names += tuple(map(BAND.format, names)) if on_mechanism else ()
+        names += tuple(map(BAND.format, names)) if isinstance(stage, Mechanism) else ()
         return [dict(zip(names, row, strict=True)) for row in self._solved([(study, stage) for study in studies])]
 
     def columns(self, values: Array) -> tuple[dict[str, float], dict[str, float]]:
@@ -105,12 +105,11 @@ class ElementSolver:
 
     def solve_scattered(self, values: Array, off: Array) -> list[Array]:
         """Return the couplings (3, stages) of a design with neck deviations `off` (stages, 3, 3), mm, on each mesh."""
-        stage, couplings = stage_of(self.loaded, values), list[Array]()
-        hinges = [(k, n, (k + 1, name)) for k in range(3) for n, name in enumerate(HINGE_NAMES)]
-        overrides = [{at: {"neck": stage.hinge(*at).neck + float(d[k, n])} for k, n, at in hinges} for d in off]
+        made, necks = scattered(self.loaded, values, off)
+        stages, couplings = [stage_of(made, each) for each in necks], list[Array]()
         for resolution in SCATTER:
             study = self._study(resolution, 2, dict.fromkeys(("drive", "frequencies", "life", "drift")))
-            rows = np.array(self._solved([(study, stage.replace(override=override)) for override in overrides]))
+            rows = np.array(self._solved([(study, stage) for stage in stages]))
             couplings.append(rows[:, [study.outputs.index(name) for name in outputs.COUPLINGS]].T)
         return couplings
 
@@ -132,7 +131,11 @@ class ElementSolver:
         """Return the rows of outputs of the tasks; tasks with a known or stored result are not solved again."""
         names = {id(task): digest([task[0].study.model_dump(mode="json"), task[1].to_toml(), dict(versions_of())])
                  for task in tasks}  # fmt: skip
-        waiting = [task for task in tasks if not self._read(names[id(task)])]
+        for name in names.values():
+            if name not in self._known and self.folder is not None:
+                with suppress(OSError, ValueError):  # no file, or a torn one
+                    self._known[name] = json.loads((self.folder / f"{name}.json").read_text())
+        waiting = [task for task in tasks if names[id(task)] not in self._known]
         queue = iter(waiting)
         rows: Iterable[tuple[Any, Row]] = ((task, solved(*task)) for task in waiting)
         if self.workers is not None:
@@ -145,21 +148,13 @@ class ElementSolver:
         self.counts[IN_THREE if self.loaded.solid else BY_ELEMENTS] = len(self._known)
         return [self._known[name] for name in names.values()]
 
-    def _read(self, name: str) -> bool:
-        """Return whether the result of a task is known, from its file if it has a whole one."""
-        if name not in self._known and self.folder is not None:
-            with suppress(OSError, ValueError):
-                self._known[name] = json.loads((self.folder / f"{name}.json").read_text())
-        return name in self._known
-
     def _keep(self, name: str, row: list[float]) -> None:
         """Keep the result of a task; a folder that refuses files is reported when the final results are written."""
         self._known[name] = row
         if self.folder is not None:
             with suppress(BadInput):
-                write_atomically(
-                    self.folder / f"{name}.json", lambda file: file.write(json.dumps(row).encode()), again=True
-                )
+                path, text = self.folder / f"{name}.json", json.dumps(row)
+                write_atomically(path, lambda file: file.write(text.encode()), again=True)
 
 
 class Proof(NamedTuple):
@@ -239,15 +234,15 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
 
     The band of a quantity is the sum of its changes with the bands of the columns that it uses.
     """
-    (solved_columns, widths), scattered = solver.columns(values), verified_quantiles(model, solver, values)
+    (solved_columns, widths), sampled = solver.columns(values), verified_quantiles(model, solver, values)
     of_model = model.columns(values[None])[0]
-    analytic, sampled = {name: float(column[0]) for name, column in of_model.items()}, dict[str, float]()
+    analytic, half_widths = {name: float(column[0]) for name, column in of_model.items()}, dict[str, float]()
     uncorrected = analytic
-    if scattered is not None:
-        sampled, uncorrected = named(scattered.half_widths), analytic | named(scattered.others)
-        solved_columns = solved_columns | named(scattered.elements[-1])
-        if len(scattered.factors) > 1:
-            both = zip(SCATTERED, scattered.elements.T, strict=True)
+    if sampled is not None:
+        half_widths, uncorrected = named(sampled.half_widths), analytic | named(sampled.others)
+        solved_columns = solved_columns | named(sampled.elements[-1])
+        if len(sampled.factors) > 1:
+            both = zip(SCATTERED, sampled.elements.T, strict=True)
             widths = widths | {name: mesh_band(np.array(SCATTER, float), row, 0.0) for name, row in both}
     columns = analytic | solved_columns
 
@@ -256,16 +251,13 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
 
     q = quantities(columns)
 
-    def effect(widths: Mapping[str, float]) -> Array:
+    def effect(widths: Mapping[str, Any]) -> Array:
         """Return the sum (q,) of the changes of the quantities with each of some columns."""
-        changed = [columns | {name: columns[name] + width} for name, width in widths.items() if name in columns]
+        changed = [columns | {name: columns[name] + float(width)} for name, width in widths.items() if name in columns]
         return np.asarray(np.sum([np.abs(quantities(each) - q) for each in changed], axis=0) + 0.0 * q)
 
-    round_off = effect(
-        {name: float(step) for name, step in outputs.round_off_of({n: np.array(x) for n, x in columns.items()}).items()}
-    )
-    sampling = effect(sampled)
-    bands = np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)
+    round_off = effect(outputs.round_off_of({name: np.array(x) for name, x in columns.items()}))
+    sampling, bands = effect(half_widths), np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)
     predicted = quantities({name: float(x[0]) for name, x in model.corrected(of_model).items()})
     size, difference = np.maximum(np.abs(q), model.sizes), np.abs(predicted - q)
     zero = np.maximum(np.abs(q), difference) <= bands  # objectives that neither meshes nor model distinguish from zero
@@ -283,7 +275,7 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
         model=replace(model, corrections=by),
         columns=columns,
         analytic=analytic,
-        scattered=scattered,
+        scattered=sampled,
     )
 
 

@@ -24,7 +24,7 @@ from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, NAMED, Factor
 from flexfem.study.loaded import LoadedStudy, base_of, is_fixed
-from flexfem.study.plan import Asked, Expression, Sampling, Study, require_ends
+from flexfem.study.plan import Asked, Expression, Sampling, Study, limits, require_ends
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -104,9 +104,9 @@ class Require(Table):
         return self
 
     @property
-    def title(self) -> str:
-        """The label, by default the expression."""
-        return self.label or self.quantity
+    def ends(self) -> tuple[float, float]:
+        """Both limits, infinite where there is none."""
+        return limits(self.at_least, self.at_most)
 
 
 class Objective(Table):
@@ -139,11 +139,6 @@ class Objective(Table):
     def sign(self) -> float:
         """Factor that turns the objective into one to minimise."""
         return 1.0 if self.maximise is None else -1.0
-
-    @property
-    def title(self) -> str:
-        """The label, by default the expression."""
-        return self.label or self.quantity
 
 
 class Tolerance(Table):
@@ -195,12 +190,11 @@ class Requirements(Asked):
 
     @model_validator(mode="after")
     def _ends_are_apart(self) -> Requirements:
-        for index, (low, high) in enumerate((each.at_least, each.at_most) for each in self.require):
-            if low is not None and high is not None:
-                least = low + 0.02 * self.accuracy_percent * max(abs(low), abs(high))
-                if high < least:
-                    expected = f">= {least:.6g}, with both limits twice accuracy_percent apart"
-                    raise refusal(expected, "require", index, "at_most")
+        for index, (low, high) in enumerate(each.ends for each in self.require):
+            least = low + 0.02 * self.accuracy_percent * max(abs(low), abs(high))
+            if np.isfinite([low, high]).all() and high < least:
+                expected = f">= {least:.6g}, with both limits twice accuracy_percent apart"
+                raise refusal(expected, "require", index, "at_most")
         return self
 
     @property
@@ -238,11 +232,9 @@ class Requirements(Asked):
         return super().unused_keys - self.used - ({DENSITY} if self.used & {*MASS} else set())
 
     def title_of(self, requested: Objective | Require) -> str:
-        """Return the title of a quantity; without its own label, label and unit of the derived output that it names."""
-        output = next((each for each in self.output if each.name == requested.quantity), None)
-        if requested.label or output is None or output.label is None:
-            return requested.title
-        return f"{output.label} ({output.unit})" if output.unit else output.label
+        """Return the label of a quantity; without one, that of the derived output that it names, or the expression."""
+        labels = {output.name: output.label for output in self.output}
+        return requested.label or labels.get(requested.quantity) or requested.quantity
 
     @property
     def numbers(self) -> tuple[str, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import tomllib
 from collections.abc import Iterable
 from textwrap import shorten
@@ -18,7 +17,8 @@ from flexfem.files.tables import Label
 from flexfem.files.toml import kind_of
 from flexfem.refused import BadInput
 from flexfem.results import About, TextTable, number, unsealed
-from flexfem.units import NONE, Unit, unit_of
+from flexfem.study.plan import limits_text
+from flexfem.units import Unit
 
 Verdict: TypeAlias = Literal["met", "within the band", "missed"]
 Checked: TypeAlias = Literal["finite elements", "finite elements in three dimensions", "analytic model alone", "exact"]
@@ -39,6 +39,7 @@ class Stated(Record):
 
     name: str
     label: str
+    unit: str
     value: float
     band: float | None
     sampling: float | None = None
@@ -46,22 +47,20 @@ class Stated(Record):
     checked_by: Checked
     push_spread: float | None = None
 
-    @property
-    def unit(self) -> Unit:
-        """The unit of a column or key; none of an expression of several."""
-        return unit_of(self.name) if re.fullmatch(r"[\w.\[\]]+", self.name) else NONE
+    def unit_text(self, plain: bool) -> str:
+        """Return the unit, for terminals in ASCII if `plain`."""
+        return Unit(1.0, self.unit).label(plain)
 
     def label_with_unit(self, plain: bool = False) -> str:
         """Return the label with its unit, if any, in brackets; `plain` for terminals."""
-        unit = self.unit.label(plain)
-        return f"{self.label} ({unit})" if unit else self.label
+        return f"{self.label} ({self.unit_text(plain)})" if self.unit else self.label
 
     def formatted(self, plain: bool = False) -> str:
         """Return value, band and unit as text, with the part of sampling in the band."""
         text = number(self.value, self.band) if self.band else f"{self.value:.6g}"
         sampling = "" if self.sampling is None else f", of which {self.sampling:.2g} by sampling"
         spread = "" if self.push_spread is None else f", ± {self.push_spread:.2g} by the spread of the forces"
-        return f"{text} {self.unit.label(plain)}".rstrip() + sampling + spread
+        return f"{text} {self.unit_text(plain)}".rstrip() + sampling + spread
 
 
 class Goal(Stated):
@@ -90,8 +89,7 @@ class Requirement(Stated):
     @property
     def limits(self) -> str:
         """Its ends as text, without unit."""
-        ends = (("at least", self.at_least), ("at most", self.at_most))
-        return " and ".join(f"{word} {end:g}" for word, end in ends if end is not None)
+        return limits_text(self.at_least, self.at_most)
 
 
 class SoleRelaxation(Record):

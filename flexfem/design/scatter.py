@@ -6,8 +6,9 @@ is evaluated for each hinge at a few necks; the compliances of the stages are in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +23,9 @@ from flexfem.design.requirements import Tolerance
 from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.frames import Frames
-from flexfem.study.loaded import INSIDE, monte_carlo
+from flexfem.mechanism.stage import CHAINS, HINGE_NAMES
+from flexfem.study.factors import Factor, columns_of
+from flexfem.study.loaded import INSIDE, LoadedStudy, monte_carlo, stage_of
 
 LEVEL = 0.95  # of the quantiles
 CONFIDENCE = 0.95  # of the intervals of the quantiles
@@ -38,6 +41,14 @@ def deviations(tolerance: Tolerance, stages: int, seed: int) -> Array:
     """Draw the deviations (stages, 3 chains, 3 hinges) of the nine necks, mm."""
     quantiles = np.clip(monte_carlo(seed, 9, 0, stages), INSIDE, 1.0 - INSIDE)
     return np.asarray(1e-3 * tolerance.neck_um * ndtri(quantiles).reshape(-1, 3, 3))
+
+
+def scattered(loaded: LoadedStudy, values: Array, off: Array) -> tuple[LoadedStudy, Array]:
+    """Return the study of the nine necks of a design (d,), and its designs (n, 9) for deviations (n, 3, 3)."""
+    stage, hinges = stage_of(loaded, values), list(product(CHAINS, HINGE_NAMES))
+    columns = columns_of(Factor(key=f"override.{k}.{name}.neck_mm", values=(0.5,)) for k, name in hinges)
+    necks = [stage.hinge(*hinge).neck for hinge in hinges]
+    return replace(loaded, base=stage, columns=columns), off.reshape(-1, 9) + necks
 
 
 @dataclass(frozen=True, eq=False)

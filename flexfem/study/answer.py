@@ -59,7 +59,7 @@ def needs_stages(study: Study) -> bool:
     return study.draws or study.links or study.frequencies is not None or bool(study.ask)
 
 
-def _for_stages(stages: Stages, reason: AnyArray, function: Callable[[Stage], Result]) -> dict[int, Result]:
+def for_stages(stages: Stages, reason: AnyArray, function: Callable[[Stage], Result]) -> dict[int, Result]:
     """Return the results of a function of each stage not yet refused, by index; its refusals go to `reason`."""
     results = dict[int, Result]()
     for index in map(int, np.flatnonzero(reason == "")):
@@ -72,7 +72,7 @@ def _for_stages(stages: Stages, reason: AnyArray, function: Callable[[Stage], Re
 
 def _stacked(loaded: LoadedStudy, stages: Stages, reason: AnyArray, function: Callable[[Stage], Any]) -> list[Array]:
     """Return the arrays (n, ...) of a function of every stage, with the base stage in place of refused designs."""
-    results = _for_stages(stages, reason, function)
+    results = for_stages(stages, reason, function)
     instead = function(loaded.stage) if len(results) < len(reason) else None
     rows = (results.get(index, instead) for index in range(len(reason)))
     return [np.stack(arrays) for arrays in zip(*rows, strict=True)]
@@ -123,7 +123,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         stages = cache(lambda index: stage_of(loaded, values[index]))
         stacked, model = partial(_stacked, loaded, stages, reason), (hinges, freedoms)
         if study.draws:
-            _for_stages(stages, reason, check_feasible)
+            for_stages(stages, reason, check_feasible)
         warm = WarmBodies(*stacked(partial(_warm_bodies, study))) if study.links else None
         found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, _repeated(loaded))
         if study.driven:
@@ -150,7 +150,7 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         if found.drives is not None:
             reason[np.isnan(found.drives.range).any(axis=1) & (reason == "")] = UNMOVED
         extra = np.full((len(values), len(study.ask)), np.nan)
-        for index, numbers in _for_stages(stages, reason, partial(extra_numbers, loaded)).items() if study.ask else ():
+        for index, numbers in for_stages(stages, reason, partial(extra_numbers, loaded)).items() if study.ask else ():
             extra[index] = numbers[:, 0]
         outputs = np.hstack([values_of(found, study.columns, study.rotation), extra])
     outputs[reason != ""] = np.nan

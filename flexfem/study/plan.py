@@ -109,6 +109,16 @@ def require_ends(table: Table, least: str, most: str) -> None:
         raise refusal(f">= {low:g}, the lower limit", most)
 
 
+def limits(least: float | None, most: float | None) -> tuple[float, float]:
+    """Return both limits, infinite where there is none."""
+    return -np.inf if least is None else least, np.inf if most is None else most
+
+
+def limits_text(least: float | None, most: float | None) -> str:
+    """Return both limits as text."""
+    return " and ".join(f"{word} {end:g}" for word, end in (("at least", least), ("at most", most)) if end is not None)
+
+
 class Constraint(Table):
     """Limits of an expression of columns and keys that a feasible design must keep."""
 
@@ -136,13 +146,11 @@ class Constraint(Table):
     @property
     def expected(self) -> str:
         """The limits as text."""
-        limits = (("at least", self.least), ("at most", self.most))
-        return " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
+        return limits_text(self.least, self.most)
 
     def broken(self, values: Array) -> AnyArray:
         """Return which values (n,) are outside the limits or not finite."""
-        low = -np.inf if self.least is None else self.least
-        high = np.inf if self.most is None else self.most
+        low, high = limits(self.least, self.most)
         return np.asarray(~(np.isfinite(values) & (values >= low) & (values <= high)))
 
 

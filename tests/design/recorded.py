@@ -7,6 +7,7 @@ from typing import Any
 
 from flexfem.design.result import Designed, FrontDesign, Goal, Requirement, Round, Scattered, SoleRelaxation, Step
 from flexfem.mechanism.stage import Stage
+from flexfem.units import unit_of
 
 from .conftest import REFERENCE
 
@@ -19,7 +20,7 @@ def requirement(name: str, label: str, **said: Any) -> Requirement:
     """A requirement that is met, is not active and rests on the model alone, but for what is `said`."""
     about = {"band": None, "band_percent": None, "active": False}
     about |= {"verdict": "met", "checked_by": "analytic model alone", "at_least": None, "at_most": None}
-    return Requirement(name=name, label=label, **(about | said))
+    return Requirement(name=name, label=label, unit=unit_of(name).name, **(about | said))
 
 
 REQUIREMENTS = [
@@ -37,9 +38,10 @@ REQUIREMENTS = [
     ),
 ]  # fmt: skip
 GOALS = [
-    Goal(name=REACH, label="reach", value=412.0, band=1.25, uncorrected=433.0, checked_by="finite elements",
+    Goal(name=REACH, label="reach", unit="µm", value=412.0, band=1.25, uncorrected=433.0, checked_by="finite elements",
          better="larger"),
-    Goal(name=MASS, label="mass", value=0.0893, band=None, uncorrected=0.0871, checked_by="exact", better="smaller"),
+    Goal(name=MASS, label="mass", unit="kg", value=0.0893, band=None, uncorrected=0.0871, checked_by="exact",
+         better="smaller"),
 ]  # fmt: skip
 FOLLOWED = (REACH, MASS, STIFFNESS, ENVELOPE, COUPLING)
 FRONT = [

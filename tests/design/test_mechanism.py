@@ -74,6 +74,7 @@ def test_a_design_is_proven_by_finite_elements_and_its_file_has_the_same_numbers
     assert made.parameters["length_mm"] == found.design["parameters.length_mm"] and made.hash == found.hash
     assert made.body[1].path[0][1].text == "length + width / 2"
     stiffness, frequency = found.requirements
+    assert (stiffness.unit, frequency.unit, found.objectives[0].unit) == ("N/mm", "Hz", "mm")
     at_rest = flexfem.stiffness(made, models="elements", resolution=8)
     assert stiffness.value == pytest.approx(at_rest.at("free", model="finite elements", direction="x"), rel=1e-9)
     assert stiffness.band == pytest.approx(at_rest.band("free", model="finite elements", direction="x"), rel=1e-6)
