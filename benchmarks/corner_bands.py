@@ -42,7 +42,6 @@ from flexfem.study.columns import (
     GRADIENTS,
     RANGES,
     STRESSES,
-    life_columns,
     outputs_of,
     values_of,
 )
@@ -61,7 +60,7 @@ KINDS = {
     "drift by gradients": GRADIENTS,
     "highest stress": STRESSES,
     "range at yield": RANGES,
-    "life": life_columns(ALONG_X),
+    "life": tuple(name for name in COLUMNS if name.startswith(("life_", "safety_"))),
 }
 POSES = "poses of drift"
 

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flexfem.arrays import Array
+from flexfem.arrays import ROUND_OFF, Array
 from flexfem.design.model import MISSED, Model, correction_of, silent
 from flexfem.design.requirements import SCATTERED, LoadedRequirements
 from flexfem.design.scatter import CouplingQuantiles, coupling_quantiles, scattered
@@ -45,7 +45,7 @@ ROUNDS = 8  # at most
 ROOM = (1.0, 0.1)  # parts of the accuracy added to the bands in the guards, tried in turn
 ROUND_OFF_RATIO = 1e4  # round-off of finite elements over that of the model
 CORNER_COLUMNS = {*outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS}
-STRESS_COLUMNS = {*outputs.STRESSES, *outputs.RANGES, *outputs.life_columns((True, True, True))}
+STRESS_COLUMNS = {*outputs.STRESSES, *outputs.RANGES, *outputs.LIVES}
 
 Row: TypeAlias = list[float] | Failure  # outputs of a study
 
@@ -256,7 +256,7 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
         changed = [columns | {name: columns[name] + float(width)} for name, width in widths.items() if name in columns]
         return np.asarray(np.sum([np.abs(quantities(each) - q) for each in changed], axis=0) + 0.0 * q)
 
-    round_off = effect(outputs.round_off_of({name: np.array(x) for name, x in columns.items()}))
+    round_off = ROUND_OFF * effect(outputs.sizes_of({name: np.array(x) for name, x in columns.items()}))
     sampling, bands = effect(half_widths), np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)
     predicted = quantities({name: float(x[0]) for name, x in model.corrected(of_model).items()})
     size, difference = np.maximum(np.abs(q), model.sizes), np.abs(predicted - q)

@@ -46,7 +46,7 @@ from flexfem.questions.driven import Driven, drive_ranges
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import Rows, failed_row, row_of, values_of
+from flexfem.study.columns import Rows, row_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, plate_of, refusals_of, sample, stage_of
 from flexfem.study.plan import Study
 
@@ -76,12 +76,6 @@ def _stacked(loaded: LoadedStudy, stages: Stages, reason: AnyArray, function: Ca
     instead = function(loaded.stage) if len(results) < len(reason) else None
     rows = (results.get(index, instead) for index in range(len(reason)))
     return [np.stack(arrays) for arrays in zip(*rows, strict=True)]
-
-
-def payload(loaded: LoadedStudy) -> Payload | None:
-    """Return the payload of the platform where natural frequencies are requested, else None."""
-    table = loaded.study.frequencies
-    return None if table is None else payload_of(table.payload_kg, table.payload_kg_mm2)
 
 
 FATIGUE = f"{KEY}: expected {UNLIKELY.format(*STRENGTHS, 'material.yield_strength_mpa')}"
@@ -116,7 +110,10 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         designs = designs_of(loaded, values)
         hinges, freedoms = hinge_compliances(designs, study.formula), freedoms_of(study.mobility, designs.prismatic)
         doubtful = unlikely(designs.fatigue[:, 0], designs.yield_strength)
-        refused = [*_off_limits(loaded, values), *(condition.broken for condition in conditions(designs))]
+        limits = [(path, value) for column, value in zip(loaded.columns, values.T, strict=True) for path in column.keys]
+        refused = [Broken(f"{path}: outside the limits of a stage file", keys()[path].number.refuses(value))
+                   for path, value in limits]  # fmt: skip
+        refused += [condition.broken for condition in conditions(designs)]
         refused += [*invalid_hinges(designs, study.formula, hinges), Broken(FATIGUE, doubtful)]
         reasons = [np.array(refusal.reason, object) for refusal in refused]
         reason = np.select([refusal.where for refusal in refused], reasons, refusals_of(loaded, values))
@@ -124,8 +121,9 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         stacked, model = partial(_stacked, loaded, stages, reason), (hinges, freedoms)
         if study.draws:
             for_stages(stages, reason, check_feasible)
+        payload, repeated = _questions(study)
         warm = WarmBodies(*stacked(partial(_warm_bodies, study))) if study.links else None
-        found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, _repeated(loaded))
+        found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, repeated)
         if study.driven:
             drive = drives_of(loaded.stage, designs, reason, stages)
             links = (
@@ -135,8 +133,8 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
             response = driven_compliance(designs.frames, *model, drive.stacks, links)
             drives = drive_ranges(designs, Driven.of(response.compliance, drive), response.necks)
             found = found._replace(drives=drives)
-        if study.frequencies is not None:
-            (mass,) = stacked(lambda stage: (mass_matrix(stage, payload(loaded) or Payload()),))
+        if payload is not None:
+            (mass,) = stacked(lambda stage: (mass_matrix(stage, payload),))
             links = LinkParts(*stacked(lambda stage: link_parts(stage, body_loads(stage)))) if study.links else None
             compliance = driven_compliance(designs.frames, *model, body_loads(), links).compliance
             dynamics = Dynamics(compliance, mass, FREEDOMS if study.links else mobility(freedoms))
@@ -209,12 +207,13 @@ def require_extra_numbers(loaded: LoadedStudy) -> None:
         pass
 
 
-def _repeated(loaded: LoadedStudy) -> CyclicMotion | None:
-    """Return the cyclic pose of the platform where lives are requested, else None."""
-    life = loaded.study.life
+def _questions(study: Study) -> tuple[Payload | None, CyclicMotion | None]:
+    """Return the payload where natural frequencies are requested, and the cyclic pose where lives are, else None."""
+    table, life = study.frequencies, study.life
+    payload = None if table is None else payload_of(table.payload_kg, table.payload_kg_mm2)
     if life is None:
-        return None
-    return cyclic_motion(np.array(life.amplitude), None, life.ratio, life.cycles, life.notch_sensitivity)
+        return payload, None
+    return payload, cyclic_motion(np.array(life.amplitude), None, life.ratio, life.cycles, life.notch_sensitivity)
 
 
 def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
@@ -224,7 +223,7 @@ def solved_values(stage: Stage, loaded: LoadedStudy) -> Array:
     if study.model == "three_dimensional":
         found = solved_design(stage, study.resolution, limit, layers=study.layers)
     else:
-        requested = payload(loaded), _repeated(loaded), study.driven, study.drift is not None
+        requested = *_questions(study), study.driven, study.drift is not None
         found = solved_design(stage, study.resolution, limit, predicted, study.bands, *requested)
         if found.drives is not None and np.isnan(found.drives.range).any():
             raise BadInput(UNMOVED)
@@ -248,7 +247,7 @@ def _solved_row(loaded: LoadedStudy, values: Array) -> Rows:
         status, reason = "time limit", str(failure)
     except (ComputationFailed, np.linalg.LinAlgError) as failure:
         status, reason = "failed", str(failure)
-    return failed_row(len(loaded.outputs), status, reason)
+    return row_of(status, reason, np.full(len(loaded.outputs), np.nan))
 
 
 def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
@@ -272,15 +271,6 @@ def with_warnings(loaded: LoadedStudy, values: Array, rows: Rows) -> Rows:
         warned = where & (rows.status == "ok")
         reason[warned] = [f"{earlier}; {text}" if earlier else text for earlier in reason[warned]]
     return rows._replace(reason=reason)
-
-
-def _off_limits(loaded: LoadedStudy, values: Array) -> list[Broken]:
-    """Return the conditions that refuse values which no stage file can give."""
-    return [
-        Broken(f"{path}: outside the limits of a stage file", keys()[path].number.refuses(values[:, index]))
-        for index, column in enumerate(loaded.columns)
-        for path in column.keys
-    ]
 
 
 def nominal(loaded: LoadedStudy) -> dict[str, float]:

@@ -7,13 +7,13 @@ elements. Any other number in a result of flexfem is a column by its path, such 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import compress
+from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexfem.arrays import ROUND_OFF, AnyArray, Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.files.refusals import one_line
 from flexfem.units import DIRECTIONS, unit_of
 
@@ -181,24 +181,15 @@ OPTIONAL = tuple(dict.fromkeys(group.table for group in GROUPS if group.table))
 LIFE_AMPLITUDES = LIVES[1:4]
 MEANINGS = {group.names: group.meaning for group in GROUPS}
 LABELS = {name: label for group in GROUPS for name, label in group.labels.items()}
-CROSS = {  # stiffnesses between two directions, with those along each
-    "kxy_n_per_mm": ("kxx_n_per_mm", "kyy_n_per_mm"),
-    "kxt_n": ("kxx_n_per_mm", "ktt_n_mm_per_rad"),
-    "kyt_n": ("kyy_n_per_mm", "ktt_n_mm_per_rad"),
-}
+CROSS = dict(zip(STIFFNESSES[3:], combinations(STIFFNESSES[:3], 2), strict=True))  # with those along each direction
 SCALES = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)  # of other columns that may vanish
 
 
 def outputs_of(*tables: str, moved: Sequence[bool] = (True, True, True)) -> tuple[str, ...]:
     """Return the output columns of a study with the given tables; life amplitudes of the `moved` directions only."""
-    unmoved = set(LIFE_AMPLITUDES) - set(life_columns(moved))
+    unmoved = {name for name, moves in zip(LIFE_AMPLITUDES, moved, strict=True) if not moves}
     groups = [group for group in GROUPS if group.table in ("", *tables)]
     return tuple(name for group in groups for name in group.names if name not in unmoved)
-
-
-def life_columns(moved: Sequence[bool]) -> tuple[str, ...]:
-    """Return the columns on fatigue life for an amplitude in the `moved` directions."""
-    return ("life_cycles", *compress(LIFE_AMPLITUDES, moved), "safety_factor")
 
 
 def values_of(result: DesignAnswers, names: Sequence[str], rotation: float | None) -> Array:
@@ -216,18 +207,14 @@ def sizes_of(columns: Mapping[str, Array]) -> dict[str, Array]:
 
     columns : (n,) each, stiffnesses and drift by name.   Drift in X and Y also refers to that of the rotation at 1 mm.
     """
-    crossed = {name: pair for name, pair in CROSS.items() if {*pair} <= columns.keys()}
-    sizes = {name: np.sqrt(np.abs(columns[first] * columns[second])) for name, (first, second) in crossed.items()}
-    sizes |= {name: np.asarray(scale) for name, scale in SCALES.items()}
+    sizes = {name: np.asarray(scale) for name, scale in SCALES.items()}
+    for name, (first, second) in CROSS.items():
+        if {first, second} <= columns.keys():
+            sizes[name] = np.sqrt(np.abs(columns[first] * columns[second]))
     if DRIFTS[0] in columns:
         x, y, theta = (np.abs(columns[name]) for name in DRIFTS)
         sizes |= dict.fromkeys(DRIFTS[:2], np.maximum(np.maximum(x, y), 1e-3 * theta))  # um per urad at 1 mm
     return sizes
-
-
-def round_off_of(columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the size up to which values of such columns are round-off."""
-    return {name: ROUND_OFF * size for name, size in sizes_of(columns).items()}
 
 
 class Rows(NamedTuple):
@@ -244,10 +231,5 @@ class Rows(NamedTuple):
 
 
 def row_of(status: str, reason: str, values: ArrayLike) -> Rows:
-    """Return the row of one design with values (outputs,)."""
-    return Rows(np.array([status], object), np.array([reason], object), np.array([values], float))
-
-
-def failed_row(outputs: int, status: str, reason: str) -> Rows:
-    """Return the row of one design without a result."""
-    return row_of(status, one_line(reason, LONGEST), np.full(outputs, np.nan))
+    """Return the row of one design with values (outputs,), which are nan where the status is not "ok"."""
+    return Rows(np.array([status], object), np.array([one_line(reason, LONGEST)], object), np.array([values], float))

@@ -20,7 +20,7 @@ from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
-from flexfem.study.columns import LABELS, RANGES, STRESSES, life_columns
+from flexfem.study.columns import LABELS, LIVES, RANGES, STRESSES
 from flexfem.study.factors import Column
 from flexfem.study.loaded import LoadedStudy, plate_of
 from flexfem.study.plan import Figure, Study
@@ -207,8 +207,7 @@ class Source(NamedTuple):
             kept, computed = thousands(int(table.kept.sum())), thousands(int(table.ok.sum()))
             text.append(f"{kept} of {computed} designs with a result satisfy the constraints: {limits}.")
         text += [f"{warning}." for warning in table.warnings]
-        of_stress = {*STRESSES, *RANGES, *(() if study.life is None else life_columns(study.life.moved))}
-        if study.behind(name for name, _ in figure.columns.values()) & of_stress:
+        if study.behind(name for name, _ in figure.columns.values()) & {*STRESSES, *RANGES, *LIVES}:
             text.append(sentence(loaded.stress_accuracy))
         return Caption(figure.title or sentence(title)[:-1], [*text, *lines], *loaded.assumptions)
 

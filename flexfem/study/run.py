@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, needs_stages
-from flexfem.study.columns import Rows, failed_row
+from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
@@ -227,7 +227,7 @@ def run_parts(
                 todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
                 continue
             if isinstance(result, Failure):
-                result = table_of(parts, piece, failed_row(len(parts.loaded.outputs), *result))
+                result = table_of(parts, piece, row_of(*result, np.full(len(parts.loaded.outputs), np.nan)))
             if isinstance(result, pa.Table):
                 pieces[chunk].append(result)
                 if sum(map(len, pieces[chunk])) < len(chunk):
