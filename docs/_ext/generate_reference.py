@@ -199,10 +199,9 @@ def commands_page() -> str:
 def _command(of: Any, name: str) -> Iterator[str]:
     yield f"### `{name}`"
     yield " ".join((of.help or "").split())
-    inside = getattr(of, "commands", None)
-    if inside is not None:
-        for key, each in inside.items():
-            yield from _command(each, f"{name} {key}")
+    if hasattr(of, "list_commands"):
+        for key in of.list_commands(None):
+            yield from _command(of.get_command(None, key), f"{name} {key}")
         return
     arguments = [_metavar(each) for each in of.params if each.param_type_name == "argument"]
     yield f"```text\n{' '.join([name, *arguments, '[OPTIONS]'])}\n```"
