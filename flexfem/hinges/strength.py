@@ -74,14 +74,6 @@ def von_mises_along(out_of_plane: Array) -> Array:
     return np.asarray(np.sqrt(1.0 - out_of_plane + out_of_plane**2))
 
 
-def range_at_yield(stress: Array, yield_strength: Array) -> Array:
-    """Return the displacement (..., 3) of the platform in each direction, the others held, at first yield of a neck.
-
-    stress : (..., 3 chains, 3 hinges, 3 directions) of `neck_stress`.   yield_strength : (...), MPa.
-    """
-    return np.asarray(yield_strength[..., None] / np.max(stress, axis=(-3, -2)))
-
-
 KEY = "material.fatigue_strength_coefficient_mpa"
 RANGE = (1e3, 1e6)  # cycles, assumed without a source: plastic strain matters below, S-N curves bend above
 ONE_REVERSAL = 0.5  # cycles
@@ -231,23 +223,19 @@ def fit_basquin(stress: ArrayLike, cycles: ArrayLike, confidence: float = 95.0) 
     half = float(stats.t.ppf(0.5 + confidence / 200.0, n - 2)) * error
     coefficient, A = (float(10.0 ** ((np.log10(N) - line.intercept) / slope)) for N in (ONE_REVERSAL, 1.0))
     low, high, spread = slope - half, slope + half, float(np.sum((x - x.mean()) ** 2))
-    coefficient_interval = None
+    coefficient_interval, exponent_interval = None, None
     if high < 0:  # Fieller's interval of the stress at one reversal; unbounded for other slopes
         centre, a = float(np.log10(ONE_REVERSAL) - y.mean()), low * high
         middle, half_width = x.mean() + slope * centre / a, half * np.sqrt(centre**2 + a * spread / n) / a
         coefficient_interval = float(10.0 ** (middle - half_width)), float(10.0 ** (middle + half_width))
-    return BasquinFit(
-        coefficient=coefficient,
-        exponent=1.0 / slope,
-        A=A,
-        B=1.0 / slope,
-        coefficient_interval=coefficient_interval,
-        exponent_interval=(1.0 / high, 1.0 / low) if high < 0 else None,
-        confidence=float(confidence),
-        scatter=error * float(np.sqrt(spread)),
-        points=n,
-        range=(float(np.min(cycles)), float(np.max(cycles))),
+        exponent_interval = 1.0 / high, 1.0 / low
+    exponent, scatter, ends = (
+        1.0 / slope,
+        error * float(np.sqrt(spread)),
+        (float(np.min(cycles)), float(np.max(cycles))),
     )
+    intervals = coefficient_interval, exponent_interval
+    return BasquinFit(coefficient, exponent, A, exponent, *intervals, float(confidence), scatter, n, ends)
 
 
 def _positive(name: str, values: ArrayLike) -> Array:

@@ -7,6 +7,7 @@ otherwise on the outlines, once for every distinct geometry.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -45,7 +46,7 @@ class ActuatorSet(NamedTuple):
     stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
     differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the partner of a pair.
     lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its stroke.
-    friction : (n,), coefficient at each contact, nan where it is not stated; empty for many designs.
+    friction : (n,), coefficient at each contact, nan where it is not stated; empty for a mechanism.
     """
 
     stacks: tuple[Stack, ...]
@@ -74,20 +75,9 @@ def drive_of(stage: StageContent) -> ActuatorSet:
     with located(stage):
         if not stage.actuator:
             raise BadInput("no [[actuator]]: the stage has no drive")
-        chains, stacks, friction = actuators_of(stage), list[Stack](), list[float]()
-        for chain, row in zip(CHAINS, chains, strict=True):
-            for index, actuator in enumerate(row):
-                placed = contacts(stage, chain, index)
-                stacks += placed
-                friction += [np.nan if actuator.friction is None else actuator.friction] * len(placed)
-        return _drive_with(stacks, lower(stage), chains).at(0)._replace(friction=np.array(friction))
-
-
-class Contact(NamedTuple):
-    """Contact point, mm, complex, and direction, rad, of the force on the driven body, frame of chain 1."""
-
-    point: complex
-    direction: float
+        places = product(CHAINS, range(len(stage.actuator)))
+        stacks = [stack for chain, index in places for stack in contacts(stage, chain, index)]
+        return _drive_with(stacks, lower(stage), actuators_of(stage)).at(0)
 
 
 def contacts(stage: StageContent, chain: int, index: int) -> tuple[Stack, ...]:
@@ -95,7 +85,7 @@ def contacts(stage: StageContent, chain: int, index: int) -> tuple[Stack, ...]:
 
     Raises BadInput for a contact off the outline of its body.
     """
-    actuator = actuators_of(stage)[chain - 1][index]
+    actuator, width = actuators_of(stage)[chain - 1][index], stage.chain.link_width
     body = actuator.between[1]
     sectors = CHAINS if body == "platform" else (chain,)
     faces = [(draw_sector(stage, sector)[body], (sector - chain) * CHAIN_TURN) for sector in sectors]
@@ -105,36 +95,50 @@ def contacts(stage: StageContent, chain: int, index: int) -> tuple[Stack, ...]:
         for segment, label in zip(face.loop, face.labels, strict=True)
         if label == "free"
     ]
-    if actuator.point is None or actuator.direction is None:
-        first = _on_link(stage, chain, index)
-    else:
-        first = Contact(complex(*actuator.point), actuator.direction)
-    _check_contact(stage, chain, index, first, outline)
-    placed = [first]
-    if actuator.pair:
-        direction = np.exp(1j * first.direction)
-        crossings = [t for segment in outline for t in _crossings(segment, first.point, direction)]
-        opposite = [t for t in crossings if t > ON_OUTLINE * stage.chain.link_width]
-        if not opposite:
+
+    def checked(point: complex, direction: float) -> Stack:
+        """Stack at a point. Raises BadInput, with the key of its position, off the outline or with an outward force."""
+        distance, _, place, inward = nearest(outline, point)
+        at, of_chain, on_link = f"[{point.real:.4g}, {point.imag:.4g}]", f"{body} of chain {chain}", not actuator.point
+        if distance > ON_OUTLINE * width:
+            key, value = ("arm_mm", f"{actuator.arm:g}") if on_link else ("point_mm", f"{list(actuator.point or ())}")
             raise BadInput(
-                f"{key_of_actuator(stage, chain, index, 'pair')} = true: {body} of chain {chain} has no outline "
-                "opposite to the contact, expected one for the second stack"
+                f"{key_of_actuator(stage, chain, index, key)} = {value}, contact off the body: expected a point of the "
+                f"outline of {of_chain}, the nearest is [{place.real:.4g}, {place.imag:.4g}]"
             )
-        placed.append(Contact(complex(first.point + min(opposite) * direction), first.direction + np.pi))
-        _check_contact(stage, chain, index, placed[1], outline)
-    ball = actuator.ball_radius or 0.0
-    return tuple(placed_stack(stage, chain - 1, actuator.between, *contact, ball) for contact in placed)
+        if (np.exp(1j * direction) * np.conj(inward)).real < LEAST_COSINE:
+            key, angle = ("tilt_deg", actuator.tilt or 0.0) if on_link else ("direction_deg", direction)
+            raise BadInput(
+                f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(angle):g}, not directed into {of_chain} at "
+                f"{at}: expected within 84 degrees of {np.rad2deg(np.angle(inward)) % 360:.4g}, the inward normal there"
+            )
+        return placed_stack(stage, chain - 1, actuator.between, point, direction, actuator.ball_radius or 0.0)
+
+    if actuator.point is None or actuator.direction is None:
+        first = checked(*_on_link(stage, chain, index))
+    else:
+        first = checked(complex(*actuator.point), actuator.direction)
+    if not actuator.pair:
+        return (first,)
+    crossings = [t for segment in outline for t in _crossings(segment, first.point, first.direction)]
+    opposite = min((t for t in crossings if t > ON_OUTLINE * width), default=None)
+    if opposite is None:
+        raise BadInput(
+            f"{key_of_actuator(stage, chain, index, 'pair')} = true: {body} of chain {chain} has no outline opposite "
+            "to the contact, expected one for the second stack"
+        )
+    return first, checked(first.point + opposite * first.direction, float(np.angle(-first.direction)))
 
 
-def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
-    """Contact at an arm from a hinge, on a side of a link. Raises BadInput for an arm outside the strip."""
+def _on_link(stage: StageContent, chain: int, index: int) -> tuple[complex, float]:
+    """Point and direction of the force, rad, at an arm from a hinge. Raises BadInput for an arm outside the strip."""
     actuator = actuators_of(stage)[chain - 1][index]
     assert actuator.hinge is not None and actuator.arm is not None
-    body = actuator.between[1]
+    body, width = actuator.between[1], stage.chain.link_width
     path = centrelines(stage, chain)[BODY_NAMES.index(body)]
     length, radius = sum(segment.length for segment in path), stage.hinge(chain, actuator.hinge).radius
-    s, gap = actuator.arm - radius, BESIDE * stage.chain.link_width
-    if not gap < s < length - gap:  # at a corner there is no normal
+    s = actuator.arm - radius
+    if not BESIDE * width < s < length - BESIDE * width:  # at a corner there is no normal
         raise BadInput(
             f"{key_of_actuator(stage, chain, index, 'arm_mm')} = {actuator.arm:g}, contact off the link: expected "
             f"between {radius:g} and {radius + length:.6g}, from notch to notch of {body} of chain {chain}"
@@ -146,29 +150,7 @@ def _on_link(stage: StageContent, chain: int, index: int) -> Contact:
         s -= segment.length
     share = min(s / segment.length, 1.0)
     outward = 1j * (1 if actuator.side == "left" else -1) * complex(segment.tangent(share))
-    point = complex(segment.at(share)) + outward * stage.chain.link_width / 2
-    return Contact(point, float(np.angle(-outward)) + (actuator.tilt or 0.0))
-
-
-def _check_contact(stage: StageContent, chain: int, index: int, contact: Contact, outline: list[Segment]) -> None:
-    """Raise BadInput, with the key of its position, for a contact off the outline or with an outward force."""
-    actuator, (point, direction) = actuators_of(stage)[chain - 1][index], contact
-    body = f"{actuator.between[1]} of chain {chain}"
-    distance, _, place, inward = nearest(outline, point)
-    if distance > ON_OUTLINE * stage.chain.link_width:
-        on_link = actuator.point is None
-        key, value = ("arm_mm", f"{actuator.arm:g}") if on_link else ("point_mm", str(list(actuator.point or ())))
-        raise BadInput(
-            f"{key_of_actuator(stage, chain, index, key)} = {value}, contact off the body: expected a point of the "
-            f"outline of {body}, the nearest is [{place.real:.4g}, {place.imag:.4g}]"
-        )
-    if (np.exp(1j * direction) * np.conj(inward)).real < LEAST_COSINE:
-        key, angle = ("tilt_deg", actuator.tilt) if actuator.direction is None else ("direction_deg", direction)
-        raise BadInput(
-            f"{key_of_actuator(stage, chain, index, key)} = {np.rad2deg(angle or 0.0):g}, not directed into "
-            f"{body} at [{point.real:.4g}, {point.imag:.4g}]: expected within 84 degrees of "
-            f"{np.rad2deg(np.angle(inward)) % 360:.4g}, the inward normal there"
-        )
+    return complex(segment.at(share)) + outward * width / 2, float(np.angle(-outward)) + (actuator.tilt or 0.0)
 
 
 def _crossings(segment: Segment, point: complex, direction: complex) -> list[float]:
@@ -209,20 +191,18 @@ def drives_of(
     for index, actuator in enumerate(chains[0]):
         for text, where in refused.items():
             reason[np.any(where[:, :, index], axis=1) & (reason == "")] = f"actuator.{actuator.name}.{text}"
-    wrenches = np.empty((*numbers.arm.shape[1:], len(numbers.arm), 3))
+    places = [(*place, chains[place[0]][place[1]]) for place in np.ndindex(numbers.arm.shape[1:])]
+    wrenches, stacks = np.empty((*numbers.arm.shape[1:], len(numbers.arm), 3)), list[Stack]()
     to_draw = np.zeros(len(numbers.arm), dtype=bool)
-    for chain, row in enumerate(chains):
-        for index, actuator in enumerate(row):
-            wrenches[chain, index], valid, outside = _contact(designs, chain, index, actuator)
-            reason[outside & (reason == "")] = f"actuator.{actuator.name}.arm_mm: contact off the link"
-            to_draw |= ~valid
+    for chain, index, actuator in places:
+        wrenches[chain, index], valid, outside = _contact(designs, chain, index, actuator)
+        reason[outside & (reason == "")] = f"actuator.{actuator.name}.arm_mm: contact off the link"
+        to_draw |= ~valid
     _draw(designs, np.flatnonzero(to_draw & (reason == "")), wrenches, reason, stage_at)
-    stacks = list[Stack]()
-    for chain, row in enumerate(chains):
-        for actuator, wrench in zip(row, wrenches[chain], strict=True):
-            carrier, driven = (BODY_NAMES.index(body) for body in actuator.between)
-            for q in (wrench, -wrench) if actuator.pair else (wrench,):
-                stacks.append(Stack(chain, (Push(driven, q, None), Push(carrier, -q, None))))
+    for chain, index, actuator in places:
+        carrier, driven = (BODY_NAMES.index(body) for body in actuator.between)
+        for q in (wrenches[chain, index], -wrenches[chain, index])[: 1 + actuator.pair]:
+            stacks.append(Stack(chain, (Push(driven, q, None), Push(carrier, -q, None))))
     return _drive_with(stacks, designs, chains)
 
 
@@ -314,4 +294,5 @@ def _drive_with(stacks: list[Stack], designs: Designs, chains: tuple[tuple[Actua
         differential=differential,
         lowest=np.where(pair, -stroke / 2, 0.0 * stroke),
         highest=np.where(pair, stroke / 2, stroke),
+        friction=np.array([np.nan if one.friction is None else one.friction for row in chains for one in row])[owner],
     )

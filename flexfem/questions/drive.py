@@ -37,6 +37,7 @@ from flexfem.questions.driven import (
     sections_of,
     stress_along,
 )
+from flexfem.questions.plates import ON_MESHES, PEAK
 from flexfem.questions.setup import DEFAULT, Analytic, MeshFields, about, for_mechanisms, mesh_of
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, FRESH, SOLVED, STRESS, UNEVEN, Gate, Quantity, Result
@@ -108,44 +109,35 @@ class MechanismDrive(Result):
     main = ("motion", {})
     reading = ("all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator",)
     motion = Quantity(
-        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"),
-        plates.ON_MESHES, "all", prefixed=True,
+        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), ON_MESHES, "all",
+        prefixed=True,
     )  # fmt: skip
     transmission = Quantity(
-        "output motion per free stroke",
-        ("", "", "rad_per_mm"),
-        ("actuator", "model", "direction"),
-        plates.ON_MESHES,
-        "all",
+        "output motion per free stroke", ("", "", "rad_per_mm"), ("actuator", "model", "direction"), ON_MESHES, "all"
     )
     used = Quantity(
-        "opening of the actuator over its free stroke", "percent", ("actuator", "model"), plates.ON_MESHES,
+        "opening of the actuator over its free stroke", "percent", ("actuator", "model"), ON_MESHES,
         note="the rest of the stroke is lost to the elasticity of the actuator",
     )  # fmt: skip
     coupling = Quantity(
         "opening of the other actuators over the free stroke", "percent", ("actuator", "other", "model"),
-        plates.ON_MESHES, "all",
+        ON_MESHES, "all",
     )  # fmt: skip
     cross = Quantity(
         "cross motion of the output over its main translation", "percent", ("actuator", "model"),
-        plates.ON_MESHES._replace(absolute=5e-3), "all",
+        ON_MESHES._replace(absolute=5e-3), "all",
     )  # fmt: skip
     rotation = Quantity(
         "parasitic rotation of the output over its main translation", "rad_per_mm", ("actuator", "model"),
-        plates.ON_MESHES._replace(absolute=1e-6), "all",
+        ON_MESHES._replace(absolute=1e-6), "all",
     )  # fmt: skip
-    force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), plates.ON_MESHES)
+    force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), ON_MESHES)
     stress = Quantity(
-        "highest hinge stress at full stroke",
-        "mpa",
-        ("actuator", "model", "hinge"),
-        plates.PEAK,
-        "all",
-        largest=("hinge",),
+        "highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), PEAK, "all", largest=("hinge",)
     )
     engaged = Quantity(
         "stiffness of the output with all actuators", "stiffness", ("model", "direction"),
-        plates.ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts
+        ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts
     )  # fmt: skip
 
 
@@ -387,15 +379,14 @@ def _commands(system: Driven, pose: Array, load: Array, lever: float, warnings: 
     for name in CRITERIA:
         try:
             commands[name] = system.commands(pose, load, lever, name)
-        except ComputationFailed as failure:
-            if name == CRITERIA[0]:
-                raise
+        except Unreachable as failure:
             warnings.append(f"{name}: {failure}")
-            reason = failure.reason if isinstance(failure, Unreachable) and name == "within limits" else ""
-    if "within limits" in commands:
-        by_limit = system.shares(commands["within limits"], load)
-        limit, used = max(((name, float(np.max(share))) for name, share in by_limit.items()), key=lambda pair: pair[1])
-        reason = f"it requires {used:.4g} times the limit of {limit}" if used > 1 + ROUND_OFF else ""
+            reason = failure.reason
+    if "within limits" in commands:  # limits of strokes are among these limits
+        shares = {name: np.max(share) for name, share in system.shares(commands["within limits"], load).items()}
+        limit = max(shares, key=shares.__getitem__)
+        over = shares[limit] > 1 + ROUND_OFF
+        reason = f"it requires {shares[limit]:.4g} times the limit of {limit}" if over else ""
     warnings += [f"the drive does not reach this pose: {reason}"] if reason else []
     return commands
 
