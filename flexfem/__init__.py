@@ -23,10 +23,10 @@ if TYPE_CHECKING:  # the text of these imports also locates names at run time
     from flexfem.cad import export as export
     from flexfem.mechanism.materials import Material as Material
     from flexfem.mechanism.mechanism import Mechanism as Mechanism
+    from flexfem.mechanism.mechanism import load as load
     from flexfem.mechanism.stage import Stage as Stage
     from flexfem.models import analyse as analyse
     from flexfem.models import errors as errors
-    from flexfem.models import load as load
     from flexfem.models import solve as solve
     from flexfem.page.report import report as report
     from flexfem.questions.as_built import as_built as as_built

@@ -33,7 +33,7 @@ from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
-from flexfem.mechanism.mechanism import Mechanism, load_plate
+from flexfem.mechanism.mechanism import Mechanism, load
 from flexfem.mechanism.plate import components, plate_area
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import levels
@@ -303,7 +303,7 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
     """Yield the numbers of an input file by question; `folder` holds meshes. Raises BadInput, ComputationFailed."""
     match kind_of(path):
         case "stage" | "mechanism":
-            plate = load_plate(path)
+            plate = load(path)
             questions = QUESTIONS
             if isinstance(plate, Mechanism):  # the summary repeats numbers of stiffness, modes and reach
                 questions = {name: one for name, one in (QUESTIONS | OF_MECHANISMS).items() if name != "summary"}

@@ -18,9 +18,7 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import neck_stresses, plane_stress
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
-from flexfem.files.toml import PathLike
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.mechanism import Mechanism, load_plate
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, error_bands, levels
@@ -155,20 +153,6 @@ class Errors(NamedTuple):
     def __repr__(self) -> str:
         values = ", ".join(map(number, self.percent.diagonal(), self.band.diagonal()))
         return f"<Errors in x, y, theta: {values} per cent>"
-
-
-def load(path: PathLike) -> Stage | Mechanism:
-    """Read and check a stage file or a mechanism file; returns a `Stage` or a `Mechanism`.
-
-    Raises BadInput, one line with file, line, key and expected value.
-
-    Examples
-    --------
-    >>> import flexfem
-    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
-    (30.0, 32.0, 24.0)
-    """
-    return load_plate(path)
 
 
 def analyse(

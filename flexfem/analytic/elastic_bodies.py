@@ -7,7 +7,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,11 +22,13 @@ from flexfem.mechanism.designs import Elastic
 from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation
 from flexfem.mechanism.outlines import Pose, Segment, polyline, reverse
 from flexfem.mechanism.stage import CHAINS, Hinge, Stage
+from flexfem.mechanism.stage_file import Platform
 
 NODES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])  # of an element from -1 to 1: Gauss points, none at a corner
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18  # per length of the element
 SHAPES = np.linalg.inv(np.vander(NODES, increasing=True))  # from nodal values to coefficients of powers
-CACHE_SIZE = 64  # solutions of some 50 kB each: many designs of a study have the same platform
+CACHE_SIZE = 64  # bodies: many designs of a study have the same platform
+Path: TypeAlias = tuple[Segment, ...]
 LOG_UNIT = 10.0  # of length in the logarithm, per size of the body: no hole has the radius at which it is singular
 
 
@@ -65,7 +67,7 @@ def _halved(segment: Segment, size: Callable[[complex], float], angle: float) ->
 def displacements(
     boundary: Boundary, tractions: AnyArray, fixed: NDArray[np.bool_], poissons_ratio: float, copies: int = 1
 ) -> AnyArray:
-    """Return the displacements (copies, n, k) times shear modulus, complex, read-only, of the nodes under k loads.
+    """Return the displacements (copies, n, k) times shear modulus, complex, of the nodes under k loads.
 
     Parameters
     ----------
@@ -78,19 +80,9 @@ def displacements(
     A discrete Fourier transform over the copies decouples the equations: with x_d in copy d, in its own frame,
     `x_d = sum_m w^(m d) (sum_e w^(m e) A_e)^-1 b / copies`, w the root of unity, A_e the action of copy e on the first.
     """
-    key = (np.ascontiguousarray(values, dtype=complex).tobytes() for values in (*boundary, tractions))
-    return _displacements(*key, np.asarray(fixed, dtype=bool).tobytes(), float(poissons_ratio), copies)
-
-
-@lru_cache(CACHE_SIZE)
-def _displacements(
-    start: bytes, end: bytes, tractions: bytes, fixed_nodes: bytes, poissons_ratio: float, copies: int
-) -> AnyArray:
-    boundary = Boundary(np.frombuffer(start, complex), np.frombuffer(end, complex))
-    fixed = np.frombuffer(fixed_nodes, bool)
     single, double = _system(boundary, poissons_ratio, copies)
     clamped = np.concatenate([fixed, fixed])
-    load = np.where(clamped[:, None], 0.0, _split(np.frombuffer(tractions, complex).reshape(len(fixed), -1)))
+    load = np.where(clamped[:, None], 0.0, _split(tractions))
     u = np.zeros((copies, *load.shape))
     for wave in range(copies // 2 + 1):  # the other waves are conjugates
         phase = np.exp(2j * np.pi * wave * np.arange(copies) / copies)
@@ -102,9 +94,7 @@ def _displacements(
         share = (1 if 2 * wave in (0, copies) else 2) / copies
         unknown = np.where(clamped[:, None], 0.0, np.linalg.solve(matrix, -force @ load))
         u += share * np.real(phase[:, None, None] * unknown)
-    u = np.asarray(u[:, : len(fixed)] + 1j * u[:, len(fixed) :])
-    u.setflags(write=False)
-    return u
+    return np.asarray(u[:, : len(fixed)] + 1j * u[:, len(fixed) :])
 
 
 def _system(boundary: Boundary, poissons_ratio: float, copies: int) -> tuple[Array, Array]:
@@ -201,10 +191,12 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     chains differ, the coupling of two lugs is the mean of that of three lugs like the first and three like the second.
     """
     cut_angle(stage)  # refuses lugs with no rim between them
-    hinges = [stage.hinge(chain, "platform") for chain in CHAINS]
-    distinct = dict(zip(hinges, CHAINS, strict=True))
-    by_hinge = {hinge: _lug_compliance(stage, material, chain) for hinge, chain in distinct.items()}
-    uniform = [by_hinge[hinge] for hinge in hinges]
+    E, nu, width, uniform = *map(float, material), stage.chain.link_width, list[Array]()
+    for chain in CHAINS:
+        left, right = (tuple(body_sides(stage, chain, side)[3]) for side in (1, -1))
+        hinge = stage.hinge(chain, "platform")
+        compliance = _lug_compliance(left, right, necks(stage, chain)[2], hinge, width, stage.platform, nu)
+        uniform.append(compliance / (E * stage.thickness))
     coupled = np.array([[(uniform[i][i - j] + uniform[j][i - j]) / 2 for j in range(3)] for i in range(3)])
     poses, rotations = [necks(stage, chain)[2] for chain in CHAINS], np.exp(1j * CHAIN_TURN * np.arange(3))
     axes = np.exp(1j * np.array([pose.heading for pose in poses])) * rotations
@@ -212,22 +204,25 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
     return np.asarray(np.einsum("ipa,ijab,jqb->ipjq", J, coupled, J).reshape(9, 9))
 
 
-def _lug_compliance(stage: Stage, material: Elastic, chain: int) -> Array:
-    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of three such lugs."""
-    E, nu = (float(value) for value in material)
-    compliance = _platform_body(stage, nu, chain) / (E / (2 * (1 + nu)) * stage.thickness)
-    compliance[0] -= _half_hinge(stage, material, stage.hinge(chain, "platform"))
+@lru_cache(CACHE_SIZE)
+def _lug_compliance(
+    left: Path, right: Path, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
+) -> Array:
+    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of three such lugs; unit
+    Young's modulus and thickness."""
+    compliance = 2 * (1 + nu) * _platform_body(left, right, neck, hinge, width, platform, nu)
+    compliance[0] -= _half_hinge(hinge, width, nu)
     return compliance
 
 
-def _platform_body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
+def _platform_body(
+    left: Path, right: Path, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
+) -> Array:
     """Compliance (3, 3, 3) of all necks to loads on one: moment, axial and transverse force; unit G, thickness."""
-    neck, hinge, hub = necks(stage, chain)[2], stage.hinge(chain, "platform"), stage.platform.hub_radius
-    left, right = (body_sides(stage, chain, side)[3] for side in (1, -1))
-    size, rotation = element_size(stage.chain.link_width, neck, hinge), cmath.exp(1j * CHAIN_TURN)
+    disc, hub = platform.radius, platform.hub_radius
+    size, rotation = element_size(width, neck, hinge), cmath.exp(1j * CHAIN_TURN)
     rim, circle = Segment(right[-1].end, left[-1].end * rotation, 0j), Segment(hub + 0j, hub * rotation.conjugate(), 0j)
-    disc = stage.platform.radius
-    ring_size = min(max(RING * (disc - hub), THIN * hub), 2 * COARSEST * stage.chain.link_width)
+    ring_size = min(max(RING * (disc - hub), THIN * hub), 2 * COARSEST * width)
     parts = [
         divided([Segment(left[0].start, right[0].start)], size, ARC_ANGLE),
         divided([*right, *reverse(left)], size, ARC_ANGLE),
@@ -236,15 +231,12 @@ def _platform_body(stage: Stage, poissons_ratio: float, chain: int) -> Array:
     boundary, part = joined(parts)
     on_hub = np.abs(boundary.nodes) < (hub + disc) / 2
     loads = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
-    return _compliance(boundary, loads, on_hub, poissons_ratio, len(CHAINS))
+    return _compliance(boundary, loads, on_hub, nu, len(CHAINS))
 
 
-def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
-    """Compliance (3, 3) of half a hinge about its neck: on a straight block, less the block as a beam."""
-    E, nu = (float(value) for value in material)
-    width, start = stage.chain.link_width, hinge.radius
-    end = start + BLOCK * width
-    neck = Pose(0j, 0.0)
+def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
+    """Compliance (3, 3) of half a hinge about its neck: on a straight block, less the block as a beam; unit E and b."""
+    start, end, neck = hinge.radius, hinge.radius + BLOCK * width, Pose(0j, 0.0)
     left, right = (notch_side(neck, hinge, width, side)[1] for side in (1, -1))
     edge, back = complex(end, -width / 2), complex(end, width / 2)
     sides = [*right, *polyline(right[-1].end, edge)], [*polyline(back, left[-1].end), *reverse(left)]
@@ -258,7 +250,7 @@ def _half_hinge(stage: Stage, material: Elastic, hinge: Hinge) -> Array:
     beam = np.diag([bending[0], (end - start) / width, 0.0])
     beam[2, 2] = bending[2] + SHEAR_CORRECTION * 2 * (1 + nu) * (end - start) / width
     beam[0, 2] = beam[2, 0] = -bending[1]
-    return np.asarray((block - beam) / (E * stage.thickness))
+    return np.asarray(block - beam)
 
 
 def element_size(width: float, pose: Pose, hinge: Hinge) -> Callable[[complex], float]:
@@ -370,20 +362,20 @@ def edge_motions(stage: Stage, neck_factor: float = 1.0) -> Array:
     the end of the pad carries no load and moves as a rigid body.
     """
     width, nu = stage.chain.link_width, float(stage.elastic.poissons_ratio)
-    hinges = [stage.hinge(chain, "base") for chain in CHAINS]
-    by_hinge = {h: _pad_motion(h.model_copy(update={"neck": neck_factor * h.neck}), width, nu) for h in set(hinges)}
     motions = np.zeros((3, 3, 3))
-    for k, (chain, hinge) in enumerate(zip(CHAINS, hinges, strict=True)):
-        neck = necks(stage, chain)[0]
+    for k, chain in enumerate(CHAINS):
+        hinge, neck = stage.hinge(chain, "base"), necks(stage, chain)[0]
+        pad = _pad_motion(hinge.model_copy(update={"neck": neck_factor * hinge.neck}), width, nu)
         e = cmath.exp(1j * (neck.heading + k * CHAIN_TURN))
         z = neck.ahead(-hinge.radius - width).point * cmath.exp(1j * k * CHAIN_TURN)
         bow = np.array([0.0, -e, 1j * e])  # in the pad's own directions
-        axial, transverse, rotation = by_hinge[hinge] @ np.stack([[1.0, z.real, z.imag], bow.real, bow.imag])
+        axial, transverse, rotation = pad @ np.stack([[1.0, z.real, z.imag], bow.real, bow.imag])
         translation = e * (axial + 1j * transverse) - 1j * rotation * z
         motions[k] = translation.real, translation.imag, rotation
     return motions
 
 
+@lru_cache(CACHE_SIZE)
 def _pad_motion(hinge: Hinge, width: float, poissons_ratio: float) -> Array:
     """Motion (3, 3) of the neck of a clamped pad at the middle of the edge: axial, transverse, rotation.
 

@@ -258,13 +258,13 @@ def _parameter(name: str, annotation: Any, default: Any) -> inspect.Parameter:
 
 def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> tuple[Any, str]:
     """Call a function with the options of its command; return its result and the stem of its files."""
-    from flexfem.mechanism.mechanism import load_plate
+    from flexfem.mechanism.mechanism import load
 
     hints, arguments, positional, stem = get_type_hints(function), dict[str, Any](), list[Any](), name
     for parameter in inspect.signature(function).parameters.values():
         hint = hints[parameter.name]
         if parameter.name == "stage":
-            arguments["stage"], stem = load_plate(given["stage"]), f"{given['stage'].stem}-{name}"
+            arguments["stage"], stem = load(given["stage"]), f"{given['stage'].stem}-{name}"
         elif hasattr(hint, "_fields"):
             arguments[parameter.name] = hint(**{field: given[field] for field in hint._fields})
         elif parameter.kind is parameter.VAR_POSITIONAL:

@@ -149,8 +149,17 @@ def load_mechanism(path: PathLike) -> Mechanism:
     return mechanism
 
 
-def load_plate(path: PathLike) -> Stage | Mechanism:
-    """Read a stage file or a mechanism file, whichever its keys show. Raises BadInput as the reader of its kind."""
+def load(path: PathLike) -> Stage | Mechanism:
+    """Read and check a stage file or a mechanism file, whichever its keys show.
+
+    Raises BadInput, one line with file, line, key and expected value.
+
+    Examples
+    --------
+    >>> import flexfem
+    >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
+    (30.0, 32.0, 24.0)
+    """
     return load_mechanism(path) if kind_of(read_toml(path).data) == Mechanism.kind else load_feasible(path)
 
 

@@ -23,7 +23,7 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.files.writing import check_file, check_folder, write_atomically
 from flexfem.hinges.strength import required_law
-from flexfem.mechanism.mechanism import Mechanism, load_plate
+from flexfem.mechanism.mechanism import Mechanism, load
 from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said, counted
@@ -237,7 +237,7 @@ def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, fol
         raise BadInput(f"{first} and {len(files) - 1} more, expected one stage or study file, or results as .json")
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind in ("stage file", Mechanism.kind):
-        return _plate_subject(load_plate(files[0]), sections, amplitude)
+        return _plate_subject(load(files[0]), sections, amplitude)
     if kind not in ("results", "study file"):
         found = f"{first}: this is a {kind or 'TOML file'}"
         raise BadInput(f"{found}, expected a stage file, a study file or results as .json")

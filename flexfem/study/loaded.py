@@ -24,7 +24,7 @@ from flexfem.files.writing import digest
 from flexfem.hinges.strength import required_law
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.keys import PARAMETERS, Key, keys
-from flexfem.mechanism.mechanism import Mechanism, load_plate
+from flexfem.mechanism.mechanism import Mechanism, load
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import of_drive, of_heat
 from flexfem.questions import warnings as accuracy
@@ -165,7 +165,7 @@ def base_of(path: PathLike, asked: Asked, study: Study) -> tuple[Stage | Mechani
 def base_stage(path: PathLike, study: Study) -> Stage | Mechanism:
     """Return the base that a study names. Raises BadInput where it does not fit."""
     try:
-        stage = load_plate(os.path.normpath(Path(path).parent / study.stage))
+        stage = load(os.path.normpath(Path(path).parent / study.stage))
     except BadInput as error:
         raise bad_key(path, ("stage",), f"stage = {shown(study.stage)}: {error}") from None
     if isinstance(stage, Mechanism) != study.on_mechanism:

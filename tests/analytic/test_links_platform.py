@@ -11,6 +11,7 @@ import pytest
 from flexfem.analytic import elastic_bodies as platform
 from flexfem.analytic.elastic_bodies import _half_hinge, _platform_body, platform_compliance
 from flexfem.analytic.model import hinge_compliance
+from flexfem.mechanism.bodies import body_sides, necks
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -37,6 +38,7 @@ def added(of: Stage):
 def finer(monkeypatch: pytest.MonkeyPatch, factor: float) -> None:
     for name in SIZES:
         monkeypatch.setattr(platform, name, getattr(platform, name) / factor)
+    monkeypatch.setattr(platform, "_lug_compliance", platform._lug_compliance.__wrapped__)  # not cached
 
 
 def test_half_a_hinge_of_boundary_elements_is_half_of_that_of_finite_elements(monkeypatch):
@@ -45,7 +47,8 @@ def test_half_a_hinge_of_boundary_elements_is_half_of_that_of_finite_elements(mo
     hinges = hinge_compliance(of, "calibrated")
     expected = [hinges.rotation[0, 2] / 2, hinges.axial[0, 2] / 2, hinges.shear[0, 2] / 2]
     finer(monkeypatch, 8)
-    half = _half_hinge(of, of.elastic, of.hinge(1, "platform"))
+    E, nu = of.elastic
+    half = _half_hinge(of.hinge(1, "platform"), of.chain.link_width, nu) / (E * of.thickness)
     np.testing.assert_allclose(np.diag(half), expected, rtol=CHART)
     assert abs(half[0, 1]) + abs(half[1, 2]) < ROUND_OFF * half[1, 1]  # stretch is even about the axis
     assert half[0, 2] < 0  # a force to the left at the neck turns it clockwise
@@ -65,7 +68,9 @@ def test_a_lug_moves_the_platform_by_what_a_load_on_the_lug_after_it_does_to_it(
     """Moment and forces of chain 2's neck about the centre, and the motion of chain 1's neck, by hand."""
     of = stage()
     C = added(of)
-    parts = _platform_body(of, of.elastic.poissons_ratio, 1) / (
+    left, right = (tuple(body_sides(of, 1, side)[3]) for side in (1, -1))
+    place = left, right, necks(of, 1)[2], of.hinge(1, "platform")
+    parts = _platform_body(*place, of.chain.link_width, of.platform, of.elastic.poissons_ratio) / (
         71.7e3 / (2 * 1.29) * 10.0
     )  # motion of the first neck, the next and the last: loads on it
     neck = complex(24.0, 0.0)  # link 3, 24 mm long, leads from there along -x, and link 2 to there along y
