@@ -14,8 +14,8 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from datetime import UTC, datetime
-from functools import partial
-from operator import methodcaller
+from functools import partial, reduce
+from operator import getitem, methodcaller
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -31,7 +31,7 @@ from flexfem.fem.response import platform_response
 from flexfem.fem.stage_mesh import build_mesh, drawn_area, plate_of
 from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
-from flexfem.files.toml import read_bytes, read_toml
+from flexfem.files.toml import paths_in, read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.mechanism import Mechanism, load
 from flexfem.mechanism.plate import components, plate_area
@@ -285,15 +285,9 @@ def _values_of(path: Path) -> dict[str, Any]:
     if path.suffix != ".toml":
         return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
     data = read_toml(path).data
-    return {key_path(key, data): value for key, value in _leaves(data, ())}
-
-
-def _leaves(tree: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    if not isinstance(tree, dict | list):
-        yield path, tree if isinstance(tree, str | int | float) else str(tree)
-        return
-    for key, part in tree.items() if isinstance(tree, dict) else enumerate(tree):
-        yield from _leaves(part, (*path, key))
+    values = {key_path(at, data): reduce(getitem, at, data) for at in paths_in(data)}
+    plain = {key: value for key, value in values.items() if not isinstance(value, dict | list)}
+    return {key: value if isinstance(value, str | int | float) else str(value) for key, value in plain.items()}
 
 
 # numbers

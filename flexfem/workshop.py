@@ -20,18 +20,9 @@ from flexfem.mechanism.plate import check_layout, clashes
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import BadInput
-from flexfem.sources import read_data
+from flexfem.sources import PACKAGE, read_data
 
-MECHANISMS = (
-    "parallelogram",
-    "double-parallelogram",
-    "pivot",
-    "lever-amplifier",
-    "bridge-amplifier",
-    "rhombic-amplifier",
-    "xy-stage",
-    "four-chains",
-)
+MECHANISMS = tuple(file.stem.removeprefix("mechanism-") for file in sorted((PACKAGE / "data").glob("mechanism-*.toml")))
 
 
 class NewFiles(NamedTuple):
@@ -83,26 +74,23 @@ def new_stage(file: Path, *, kind: str | None = None, case: bool = False, study:
         raise BadInput(
             "--kind: cases and studies are those of the stage with nine hinges, expected no --case or --study"
         )
-    template = "new-stage.toml" if kind is None else f"mechanism-{kind}.toml"
-    kinds = ["stage", *["case"] * case, *["study"] * study]
-    paths = {kind: path if kind == "stage" else path.with_stem(f"{path.stem}-{kind}") for kind in kinds}
-    for new in paths.values():
+    template, shown_by = ("new-stage", "summary") if kind is None else (f"mechanism-{kind}", "view")
+    made: dict[Path, tuple[str, tuple[str, ...]]] = {path: (template, ("check", shown_by, "stiffness"))}
+    if case:
+        made[path.with_stem(f"{path.stem}-case")] = "new-case", ("verify",)
+    if study:
+        made[path.with_stem(f"{path.stem}-study")] = "new-study", ("study run",)
+    for new in made:
         check_file(new)
         if new.exists() or new.is_symlink():
             raise BadInput(f"{place_of(new)}: exists, expected the name of a new file; nothing is written")
-    for each, new in paths.items():
-        name = template if each == "stage" else f"new-{each}.toml"
-        text = read_data(name).replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
+    for new, (template, _) in made.items():
+        text = read_data(f"{template}.toml").replace('"stage.toml"', json.dumps(path.name, ensure_ascii=False))
         write_atomically(new, methodcaller("write", text.encode()))
     whose = "flexfem's reference stage" if kind is None else "an example"
-    next_commands = {
-        "stage": ["check", "view" if kind else "summary", "stiffness"],
-        "case": ["verify"],
-        "study": ["study run"],
-    }
     return NewFiles(
-        [str(new) for new in paths.values()],
-        [f"flexfem {name} {shlex.quote(str(new))}" for each, new in paths.items() for name in next_commands[each]],
+        [*map(str, made)],
+        [f"flexfem {name} {shlex.quote(str(new))}" for new, (_, commands) in made.items() for name in commands],
         [f"all numbers are those of {whose}: they are assumed, replace them with your own"],
     )
 

@@ -126,12 +126,14 @@ class Mechanism(PlateFile):
         return self._digest(set(), exclude_none=True, context=STATED)
 
     @property
+    @once
     def layout(self) -> Layout:
         """The mechanism with parameters, copies and outlines resolved, as both models read it.
 
-        Raises BadInput, naming the key, for parts that do not fit together.
+        Raises BadInput, naming file, line and key, for parts that do not fit together.
         """
-        return layout_of(self)
+        with located(self):
+            return _layout(self)
 
 
 def read_mechanism(path: PathLike) -> Mechanism:
@@ -173,13 +175,6 @@ class PlacedPart(NamedTuple):
     key: str
     original: str
     move: Move = Move()
-
-
-@once
-def layout_of(mechanism: Mechanism) -> Layout:
-    """Return the layout of a mechanism. Raises BadInput with file and line."""
-    with located(mechanism):
-        return _layout(mechanism)
 
 
 def _layout(mechanism: Mechanism) -> Layout:

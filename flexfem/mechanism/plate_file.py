@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeVar
 
@@ -198,20 +198,14 @@ def located(plate: PlateFile) -> Iterator[None]:
     try:
         yield
     except BadInput as refused:
-        if refused.located or plate.origin.path is None:
+        path, changed = plate.origin
+        if refused.located or path is None:
             raise
-        raise BadInput(str(refused), _file_and_line(plate.origin, str(refused))) from None
-
-
-def _file_and_line(origin: Origin, refusal: str) -> str:
-    if origin.path is None or origin.changed:
-        return str(origin)
-    try:
-        file = read_toml(origin.path)
-        key = re.match(r"(?:\.?\w+|\[\d+\])*", refusal)
-        return place_of(origin.path, file.line(path_of(key[0] if key else "", file.data)))
-    except BadInput:  # the file no longer exists or has changed
-        return place_of(origin.path)
+        line, key = None, re.match(r"(?:\.?\w+|\[\d+\])*", str(refused))
+        with suppress(BadInput):  # the file no longer exists or has changed
+            file = read_toml(path)
+            line = file.line(path_of(key[0] if key else "", file.data))
+        raise BadInput(str(refused), str(plate.origin) if changed else place_of(path, line)) from None
 
 
 Plate = TypeVar("Plate", bound=PlateFile)
