@@ -284,7 +284,7 @@ def _values_of(path: Path) -> dict[str, Any]:
     """Return the values of a TOML file by key path, the hash of any other file."""
     if path.suffix != ".toml":
         return {"sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
-    data = read_toml(path).data
+    data: Any = read_toml(path).data
     values = {key_path(at, data): reduce(getitem, at, data) for at in paths_in(data)}
     plain = {key: value for key, value in values.items() if not isinstance(value, dict | list)}
     return {key: value if isinstance(value, str | int | float) else str(value) for key, value in plain.items()}

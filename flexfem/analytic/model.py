@@ -60,7 +60,7 @@ class AnalyticResult(NamedTuple):
     """The analytic model of one stage at rest.
 
     stiffness, compliance : (3, 3) of the platform in x, y, Phi: mm, N, rad.   mobility : by (1).
-    freedoms, hinges : of each hinge, 3 chains by 3 hinges.   in_range : (3, 3), whether `formula` is valid for its t/R.
+    freedoms, hinges : of each hinge, 3 chains by 3 hinges.   formula : of the hinges.
     links : whether pads, links and platform are elastic.   plane : the reduction to a plane problem.
     wrench, stress : as in `PlatformAtRest`, (3 chains, 3 hinges, 3 directions).
     """
@@ -71,7 +71,6 @@ class AnalyticResult(NamedTuple):
     freedoms: Freedoms
     formula: str
     hinges: Compliance
-    in_range: NDArray[np.bool_]
     links: bool
     wrench: Wrench
     stress: Array
@@ -191,7 +190,7 @@ def analyse(
     freedoms = freedoms_of(21 if links else mobility, design.prismatic)
     bodies = body_compliance(stage)[None] if links else None
     platform = at_rest(design, Compliance(*(part[None] for part in hinges)), freedoms, bodies)
-    K, is_in_range = platform.stiffness[0], in_range(design, formula)[0]
+    K = platform.stiffness[0]
     compliance = inverse(K)
     if np.isnan(compliance).any():
         _refuse_thin_neck(stage, formula, freedoms, bodies)
@@ -199,7 +198,7 @@ def analyse(
             f"stage {stage.name!r} is at a singular configuration at rest: a chain has no compliance in some direction"
         )
     wrench, stress = Wrench(*(part[0] for part in platform.wrench)), platform.stress[0]
-    settings = (mobility_of(freedoms), freedoms, formula, hinges, is_in_range, links)
+    settings = (mobility_of(freedoms), freedoms, formula, hinges, links)
     return AnalyticResult(K, compliance, *settings, wrench, stress, stage.model)
 
 

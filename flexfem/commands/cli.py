@@ -27,7 +27,7 @@ from typer.core import TyperCommand, TyperGroup
 import flexfem
 from flexfem import terminal as streams
 from flexfem.commands.console import Json, OutputFolder, show, usable
-from flexfem.files.inputs import note, noted
+from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.sources import ONE_THREAD, manifest, use_own
 from flexfem.study import MOST_WORKERS
@@ -349,7 +349,6 @@ def _common(
 ) -> None:
     manifest()  # before the import of modules that compute: part of the versions of a study
     if formulas is not None:
-        note(formulas)
         use_own(formulas)
 
 

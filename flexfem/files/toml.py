@@ -20,7 +20,6 @@ from typing import Any, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from flexfem.files.inputs import note
 from flexfem.files.refusals import (
     SHOWN,
     KeyPath,
@@ -252,7 +251,6 @@ def read_csv(path: PathLike, required: Sequence[str], optional: Sequence[str] = 
 def read_bytes(path: PathLike, most: int = MAX_BYTES) -> bytes:
     """Return the content of a regular file of at most `most` bytes (whole MiB). Raises BadInput for any other."""
     path = checked_path(path)
-    note(path)
     try:
         mode = os.stat(path).st_mode
         if not stat.S_ISREG(mode):

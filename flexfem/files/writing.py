@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from flexfem.arrays import AnyArray
-from flexfem.files.inputs import note, require_unread
+from flexfem.files.inputs import require_unread, wrote
 from flexfem.files.refusals import as_key, as_toml, place_of
 from flexfem.refused import BadInput
 
@@ -111,6 +111,7 @@ def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Ite
             os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
             yield beside
             beside.replace(path)
+            wrote(path)
         finally:
             beside.unlink(missing_ok=True)
 
@@ -123,7 +124,6 @@ def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: boo
 
 def read_arrays(path: Path, what: str) -> dict[str, AnyArray]:
     """Return the arrays of an .npz file by name. Raises BadInput, naming the expected content `what`."""
-    note(path)
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return dict(arrays)
