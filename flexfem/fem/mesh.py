@@ -136,9 +136,13 @@ def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
     meshed = float(np.sum(determinants[:, -1]) / 2)
     if abs(meshed / drawn - 1) > AREA_ERROR:
         raise ComputationFailed(f"mesh covers {meshed:.6g} mm^2, expected {drawn:.6g} within {100 * AREA_ERROR:g} %")
-    quality = least_scaled_jacobian(determinants)
-    if quality < LEAST_JACOBIAN:
-        raise ComputationFailed(f"mesh has a scaled Jacobian of {quality:.3g}, expected > {LEAST_JACOBIAN:g}")
+    quality = scaled_jacobians(determinants)
+    if quality.min() < LEAST_JACOBIAN:
+        x, y = mesh.nodes[mesh.triangles[np.argmin(quality), :3]].mean(axis=0)
+        raise ComputationFailed(
+            f"mesh has a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > "
+            f"{LEAST_JACOBIAN:g}: two corners of the outline nearly coincide there, or a finer resolution is needed"
+        )
 
 
 def jacobians(mesh: StageMesh) -> Array:
@@ -149,9 +153,9 @@ def jacobians(mesh: StageMesh) -> Array:
     return np.column_stack([determinants, mean])
 
 
-def least_scaled_jacobian(determinants: Array) -> float:
-    """Smallest ratio of a determinant of `jacobians` to the mean of its triangle: 1 if straight, 0 if degenerate."""
-    return float(np.min(determinants[:, :6] / determinants[:, 6:]))
+def scaled_jacobians(determinants: Array) -> Array:
+    """Smallest ratio (m,) of a determinant of `jacobians` to the mean of its triangle: 1 straight, 0 degenerate."""
+    return np.asarray(np.min(determinants[:, :6] / determinants[:, 6:], axis=1))
 
 
 def mapped(columns: int, rows: int, place: Callable[[Array, Array], Array]) -> StageMesh:

@@ -96,7 +96,7 @@ def check_closed_form(stage: StageContent) -> None:
     if isinstance(stage, PlateFile) and not isinstance(stage, StageContent):
         raise BadInput(f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism")
     if not isinstance(stage, StageContent):
-        raise BadInput(f"{stage!r}, expected a flexfem.Stage, as flexfem.load returns it")
+        raise BadInput(f"{stage!r}, expected a flexfem.Stage or Mechanism, as flexfem.load returns it")
     with located(stage):
         _check_conditions(stage)
 

@@ -196,7 +196,8 @@ def _layout(mechanism: Mechanism) -> Layout:
     points = list[tuple[str, Patch]]()
     for part in (PlacedPart("output", "point", output, (output.body,), "output", "output"), *parts["point"]):
         place, body = part.move(complex(*part.table.at)), body_of(part.bodies[0], f"{part.key}.body")
-        points.append((part.name, Patch(body, place, part.table.contact)))
+        found = Patch(body, place, part.table.contact)
+        points.append((part.name, _contact(found, bodies, f"{part.key}.at_mm") if part.table.contact else found))
     if bodies[points[0][1].body].fixed:
         raise BadInput(f"output.body = {shown(output.body)}, expected a body that can move")
     index.setdefault(GROUND, next((k for k, body in enumerate(bodies) if body.fixed), -1))
@@ -205,7 +206,7 @@ def _layout(mechanism: Mechanism) -> Layout:
         places = [part.move(complex(*point)) for point in part.table.at]
         ends = [body_of(name, f"{part.key}.between[{side}]") for side, name in enumerate(part.bodies)]
         patches = map(Patch, ends, places, [part.table.contact] * 2)
-        near, far = (_contact(patch, bodies, part.key, side) for side, patch in enumerate(patches))
+        near, far = (_contact(patch, bodies, f"{part.key}.at_mm[{side}]") for side, patch in enumerate(patches))
         direction, rating = (places[1] - places[0]) / abs(places[1] - places[0]), part.table.rating._asdict()
         actuators.append(
             LinearActuator(part.name, (near, far), direction, mass=part.table.mass, key=part.key, **rating)
@@ -313,6 +314,7 @@ def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> J
     except BadDimension as error:
         key = f"{part.key}.{PlateHinge.model_fields[error.key].alias or error.key}"
         value = getattr(table, error.key)
+        value = math.degrees(value) if error.key == "angle" and value is not None else value
         raise BadInput(f"{key}{'' if value is None else f' = {shown(value)}'}, expected {error.expected}") from None
     widest = max(profile.end_height, *(bodies[k].width or 0.0 for k in ends))
     cut = CUT * widest if table.cut is None else float(table.cut)
@@ -323,16 +325,17 @@ def _joint(part: PlacedPart, ends: tuple[int, int], bodies: Sequence[Body]) -> J
     return Joint(part.name, ends, place, heading, profile, cut, part.key)
 
 
-def _contact(patch: Patch, bodies: Sequence[Body], key: str, side: int) -> Patch:
-    """Return a contact of an actuator with its radius. Refuses one that is not on its body, unless this is fixed."""
+def _contact(patch: Patch, bodies: Sequence[Body], key: str) -> Patch:
+    """Return a contact with its radius. Refuses one that is not on its body, unless this is fixed."""
     if patch.body < 0 or (bodies[patch.body].fixed and patch.radius is None):
         return patch
-    face = shapely.Polygon(polygon_points(bodies[patch.body].outline))
+    outline, *holes = map(polygon_points, (bodies[patch.body].outline, *bodies[patch.body].holes))
+    face = shapely.Polygon(outline, holes)
     left, low, right, high = face.bounds
     radius = CONTACT * math.hypot(right - left, high - low) if patch.radius is None else float(patch.radius)
     if face.distance(shapely.Point(patch.point.real, patch.point.imag)) >= radius:
         if bodies[patch.body].fixed:
             return patch._replace(body=-1, radius=radius)
         at = f"[{patch.point.real:g}, {patch.point.imag:g}]"
-        raise BadInput(f"{key}.at_mm[{side}] = {at}, expected a point of {shown(bodies[patch.body].name)}")
+        raise BadInput(f"{key} = {at}, expected a point of {shown(bodies[patch.body].name)}")
     return patch._replace(radius=radius)

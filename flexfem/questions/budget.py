@@ -25,7 +25,7 @@ from flexfem.questions import plates, warnings
 from flexfem.questions.bands import SAFETY, command_errors, error_bands, error_matrix, levels, solve_solid
 from flexfem.questions.plates import ElasticParts
 from flexfem.questions.setup import PLATE_SOLID_RESOLUTION, Mesh, about, answer, lever_of, on_meshes, options, solved
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import FRESH, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
 
@@ -156,13 +156,19 @@ def _of_mechanism(mechanism: Mechanism, steps: tuple[int, int, int], plane: bool
     shares, widths = np.full((2, len(MECHANISM_SHARES), 3), np.nan)
     reached = [np.zeros(3), *(np.diag(error_matrix(K, one, lever)) for one in changed), errors]
     shares[:3], shares[-1], widths[2], widths[-1] = np.diff(reached, axis=0), errors, bands, bands
+    texts = list[str]()
     if not plane:
         coarse, (_, few, many) = levels(PLATE_SOLID_RESOLUTION)[0], levels(LAYERS)
-        by_layers = (plates.solved(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many))
-        flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
-        shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
-        shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
-    return answer(Budget, mechanism, {}, Mesh(steps[-1], 0), {}, {"share": shares}, bands={"share": widths})
+        try:
+            by_layers = [plates.solved(mechanism, coarse, n).compliance[:3, :3] for n in (0, few, many)]
+        except ComputationFailed as failure:
+            texts.append(f"the total is that of the plane, because three dimensions cannot be computed: {failure}")
+        else:
+            flat, less, solid = (np.diag(error_matrix(K, compliance, lever)) for compliance in by_layers)
+            shares[3], widths[3] = solid - flat, SAFETY * np.abs(solid - less)
+            shares[-1], widths[-1] = shares[-1] + shares[3], bands + widths[3]
+    found = {"share": shares}, {"share": widths}
+    return answer(Budget, mechanism, {}, Mesh(steps[-1], 0), {}, found[0], {}, found[1], warnings=texts)
 
 
 def _nonlinear_errors(stage: Stage, K: Array, solution: Response, commands: Array) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -24,11 +24,12 @@ from flexfem.questions.bands import SolidLevels, compliance_bands, levels, solid
 from flexfem.questions.modes import modes
 from flexfem.questions.plates import Responses, Values
 from flexfem.questions.reach import of_mechanism, reach
-from flexfem.questions.setup import DEFAULT, Analytic, Mesh, MeshFields, ModelAnswer, Models
+from flexfem.questions.setup import DEFAULT, ELASTIC, Analytic, Mesh, MeshFields, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import COARSER, FRESH, SHEET, SOLVED, STRESS, Progress, Quantity, Result
+from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES, without_unit
 
+FLEXIBLE = 1.0  # compliance of bodies per compliance of hinges above which results warn of it
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
 MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
 HINGE = ("chain", "hinge")
@@ -198,6 +199,7 @@ def stiffness(
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, partial(_bands, stage))
     if mesh is not None and isinstance(stage, Stage):
         found = _with_bounds(stage, mesh, found)
+    warnings += _flexible_bodies(found)
     last, fields = list(found.values())[-1].values, None
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
@@ -227,8 +229,9 @@ def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
     C = response.compliance
     values: dict[str, Any] = at_rest(C[:3, :3])
     stress = np.moveaxis(response.stress(values["stiffness"] @ np.eye(3, len(C))), 0, -1)
-    reach = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
-    values |= {"stress": stress, "yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
+    if stress.size:
+        reach = plate.material.yield_strength / np.max(stress.reshape(-1, 3), axis=0)
+        values |= {"stress": stress, "yield_range": reach, "yield_force": np.diag(values["stiffness"]) * reach}
     if isinstance(plate, Mechanism) and (drives := plate.layout.drive_ports):
         opening = np.diag(C)[drives]
         values |= {"input_stiffness": 1 / opening, "amplification": (C[:3, drives] / opening).T}
@@ -248,23 +251,36 @@ def _values(plate: Stage | Mechanism, response: Responses, load_for: Loads) -> d
 
 
 def _bands(plate: Stage | Mechanism, sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
+    if isinstance(plate, Mechanism):
+        return plates.value_bands(sizes, each, ends)
     solutions, parts = np.array([one["compliance"] for one in each]), dict[str, Array]()
     if ends:
         solved = SolidLevels(solutions, *(one["compliance"] for one in ends))
         parts = dict(zip(("band_plane", "band_thickness"), solid_bands(solved, int(sizes[-1])), strict=True))
     bands = sum(parts.values()) if ends else compliance_bands(sizes, solutions)
-    found = {"compliance": bands, "free": each[-1]["free"] * np.diag(bands) / np.diag(solutions[-1])}
-    if isinstance(plate, Mechanism):
-        return plates.value_bands(sizes, each, ends) | found
     if ends:
         return {"compliance": bands, **parts}
     stresses = np.array([one["stress"] for one in each])
     highest = np.max(stresses, axis=(1, 2))  # of each direction
     band = stress_bands(sizes, highest)
-    return found | {
+    return {
+        "compliance": bands,
+        "free": each[-1]["free"] * np.diag(bands) / np.diag(solutions[-1]),
         "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
         "yield_range": each[-1]["yield_range"] * band / highest[-1],
     }
+
+
+def _flexible_bodies(found: Mapping[str, ModelAnswer]) -> list[str]:
+    """Warn of bodies that are more compliant than the hinges, since no result has the stress of bodies."""
+    if not {ANALYTIC, ELASTIC} <= found.keys():
+        return []
+    ratio = found[ANALYTIC].values["free"] / found[ELASTIC].values["free"] - 1
+    axes = ", ".join(axis for axis, more in zip(DIRECTIONS, ratio, strict=True) if more > FLEXIBLE)
+    return [
+        f"in {axes}, bodies are more compliant than hinges: highest stress and range at yield are those of hinges and "
+        "leave out the stress of bodies; describe slender parts as hinges"
+    ] * bool(axes)
 
 
 def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dict[str, ModelAnswer]:

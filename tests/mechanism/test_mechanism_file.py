@@ -204,6 +204,9 @@ REFUSED = [  # old and new text, and pieces of the message
     ("radius_mm = 1\n", "\n", "line 24: hinge.root.radius_mm, expected this dimension"),
     ('["crank", "root", "push"]', '["krank"]', 'line 49: copy[0].parts[0] = "krank", ... did you mean crank?'),
     ('"legs"', '"legs / 2"', 'line 53: copy[1].count = "legs / 2", ... '),
+    ("[0, 1]}", "[0, 12], contact_mm = 2}", 'line 4: output.at_mm = [0, 12], expected a point of "hub"'),
+    ("[0, 1]}", "[1, 0], contact_mm = 1}", 'line 4: output.at_mm = [1, 0], expected a point of "hub"'),  # in its hole
+    ('circular"\nradius', 'v"\ndepth_mm = 2\nangle_deg = 190\nroot_radius', "line 31: ... angle_deg = 190.0, ... "),
     ("[33, 30]]", "[39, 30]]", 'line 44: ... push.at_mm[1] = [39, 30], expected a point of "crank"'),
 ]  # fmt: skip
 

@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 
 import flexfem
+from flexfem.fem import structure
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import plates
+from flexfem.refused import ComputationFailed
+
+from ..conftest import ROOT
 
 LEAF = {"between": ["ground", "stage"], "direction_deg": 90, "shape": "leaf", "length_mm": 17, "neck_mm": 0.4}
 GUIDE = {
@@ -50,6 +54,43 @@ def test_one_quadratic_triangle_across_the_middle_of_a_leaf_is_enough():
     guide = Mechanism.model_validate(GUIDE)
     coarse, fine = (np.diag(plates.elements(guide, level).compliance)[:3] for level in (4, 10))
     np.testing.assert_allclose(coarse, fine, rtol=4e-4)
+
+
+def test_bands_of_the_stiffness_with_the_other_directions_free_contain_that_of_a_much_finer_mesh():
+    mechanism = flexfem.load(ROOT / "geometry" / "parallelogram.toml")
+    usual, fine = (flexfem.stiffness(mechanism, models="elements", resolution=n) for n in (4, 10))
+    assert np.all(np.abs(fine.values["free"] - usual.values["free"]) <= usual.bands["free"])
+
+
+def test_a_quarter_ring_without_hinges_has_the_compliance_of_a_curved_beam():
+    """R^3 / EI times 3 pi / 4 - 2 along the first end and pi / 4 across it, for a force at the other end."""
+    arc = {"name": "arc", "path_mm": [[40, 0], [40, 40, 39.999], [0, 40]], "width_mm": 1, "clamped_edges": [1]}
+    output = {"body": "arc", "at_mm": [0, 40], "contact_mm": 0.6}
+    ring = Mechanism.model_validate({**GUIDE, "body": [arc], "hinge": [], "output": output})
+    found = flexfem.stiffness(ring, models="elements", resolution=4, force=(1, 0, 0))
+    bending = 40**3 / (72_000 * 10 / 12)
+    expected = 1 / (bending * np.array([3 * np.pi / 4 - 2, np.pi / 4]))
+    np.testing.assert_allclose(found.values["free"][0, :2], expected, rtol=2e-3)
+
+
+def test_bodies_more_compliant_than_hinges_are_named():
+    """A stage as thin as its leaves."""
+    bodies = [GUIDE["body"][0], {"name": "stage", "path_mm": [[-17, 17.5], [17, 17.5]], "width_mm": 1}]
+    found = flexfem.stiffness(Mechanism.model_validate(GUIDE | {"body": bodies}))
+    assert [text.partition(":")[0] for text in found.warnings] == ["in y, theta, bodies are more compliant than hinges"]
+
+
+def test_a_budget_without_three_dimensions_says_why(monkeypatch):
+    monkeypatch.setattr(structure, "MOST_UNKNOWNS", 1000)
+    found = flexfem.budget(Mechanism.model_validate(GUIDE), resolution=4)
+    assert "three dimensions cannot be computed" in found.warnings[-1]
+    assert np.isfinite(found.at("share", share="total", direction="x"))
+
+
+def test_a_hinge_with_too_many_triangles_is_refused_before_it_is_meshed():
+    hinges = [one | {"neck_mm": 1e-5} for one in GUIDE["hinge"]]
+    with pytest.raises(ComputationFailed, match=r"^a needs about .* triangles, expected at most 1e\+06"):
+        flexfem.stiffness(Mechanism.model_validate(GUIDE | {"hinge": hinges}), models="elements")
 
 
 @pytest.mark.parametrize("question", ["stiffness", "drift"])
