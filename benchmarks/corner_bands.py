@@ -155,7 +155,10 @@ def judged(found: Solved) -> dict[str, Judged]:
     """By kind."""
     kinds = {kind: _of_columns(found, names) for kind, names in KINDS.items()}
     levels = np.array(RESOLUTIONS, dtype=float)
-    bands = [pose_bands(levels, each[:3], lever) for each, lever in zip(found.poses, found.lever, strict=True)]
+    bands = [
+        pose_bands(levels, each[:3], np.array([1.0, 1.0, lever]))
+        for each, lever in zip(found.poses, found.lever, strict=True)
+    ]
     scale = np.array([np.ones_like(found.lever), np.ones_like(found.lever), found.lever]).T[:, :, None]
     sizes = np.max(np.abs(found.poses[:, -1] * scale), axis=1, keepdims=True) / scale
     return kinds | {POSES: _over(found.poses, np.array(bands), sizes, CORNER_ORDER)}

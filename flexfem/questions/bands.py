@@ -276,23 +276,19 @@ def highest_band(resolutions: Array, values: Array, bands: Callable[[Array, Arra
     return np.where(is_largest(values[-1]), bands(resolutions, highest), np.nan)
 
 
-def pose_bands(resolutions: Array, poses: Array, lever: float) -> Array:
-    """Return the half-widths (3, cases) of the mesh uncertainty of poses (levels, 3, cases) on three meshes.
+def pose_bands(resolutions: Array, poses: Array, scale: Array, ends: Sequence[Array] | Array = ()) -> Array:
+    """Return the half-widths (3, cases) of the uncertainty of poses (levels, 3, cases) on three meshes.
 
-    The largest of `corner_bands` bounds every component; the lever, mm, scales rotations to lengths.
+    The largest of `corner_bands` bounds every component; `scale` (3,), 1 or mm, makes rotations comparable lengths.
+    ends : poses (3, cases) with few and with many layers. The largest change among the components of a case, times
+        `SAFETY`, is added to the bands of all of them.
     """
-    scale = np.array([1.0, 1.0, lever])[:, None]
-    scaled = poses * scale
-    common = np.max(corner_bands(resolutions, scaled), axis=0)
-    return np.asarray(_with_zeros(np.max(np.abs(scaled), axis=0), common) / scale)
-
-
-def layer_bands(few: Array, many: Array) -> Array:
-    """Return the half-widths (3, cases), due to the layers, of poses (3, cases), all mm, with few and many layers.
-
-    The largest change among the components of a case, times `SAFETY`, bounds all of them.
-    """
-    return _with_zeros(np.maximum(np.abs(few), np.abs(many)), SAFETY * np.max(np.abs(many - few), axis=0))
+    scaled = poses * scale[:, None]
+    bands = _with_zeros(np.max(np.abs(scaled), axis=0), np.max(corner_bands(resolutions, scaled), axis=0))
+    if len(ends):
+        few, many = (pose * scale[:, None] for pose in ends)
+        bands += _with_zeros(np.maximum(np.abs(few), np.abs(many)), SAFETY * np.max(np.abs(many - few), axis=0))
+    return np.asarray(bands / scale[:, None])
 
 
 def _with_zeros(largest: Array, bands: Array) -> Array:
@@ -354,9 +350,3 @@ def solid_bands(solutions: SolidLevels, resolution: int) -> tuple[Array, Array]:
     plane = compliance_bands(steps, planes)
     np.fill_diagonal(plane, [mesh_band(steps, planes[:, k, k], 0.0) for k in range(3)])
     return plane, thickness
-
-
-def solid_pose_bands(solve: Callable[[int, int], Array], resolution: int, layers: int) -> Array:
-    """Return the half-widths (3, cases) of poses, all mm, that `solve` computes with a resolution and layers."""
-    on_planes, with_layers = coarser(solve, resolution, layers)
-    return pose_bands(np.array(levels(resolution), dtype=float), np.array(on_planes), 1.0) + layer_bands(*with_layers)

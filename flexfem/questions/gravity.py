@@ -27,7 +27,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import highest_band, layer_bands, pose_bands
+from flexfem.questions.bands import highest_band, pose_bands
 from flexfem.questions.plates import Values
 from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Models
 from flexfem.results import FRESH, STRESS, Progress, Quantity, Result
@@ -131,15 +131,11 @@ def gravity(
     def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> dict[str, Any]:
         if isinstance(stage, Mechanism):
             return plates.value_bands(sizes, each, ends)
-        if not ends:
-            poses, stresses = (np.array([one[name] for one in each]) for name in ("pose", "stress"))
-            band = pose_bands(sizes, poses[..., None], setup.lever_of(stage))[:, 0]
-            return {"pose": band, "stress": highest_band(sizes, stresses)}
-        scale = np.array([[1.0], [setup.lever_of(stage)], [setup.lever_of(stage)]])
-        sags, few, many = (
-            scale * np.array([one["sag"] for one in part])[..., None] for part in (each, ends[:1], ends[1:])
-        )
-        return {"sag": ((pose_bands(sizes, sags, 1.0) + layer_bands(few[0], many[0])) / scale)[:, 0]}
+        lever, name = setup.lever_of(stage), "sag" if ends else "pose"
+        poses, few_and_many = (np.array([one[name] for one in part])[..., None] for part in (each, ends))
+        band = pose_bands(sizes, poses, np.array([1.0, lever if ends else 1.0, lever]), few_and_many)[:, 0]
+        stresses = np.array([one["stress"] for one in each])
+        return {name: band} | ({} if ends else {"stress": highest_band(sizes, stresses)})
 
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, bands)
     warnings += plates.over_yield(stage, found, "stress", "under the weight")

@@ -8,7 +8,9 @@ are relative to the frame, which bows.
 
 from __future__ import annotations
 
-from typing import ClassVar, NamedTuple
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,10 +22,10 @@ from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
-from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.mesh import nodes_on
 from flexfem.fem.ports import hinge_stress, warmed
 from flexfem.fem.response import HEAT_CASES, Response, factorised_stage, free_displacement, heat_response
-from flexfem.fem.stage_mesh import build_mesh, layers_of, out_of_plane_ratio_of, plate_of, sheet_of
+from flexfem.fem.stage_mesh import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
@@ -32,11 +34,11 @@ from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import corner_bands, highest_band, levels, pose_bands, solid_pose_bands
-from flexfem.questions.plates import ON_MESHES, ROUND_OFF
-from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, Mesh, ModelAnswer, Models, on_meshes
+from flexfem.questions.bands import corner_bands, highest_band, pose_bands
+from flexfem.questions.plates import ON_MESHES, ROUND_OFF, Values
+from flexfem.questions.setup import DEFAULT, LIFTED, Analytic, ModelAnswer, Models
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity, Result
+from flexfem.results import FRESH, SHEET, SOLID, SOLVED, STRESS, Fields, Progress, Quantity, Result
 from flexfem.units import EXPANSION
 
 CASES = ("uniform", "gradient in x", "gradient in y")
@@ -119,6 +121,9 @@ class WarmFields(NamedTuple):
     ground: Index
 
 
+Drawn: TypeAlias = Callable[[], WarmFields | setup.MeshFields]
+
+
 @setup.options(not_for="analytic")
 def drift(
     stage: Stage | Mechanism,
@@ -146,60 +151,74 @@ def drift(
     >>> round(1e6 * float(found.at("pose", case="uniform", direction="theta")[0]), 2)  # urad per kelvin
     5.5
     """
-    if isinstance(stage, Mechanism):
-        mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
-        found = _of_mechanism(stage, mesh, models, progress)
-        return setup.answer(Drift, stage, found, mesh, warnings=_frame_warnings(stage))
-    mesh = setup.mesh_of(models, resolution, layers, LEAST_SOLID if layers else 4)
-    expansion, warnings = expansion_of(stage), [*warning.of_numbers(stage), *warning.of_stacks(stage)]
-    warnings += _frame_warnings(stage)
-    results, values, analytic_name = dict[str, ModelAnswer](), dict[str, Array](), None
-    fields: WarmFields | setup.MeshFields | None = None
-    cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
-    chosen = analytic.chosen(stage, warnings, models)
-    if models != "elements":
-        results[ANALYTIC], analytic_name = _by_network(chosen, expansion), chosen.name
-        if stage.chains_alike and (poses := _poses_of_unlike_chains(chosen)):
-            values["unlike"] = np.full((len(cases), 3), np.nan)  # the analytic model has no gradient in depth
-            values["unlike"][: len(CASES)] = poses
-    if mesh is not None and mesh.layers:
-        results[SHEET], results[SOLID], fields = _in_three_dimensions(stage, mesh, progress)
-        warnings += warning.held_faces(stage)
-    elif mesh is not None:
-        results[ELEMENTS], fields = _in_plane(stage, expansion, mesh.resolution, progress)
-    stage_rate, frame_rate = (f"{EXPANSION.factor * rate:g} {EXPANSION.plain}" for rate in _coefficients(stage))
-    settings = {"expansion": stage_rate, "frame": frame_rate, "analytic model": analytic_name}
-    subject, axes = setup.about(stage, heat=True), {"case": cases}
-    return setup.answer(Drift, subject, results, mesh, settings, values, axes, warnings=warnings, fields=fields)
+    least = LEAST_SOLID if layers and isinstance(stage, Stage) else 4
+    mesh = setup.mesh_of(models, resolution, layers, least, usual_solid=setup.usual_solid(stage))
+    with located(stage):
+        require_expansion(stage)
+    warnings, drawn, lever, rates = _frame_warnings(stage), list[Drawn](), setup.lever_of(stage), _coefficients(stage)
+    others, settings = dict[str, Array](), dict[str, Any]()
+    cases: tuple[str, ...] = CASES
+    if isinstance(stage, Stage):
+        expansion = expansion_of(stage)
+        warnings[:0] = [*warning.of_numbers(stage), *warning.of_stacks(stage)]
+        cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
+        chosen = analytic.chosen(stage, warnings, models)
+        stage_rate, frame_rate = (f"{EXPANSION.factor * rate:g} {EXPANSION.plain}" for rate in rates)
+        settings = {"expansion": stage_rate, "frame": frame_rate, "analytic model": None}
+        if models != "elements":
+            settings["analytic model"] = chosen.name
+        if models != "elements" and stage.chains_alike and (poses := _poses_of_unlike_chains(chosen)):
+            others["unlike"] = np.full((len(cases), 3), np.nan)  # the analytic model has no gradient in depth
+            others["unlike"][: len(CASES)] = poses
+        if mesh is not None and mesh.layers:
+            warnings += warning.held_faces(stage)
+
+    def of_network(elastic: bool) -> Values:
+        if isinstance(stage, Stage):
+            return _by_network(chosen, expansion)
+        motions, wrenches = warmed_network(stage.layout, *rates, *plates.joined_parts(stage, elastic))
+        return _without_round_off(stage, motions, plates.stress_by(stage, np.moveaxis(wrenches, -1, 0)))
+
+    def of_size(resolution: int, layers: int) -> Values:
+        if isinstance(stage, Stage):
+            solve = partial(_in_three_dimensions, layers=layers) if layers else partial(_in_plane, expansion=expansion)
+            values, *drawn[:] = solve(stage, resolution)
+            return values
+        response = warmed(plates.factorised(stage, resolution, layers), *rates)
+        return _without_round_off(stage, response.motions, hinge_stress(response, np.eye(3)))
+
+    def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> Values:
+        if isinstance(stage, Mechanism):
+            return plates.value_bands(sizes, each, ends)
+        poses, poses_at_ends = (np.array([one["pose"].T for one in part]) for part in (each, ends))
+        found = {"pose": pose_bands(sizes, poses, np.array([1.0, 1.0, lever]), poses_at_ends).T}
+        if not ends:
+            edges = np.array([one["edges"] for one in each])
+            return found | {"edges": np.array([highest_band(sizes, edges[:, k], corner_bands) for k in range(3)])}
+        tilts, tilts_at_ends = (np.array([one["tilt"][:, None] for one in part]) for part in (each, ends))
+        return found | {"tilt": pose_bands(sizes, tilts, np.array([1.0, lever, lever]), tilts_at_ends)[:, 0]}
+
+    found = plates.by_models(stage, mesh, models, of_network, of_size, progress, bands)
+    if isinstance(stage, Stage) and mesh is not None and mesh.layers:
+        sheet = heat_response(plates.meshed(stage, mesh.resolution), sheet_of(stage), *rates).motions.T
+        solid = found.pop(SOLID)
+        found |= {SHEET: ModelAnswer({"pose": sheet}), SOLID: solid}
+    subject = stage if isinstance(stage, Mechanism) else setup.about(stage, heat=True)
+    fields = drawn[0]() if drawn else None
+    return setup.answer(
+        Drift, subject, found, mesh, settings, others, {"case": cases}, warnings=warnings, fields=fields
+    )
 
 
-def _of_mechanism(
-    mechanism: Mechanism, mesh: Mesh | None, models: Models, progress: Progress | None
-) -> dict[str, ModelAnswer]:
-    """Return the three cases by all models of a mechanism. Raises BadInput if no coefficient is stated."""
-    layout, material = mechanism.layout, mechanism.material
-    with located(mechanism):
-        require_expansion(mechanism)
-    lever, rates = layout.lever, _coefficients(mechanism)
-    strains = max(rates) * np.array([1.0, lever, lever])[:, None]  # free expansion by case
-
-    def cleared(motions: Array, stress: Array) -> dict[str, Array]:
-        """Return poses (cases, points, 3) and stresses (cases, hinges) without round-off."""
-        pose, sizes = motions[: 3 * len(layout.points)].T.reshape(3, -1, 3), strains[:, None] * [lever, lever, 1.0]
-        return {
-            "pose": np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose),
-            "stress": np.where(stress < ROUND_OFF * material.youngs_modulus * strains, 0.0, stress),
-        }
-
-    def of_network(elastic: bool) -> dict[str, Array]:
-        motions, wrenches = warmed_network(layout, *rates, *plates.joined_parts(mechanism, elastic))
-        return cleared(motions, plates.stress_by(mechanism, np.moveaxis(wrenches, -1, 0)))
-
-    def of_size(resolution: int, layers: int) -> dict[str, Array]:
-        response = warmed(plates.factorised(mechanism, resolution, layers), *rates)
-        return cleared(response.motions, hinge_stress(response, np.eye(3)))
-
-    return plates.by_models(mechanism, mesh, models, of_network, of_size, progress)
+def _without_round_off(mechanism: Mechanism, motions: Array, stress: Array) -> Values:
+    """Return poses (cases, points, 3) and stresses (cases, hinges) without values far below those of held plates."""
+    lever, points = mechanism.layout.lever, len(mechanism.layout.points)
+    strains = max(_coefficients(mechanism)) * np.array([1.0, lever, lever])[:, None]  # free expansion by case
+    pose, sizes = motions[: 3 * points].T.reshape(3, -1, 3), strains[:, None] * [lever, lever, 1.0]
+    return {
+        "pose": np.where(np.abs(pose) < ROUND_OFF * sizes, 0.0, pose),
+        "stress": np.where(stress < ROUND_OFF * mechanism.material.youngs_modulus * strains, 0.0, stress),
+    }
 
 
 def _frame_warnings(plate: Stage | Mechanism) -> list[str]:
@@ -213,16 +232,14 @@ def _coefficients(plate: Stage | Mechanism) -> tuple[float, float]:
 
 
 def expansion_of(stage: Stage) -> Expansion:
-    """Return the expansion in the plane problem of a stage. Raises BadInput if no coefficient is stated."""
-    with located(stage):
-        require_expansion(stage)
+    """Return the expansion in the plane problem of a stage."""
     (plane,), (frame,) = in_plane(lower(stage))
     free = float(frame) - _coefficients(stage)[0]
     across = stage.material.youngs_modulus * free if stage.model == "plane_strain" else 0.0  # held at the frame's
     return Expansion(float(plane), float(frame), across)
 
 
-def _by_network(chosen: ModelChoice, expansion: Expansion) -> ModelAnswer:
+def _by_network(chosen: ModelChoice, expansion: Expansion) -> Values:
     """Return the three cases by the pseudo-rigid model."""
     stage, at_rest = chosen.stage, analyse(*chosen)
     design = lower(stage)
@@ -236,86 +253,55 @@ def _by_network(chosen: ModelChoice, expansion: Expansion) -> ModelAnswer:
     temperature = np.concatenate([np.ones((3, 3, 1)), stage_frames(stage).centres], axis=-1)
     across = expansion.across * np.moveaxis(temperature, -1, 0)
     stress = np.max([np.sqrt(s**2 - s * z + z**2) for s in (along, -along) for z in (ratio * s + across,)], axis=0)
-    return ModelAnswer({"pose": pose, "stress": stress, "reaction": reaction})
+    return {"pose": pose, "stress": stress, "reaction": reaction}
 
 
-def _in_plane(
-    stage: Stage, expansion: Expansion, resolution: int, progress: Progress | None
-) -> tuple[ModelAnswer, WarmFields]:
-    """Return the three cases by plane finite elements on three meshes."""
-
-    def solve(level: int) -> tuple[StageMesh, Response, list[Array], list[Array]]:
-        mesh = build_mesh(stage, level)
-        response = heat_response(mesh, plate_of(stage), expansion.stage, expansion.frame)
-        temperature = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
-        ratio, nodal = out_of_plane_ratio_of(stage), nodal_stress(mesh, plate_of(stage), response.nodal)
-        stresses = [von_mises(nodal[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
-        return mesh, response, stresses, [edge_maxima(mesh, stress) for stress in stresses]
-
-    steps, meshes = np.array(levels(resolution), dtype=float), on_meshes(levels(resolution), solve, progress)
-    (mesh, finest, stresses, _), edges = meshes[-1], np.array([solution[-1] for solution in meshes])
-    poses = np.array([solution[1].motions for solution in meshes])
+def _in_plane(stage: Stage, resolution: int, expansion: Expansion) -> tuple[Values, Drawn]:
+    """Return the three cases by plane finite elements, and their fields."""
+    mesh, plate = plates.meshed(stage, resolution), plate_of(stage)
+    response = heat_response(mesh, plate, expansion.stage, expansion.frame)
+    temperature = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
+    ratio, nodal = out_of_plane_ratio_of(stage), nodal_stress(mesh, plate, response.nodal)
+    stresses = [von_mises(nodal[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
     values = {
-        "pose": finest.motions.T,
+        "pose": response.motions.T,
         "stress": np.array([neck_maxima(stage, mesh, stress) for stress in stresses]),
-        "reaction": finest.pads,
-        "edges": edges[-1],
+        "reaction": response.pads,
+        "edges": np.array([edge_maxima(mesh, stress) for stress in stresses]),
     }
-    bands = {
-        "pose": pose_bands(steps, poses, stage.chain.link_lengths[2]).T,
-        "edges": np.array([highest_band(steps, edges[:, k], corner_bands) for k in range(3)]),
-    }
-    free = expansion.stage * np.tensordot(HEAT_CASES, free_displacement(mesh.nodes), axes=1)
-    drawn = {
-        case: Fields(mesh.nodes, mesh.triangles, mesh.bodies, finest.nodal[k] + free[k], stresses[k])
-        for k, case in enumerate(CASES)
-    }
-    return ModelAnswer(values, bands), WarmFields(drawn, mesh.edges["ground"])
+
+    def fields() -> WarmFields:
+        free = expansion.stage * np.tensordot(HEAT_CASES, free_displacement(mesh.nodes), axes=1)
+        cases = zip(CASES, response.nodal + free, stresses, strict=True)
+        part = mesh.nodes, mesh.triangles, mesh.bodies
+        return WarmFields({case: Fields(*part, *field) for case, *field in cases}, mesh.edges["ground"])
+
+    return values, fields
 
 
-def _in_three_dimensions(
-    stage: Stage, mesh: Mesh, progress: Progress | None
-) -> tuple[ModelAnswer, ModelAnswer, setup.MeshFields]:
-    """Return the four cases by wedge elements, in plane stress on the same mesh and in three dimensions.
+def _in_three_dimensions(stage: Stage, resolution: int, layers: int) -> tuple[Values, Drawn]:
+    """Return the four cases by wedge elements, and their fields.
 
     A frame of another expansion strains the clamped faces most at their corners, where stress is singular. Poses
     converge by twice the exponent (M. L. Williams, J. Appl. Mech. 19 (1952) 526), far slower than compliances. Bands by
     the order of compliances on 3, 4 and 6 triangles across a neck missed 2 of 16 poses (of four stages) with 9.
     """
-    of_stage, of_frame = _coefficients(stage)
-    difference, lever, plate = of_frame - of_stage, stage.chain.link_lengths[2], sheet_of(stage)
-
-    def solve_half(antisymmetric: bool) -> tuple[Response, Array]:
-        scale = np.array([1.0, lever if antisymmetric else 1.0, lever])[:, None]
-
-        def solve(level: int, number: int) -> Response:
-            return factorised_stage(
-                setup.sectors_of(stage, level), plate, layers_of(stage, number, antisymmetric)
-            ).warmed()
-
-        band = solid_pose_bands(lambda *sizes: scale * solve(*sizes).motions, *mesh)
-        return solve(*mesh), abs(difference) * band / scale
-
-    (even, pose_band), (odd, tilt_band) = on_meshes((False, True), solve_half, progress)
-    order = [2, 0, 1]  # cases of the even half; the odd one has the last case
+    (of_stage, of_frame), plate, sectors = _coefficients(stage), sheet_of(stage), setup.sectors_of(stage, resolution)
+    difference = of_frame - of_stage
+    even, odd = (factorised_stage(sectors, plate, layers_of(stage, layers, half)).warmed() for half in (False, True))
+    order, loads = [2, 0, 1], difference * np.eye(3)  # cases of the even half; the odd one has the last case
     columns = [(even, column) for column in order] + [(odd, 2)]
     cases = [(response, column, difference * response.fields[column]) for response, column in columns]
-    loads = difference * np.eye(3)
-    solid = ModelAnswer(
-        {
-            "pose": difference * even.motions.T[order],
-            "stress": [
-                *neck_stresses(stage, even, loads[order]).highest,
-                *neck_stresses(stage, odd, loads[2:]).highest,
-            ],
-            "edges": [_clamped_stress(stage, response, field) for response, _, field in cases],
-            "tilt": difference * odd.motions[:, 2],
-        },
-        {"pose": pose_band.T[order], "tilt": tilt_band[:, 2]},
-    )
-    sheet = ModelAnswer({"pose": heat_response(even.mesh, plate, of_stage, of_frame).motions.T})
+    values = {
+        "pose": difference * even.motions.T[order],
+        "stress": np.concatenate(
+            [neck_stresses(stage, half, part).highest for half, part in ((even, loads[order]), (odd, loads[2:]))]
+        ),
+        "edges": np.array([_clamped_stress(stage, response, field) for response, _, field in cases]),
+        "tilt": difference * odd.motions[:, 2],
+    }
 
-    def fields() -> dict[str, Array]:
+    def made() -> dict[str, Array]:
         arrays = dict[str, Array]()
         for case, (response, column, field) in zip((*CASES, IN_DEPTH), cases, strict=True):
             stress = von_mises(nodal_stress(response.mesh, plate, field, layers=response.layers))
@@ -323,7 +309,7 @@ def _in_three_dimensions(
             arrays |= {f"displacement, {case}": of_stage * free + field, f"von Mises stress, {case}": stress}
         return arrays
 
-    return sheet, solid, setup.MeshFields(even.mesh, fields, even.layers.heights)
+    return values, lambda: setup.MeshFields(even.mesh, made, even.layers.heights)
 
 
 def _clamped_stress(stage: Stage, response: Response, field: Array) -> Array:
@@ -348,7 +334,7 @@ def _poses_of_unlike_chains(chosen: ModelChoice) -> list[Array]:
         }
         try:
             varied = stage.replace(override=necks)
-            solutions.append(_by_network(chosen._replace(stage=varied), expansion_of(varied)).values["pose"])
+            solutions.append(_by_network(chosen._replace(stage=varied), expansion_of(varied))["pose"])
         except (BadInput, ComputationFailed):  # a neck as wide as its link, or off the chart
             continue
     return [max(poses, key=lambda pose: float(np.hypot(*pose[:2]))) for poses in zip(*solutions, strict=True)]

@@ -11,7 +11,7 @@ import flexfem
 from flexfem.commands import cli
 from flexfem.plot.fields import drift_figure, plot_drift
 from flexfem.questions import heat
-from flexfem.questions.bands import corner_bands, layer_bands, pose_bands
+from flexfem.questions.bands import corner_bands, pose_bands
 from flexfem.results import ANALYTIC, ELEMENTS, SOLID
 
 from ..conftest import ROOT
@@ -103,12 +103,13 @@ def test_bands_hold_what_meshes_differ_by_and_round_off_where_symmetry_makes_zer
     steps = np.array([4.0, 6.0, 8.0])
     found = corner_bands(steps, np.array([[0.9, 0.0], [1.0, 1.0], [1.1, 1.0]]))
     np.testing.assert_allclose(found, [3 * 0.1 / 0.4959, 3 * 1.0 / 1.1431], rtol=2e-4)
-    fine = np.array([[3.0], [1e-12], [0.02]])
-    poses = pose_bands(steps, fine + np.array([[1.0], [0.0], [0.0]]) * steps[:, None, None] ** -1.4, 10.0)
+    scale, fine = np.array([1.0, 1.0, 10.0]), np.array([[3.0], [1e-12], [0.02]])
+    poses = pose_bands(steps, fine + np.array([[1.0], [0.0], [0.0]]) * steps[:, None, None] ** -1.4, scale)
     assert poses[0, 0] > 8.0**-4 and poses[2, 0] == pytest.approx(poses[0, 0] / 10.0)
     assert poses[1, 0] == pytest.approx(1e-12)
     few, many = np.array([[1.0, 0.0], [2.0, 1e-12], [0.0, 3.0]]), np.array([[1.1, 0.0], [1.7, 2e-12], [0.0, 3.2]])
-    layered = layer_bands(few, many)
+    one = np.ones(3)
+    layered = pose_bands(steps, np.array([many] * 3), one, (few, many)) - pose_bands(steps, np.array([many] * 3), one)
     np.testing.assert_allclose(layered[:, 0], [0.375, 0.375, 0.0])
     np.testing.assert_allclose(layered[:, 1], [0.0, 2e-12, 0.25])
 
