@@ -28,13 +28,14 @@ from flexfem.files.refusals import checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
 from flexfem.refused import BadInput
-from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, unit_for, unit_of, without_unit
+from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, short, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
 FORMAT = 1  # version of the JSON documents
 DRAFT = "http://json-schema.org/draft-07/schema#"
 LARGEST_FILE = 2**26  # bytes, largest stored result
 LONG, MOST_COLUMNS = 40, 8  # characters of a list item that shares a line; columns of a table of records
+NEGLIGIBLE = 0.1  # of its band; a smaller value is shown as 0
 MOST_DIGITS = 7  # significant digits of a printed number
 SMALLEST_PERCENTAGE = 1e-3  # smaller ones, with their bands, are shown as 0
 MOST_LISTED = 3  # values in the line with the main result
@@ -709,17 +710,17 @@ def number(value: float, band: float = np.nan) -> str:
     if not np.isfinite(value):
         return "" if np.isnan(value) else "unlimited"
     if not band > 0:
-        return f"{float(f'{value:.5g}'):.0f}" if 1e5 <= abs(value) < 1e7 else f"{value:.5g}" if value else "0"
+        return f"{float(f'{value:.5g}'):.0f}" if 1e5 <= abs(value) < 1e7 else short(value, "z.5g")
+    value = 0.0 if abs(value) < NEGLIGIBLE * band < np.inf else value
     places = int(min(1 - np.floor(np.log10(band)), 12)) if np.isfinite(band) else 0
     digits = places + int(np.floor(np.log10(abs(value)))) + 1 if value else 0
     if digits > MOST_DIGITS + 2:  # the band is less than half of the last printed digit
-        return f"{value:.{MOST_DIGITS}g}"
-    if abs(value) >= 1e7 or places > 9 or digits > MOST_DIGITS:
-        return f"{value:.{min(max(digits, 1), MOST_DIGITS)}g} ± {band:.2g}"
+        return short(value, f".{MOST_DIGITS}g")
+    if abs(value) >= 1e7 or places > (9 if value else 6) or digits > MOST_DIGITS:
+        return f"{short(value, f'.{min(max(digits, 1), MOST_DIGITS)}g')} ± {short(band, '.2g')}"
     if places < 0:
         value, band, places = round(value, places), round(band, places), 0
-    text = f"{value:z.{places}f}"
-    return f"{text} ± {band:.{places}f}" if float(text) or places < 7 else f"0 ± {band:.1g}"
+    return f"{value:.{places}f} ± {band:.{places}f}" if value else f"0 ± {band:.{places}f}"
 
 
 def write_sealed(path: Path, content: Mapping[str, Any]) -> Path:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import inspect
 import json
-import re
 from collections.abc import Iterator
 from importlib import import_module
 from itertools import pairwise
@@ -39,7 +38,7 @@ from flexfem.questions.fixture import Fixture, Measurement
 from flexfem.refused import BadInput
 from flexfem.results import DRAFT, Result
 from flexfem.study.plan import Study
-from flexfem.units import unit_of
+from flexfem.units import short, unit_of
 
 FILE = "flexfem-{}.schema.json"
 NUMBERS = ("number", "integer")
@@ -330,9 +329,5 @@ def _limits(of: dict[str, Any]) -> str:
     low = next((each["minimum"] for each in choices if "minimum" in each), of.get("minimum"))
     above = of.get("exclusiveMinimum") if low is None else None
     ends = (("from", low), ("above", above), ("up to", of.get("maximum")), ("below", of.get("exclusiveMaximum")))
-    said = (f"{word} {_short(limit)}" for word, limit in ends if limit is not None)
+    said = (f"{word} {short(limit)}" for word, limit in ends if limit is not None)
     return ("0, or " if {"const": 0} in choices else "") + " ".join(said)
-
-
-def _short(limit: float) -> str:
-    return re.sub(r"e([-+])0?", lambda found: f"e{found[1].strip('+')}", f"{limit:g}")

@@ -131,6 +131,11 @@ def _spelled(name: str) -> str:
     return re.sub(r"[\s^*·]", "", Unit(1.0, name.replace("\u03bc", "µ")).plain)
 
 
+def short(value: float, form: str = "g") -> str:
+    """Return a number in a format of Python, with a power of ten such as 1e6."""
+    return re.sub(r"e([-+])0?", lambda found: f"e{found[1].strip('+')}", format(value, form))
+
+
 def without_unit(name: str) -> str:
     """Return a column name or key path without its unit suffix."""
     return ENDING.sub(r"\2", name)

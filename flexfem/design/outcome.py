@@ -29,7 +29,7 @@ from flexfem.study import columns as outputs
 from flexfem.study.answer import answer_designs, with_warnings
 from flexfem.study.findings import axis_of, factor, non_dominated
 from flexfem.study.loaded import plate_of, stage_of
-from flexfem.units import unit_of
+from flexfem.units import short, unit_of
 
 PLANE_ALONE = {
     *outputs.DRIVE_RANGES, *outputs.ENGAGED, *outputs.DRIFTS, *outputs.GRADIENTS, *outputs.FREQUENCIES, *outputs.ERRORS,
@@ -342,9 +342,10 @@ def _warnings(loaded: LoadedRequirements, rounds: list[Proposal], agreed: bool) 
     amplitudes = [name for name in outputs.LIFE_AMPLITUDES if name in columns and name in required.used]
     if required.life is not None and amplitudes:
         low, high = required_law(loaded.stage.material).range
-        subject, name = f"amplitudes for {required.life.cycles:g} cycles", amplitudes[0]
+        subject, name = f"amplitudes for {short(required.life.cycles)} cycles", amplitudes[0]
         if not low <= required.life.cycles <= high:
-            warnings.append(f"{subject} are extrapolated, outside the {low:g} to {high:g} cycles of Basquin's law")
+            outside = f"outside the {short(low)} to {short(high)} cycles of Basquin's law"
+            warnings.append(f"{subject} are extrapolated, {outside}")
         amplitude = abs(required.life.amplitude[outputs.LIFE_AMPLITUDES.index(name)]) * unit_of(name).factor
         if columns["safety_factor"] * amplitude < columns[name]:  # mean and amplitude grow together
             warnings.append(f"{subject} are computed from elastic stress, beyond yield")

@@ -35,7 +35,7 @@ from flexfem.questions.bands import levels, stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
-from flexfem.units import COMMANDS, Unit
+from flexfem.units import COMMANDS, Unit, short
 
 LARGEST_FACTOR = 1e9  # largest multiple of the amplitude in the search for a life
 LARGEST_POSE = 1e2  # mm, rad
@@ -202,7 +202,7 @@ class Fatigue(NamedTuple):
         """Material and motion as settings of a result."""
         poses = {"amplitude": self.motion.amplitude, "about": self.motion.mean}
         texts = {name: ", ".join(map(_with_unit, pose, COMMANDS)) for name, pose in poses.items()}
-        return {"material": self.material.name, **texts, "wanted cycles": f"{self.motion.cycles:g}"}
+        return {"material": self.material.name, **texts, "wanted cycles": short(self.motion.cycles)}
 
     def values(
         self, stress: StressCycles, shape: tuple[int, ...], error: tuple[float, float] = (math.nan, math.nan)
@@ -240,12 +240,12 @@ class Fatigue(NamedTuple):
                 highest = f"{model}: the largest stress is {limit / values['safety']:.4g} MPa, {beyond}"
                 messages.append(f"{highest}: the life by elastic stress is not valid")
             if values["peak_at_largest"] > limit:
-                where = f"{model}: at the amplitude for {wanted:g} cycles the largest stress is"
+                where = f"{model}: at the amplitude for {short(wanted)} cycles the largest stress is"
                 messages.append(f"{where} {values['peak_at_largest']:.4g} MPa, {beyond}: yield limits the amplitude")
             for subject, cycles in ((f"{model}: the life", values["life"]), ("the wanted life", wanted)):
                 if np.isfinite(cycles) and not low <= cycles <= high:
-                    extrapolated = f"is extrapolated: the law covers {low:g} to {high:g}"
-                    messages.append(f"{subject} of {cycles:.3g} cycles {extrapolated}")
+                    extrapolated = f"is extrapolated: the law covers {short(low)} to {short(high)}"
+                    messages.append(f"{subject} of {short(cycles, '.3g')} cycles {extrapolated}")
         return messages
 
 
@@ -394,10 +394,14 @@ def _law(stage: Stage | Mechanism, fit: Path | None, law: Basquin | BasquinFit |
         raise BadInput(f"law: coefficient {chosen.coefficient:.4g} MPa, expected {expected}")
     rule = "Smith, Watson and Topper" if chosen.walker == 0.5 else f"Walker, {chosen.walker:g}"
     description = (
-        f"Basquin's law, {chosen.coefficient:g} MPa, exponent {chosen.exponent:g}, for {chosen.range[0]:.4g} to "
-        f"{chosen.range[1]:.4g} cycles{'' if chosen.range_stated else ', assumed'}; mean stress by {rule}; {source}"
+        f"Basquin's law, {chosen.coefficient:g} MPa, exponent {chosen.exponent:g}, for {_of_cycles(chosen.range)}"
+        f"{'' if chosen.range_stated else ', assumed'}; mean stress by {rule}; {source}"
     )
     return chosen, [description, *notes]
+
+
+def _of_cycles(ends: tuple[float, float]) -> str:
+    return f"{short(ends[0], '.4g')} to {short(ends[1], '.4g')} cycles"
 
 
 def _with_unit(value: float, unit: Unit) -> str:
@@ -413,8 +417,8 @@ def _described_fit(law: BasquinFit) -> str:
         for interval in (law.coefficient_interval, law.exponent_interval)
     )
     return (
-        f"fit through {law.points} points from {law.range[0]:.4g} to {law.range[1]:.4g} cycles, sigma_a = sigma'_f "
-        f"(2 N)^b = A N^b: sigma'_f = {law.coefficient:.5g} MPa, {coefficient}; b = {law.exponent:.4g}, {exponent}; "
+        f"fit through {law.points} points from {_of_cycles(law.range)}, sigma_a = sigma'_f (2 N)^b = A N^b: "
+        f"sigma'_f = {law.coefficient:.5g} MPa, {coefficient}; b = {law.exponent:.4g}, {exponent}; "
         f"A = {law.A:.5g} MPa; standard deviation of log10 N {law.scatter:.3g}"
     )
 

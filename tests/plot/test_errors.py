@@ -70,7 +70,7 @@ def test_each_panel_has_its_own_percentages_and_bands_beside_their_lines(made, d
     _, figure = drawn["y"]
     expected = [
         ["mobility three: 14.070 ± 0.017 %", "mobility six: −7.12 ± 0.12 %"],
-        ["mobility three: 3.110 ± 0.027 %", "mobility six: 0.00 ± 0.13 %"],
+        ["mobility three: 3.110 ± 0.027 %", "mobility six: 0 ± 0.13 %"],
         ["mobility three: −5.230 ± 0.037 %", "mobility six: 4.11 ± 0.14 %"],
     ]
     for axes, said in zip(figure.axes, expected, strict=True):

@@ -13,7 +13,7 @@ SIZES = {  # what one of the file unit is in N, mm, MPa, rad, K, s, tonne
     "µm/(m K)": 1e-6, "µm": 1e-3, "mrad": 1e-3, "°": 0.017453292519943295, "GPa": 1e3, "MPa/µm": 1e3, "N/µm": 1e3,
     "MPa/mrad": 1e3, "Hz": 6.283185307179586, "kg": 1e-3, "µm/K": 1e-3, "µrad/K": 1e-6, "µm/(K/mm)": 1e-3,
     "µrad/(K/mm)": 1e-6, "kg mm²": 1e-3, "g": 1e-6, "µm² mrad": 1e-9,
-    "mm/rad": 1.0, "rad/mm": 1.0, "mm": 1.0, "rad": 1.0, "": 1.0,
+    "mm/rad": 1.0, "rad/mm": 1.0, "mm": 1.0, "rad": 1.0, "": 1.0, "in": 25.4,
     **dict.fromkeys(("N", "N mm", "MPa", "kg/m³", "%", "N/mm", "N mm/rad", "mm/N", "rad/(N mm)", "1/N", "V", "s"), 1.0),
 }  # fmt: skip
 
