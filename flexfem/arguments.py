@@ -30,7 +30,8 @@ def vectors(name: str, values: ArrayLike, max_dimensions: int | None = None, lim
     if not np.all(np.isfinite(array)):
         raise BadInput(f"{name}: expected finite numbers")
     if np.any(np.abs(array) > limit):
-        raise BadInput(f"{name}: expected numbers within ±{limit:g}")
+        largest = array.flat[np.argmax(np.abs(array))]
+        raise BadInput(f"{name} {largest:g}, expected numbers within ±{limit:g}")
     return array
 
 

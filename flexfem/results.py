@@ -169,6 +169,13 @@ class Number(NamedTuple):
     accepted_band: float
 
 
+class Ends(tuple[float, float]):
+    """Both ends of a range, printed as "0.1 to 2"."""
+
+    def __str__(self) -> str:
+        return " to ".join(short(end) for end in self)
+
+
 class TextTable(NamedTuple):
     """A table of texts: head, rows, number of columns at the left that name the rows, and caption."""
 
@@ -692,7 +699,7 @@ def _text(value: Any, unit: str = "", digits: int = 8) -> str:
             if each is not None
         )
         return "; ".join(texts)
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple) and not isinstance(value, Ends):
         between = "; " if value and isinstance(value[0], list | tuple) else ", "
         return f"{between.join(_text(each, digits=6) for each in value)} {unit}".rstrip()
     if isinstance(value, bool):

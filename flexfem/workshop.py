@@ -184,7 +184,6 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
     finest = arguments.resolution(RESOLUTION if resolution is None else resolution)
     check_format(target)
     check_file(target)
-    warnings = list[str]()
     if isinstance(stage, Mechanism):
         with located(stage):
             made = mesh_layout(stage.layout, finest)
@@ -193,14 +192,13 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
         check_feasible(stage)
         plate, made = plate_of(stage), build_mesh(stage, finest)
         write_mesh(made, plate, target)
-        warnings += warning.of_numbers(stage)
     return MeshReport(
         **of_stage(stage),
         written=str(target),
         resolution=finest,
         nodes=len(made.nodes),
         triangles=len(made.triangles),
-        warnings=warnings,
+        warnings=warning.of_numbers(stage),
     )
 
 

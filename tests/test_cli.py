@@ -242,16 +242,16 @@ def test_a_file_that_does_not_exist_is_refused_with_the_nearest_name(flexfem, gi
 
 
 KINDS = {
-    "geometry/mobility6.toml": ("stage file", ["check"]),
-    "cases/fig5.toml": ("case file", ["verify"]),
-    "cases/study-reach.toml": ("study file", ["study", "status"]),
+    "geometry/mobility6.toml": ("stage file", "stage or mechanism file", ["check"]),
+    "cases/fig5.toml": ("case file", "case file", ["verify"]),
+    "cases/study-reach.toml": ("study file", "study file", ["study", "status"]),
 }
 
 
 def test_a_file_of_another_kind_is_named_as_what_it_is(flexfem):
-    for name, (found, _) in KINDS.items():
-        for expected, command in KINDS.values():
-            if found != expected:
+    for name, (found, kind, _) in KINDS.items():
+        for _, expected, command in KINDS.values():
+            if kind != expected:
                 code, out, err = flexfem(*command, ROOT / name)
                 assert (code, out) == (2, "") and f"this is a {found}, expected a {expected}" in err
 

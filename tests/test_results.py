@@ -12,8 +12,9 @@ import jsonschema
 import numpy as np
 import pytest
 
+from flexfem.questions.check import known_formulas
 from flexfem.refused import BadInput
-from flexfem.results import About, Gate, Quantity, Result, number
+from flexfem.results import About, Gate, Quantity, Result, number, record_parts
 
 
 class Trial(Result):
@@ -184,3 +185,8 @@ def test_a_quantity_of_both_plates_has_chains_for_a_stage_and_points_and_a_wider
     assert accepted[1]["stress.tip.left"].accepted == pytest.approx(3e-4 * 3.0)
     assert accepted[1]["input"].accepted == pytest.approx(4e-9)  # no mesh
     jsonschema.validate(of_mechanism.to_dict() | {"digest": ""}, MechanismBent.schema())
+
+
+def test_a_range_is_printed_with_both_ends() -> None:
+    record = known_formulas()["smith-chetwynd"]
+    assert record.t_over_R == (0.2, 1.0) and ("t over R", "0.2 to 1") in record_parts(record)[0]

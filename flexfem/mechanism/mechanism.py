@@ -14,7 +14,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 
 from flexfem.files.expressions import parameter_values
 from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
-from flexfem.files.refusals import key_path, nearest, shown, suggestion
+from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestion
 from flexfem.files.tables import Label, once
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
@@ -162,7 +162,10 @@ def load(path: PathLike) -> Stage | Mechanism:
     >>> flexfem.load("geometry/mobility6.toml").chain.link_lengths
     (30.0, 32.0, 24.0)
     """
-    return load_mechanism(path) if kind_of(read_toml(path).data) == Mechanism.kind else load_feasible(path)
+    kind = kind_of(read_toml(path).data, Stage.kind) or Stage.kind
+    if kind not in (Stage.kind, Mechanism.kind):
+        raise BadInput(f"{place_of(path)}: this is a {kind}, expected a stage or mechanism file")
+    return load_mechanism(path) if kind == Mechanism.kind else load_feasible(path)
 
 
 class PlacedPart(NamedTuple):

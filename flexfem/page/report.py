@@ -49,7 +49,7 @@ from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
-from flexfem.results import AXES, ELEMENTS, Fields, Progress, TextTable, record_parts, versions
+from flexfem.results import AXES, ELEMENTS, Fields, Progress, Result, TextTable, record_parts, versions
 from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 
@@ -79,6 +79,7 @@ DESIGN_SECTIONS: dict[str, tuple[str, Callable[[Designed], Figure] | None]] = { 
     "front": ("Pareto front", front_figure),
     "search": ("Search", None),
 }
+EXPECTED = "one stage, mechanism or study file, or results of verify and design as .json"
 PROVENANCE = "Sources of the numbers"
 WITHOUT_MESH = frozenset(("analytic", "drive", "life"))  # sections of a stage
 STRESS_AMPLITUDES = np.array([0.05, 0.05, 1e-3])  # mm, mm, rad: commands of the stress figure, assumed, as in cases/
@@ -198,14 +199,25 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
         A file is not a result or was changed since it was stored, or the folder is not writable.
     """
     check_folder(output)
-    paths = [checked_path(each) for each in results]
-    designs = [(path.stem, read_design(path)) for path in paths if is_design(path)]
-    results_by_path = [(path, Verification.read(path)) for path in paths if not is_design(path)]
-    if not results_by_path and (displacement or not designs):
+    verified, designs = _read_stored([checked_path(each) for each in results])
+    if not verified and (displacement or not designs):
         problem = "--displacement with designs alone" if designs else "no file"
         raise BadInput(f"{problem}, expected results of flexfem verify")
-    stored = [(result, result.read_fields(path)) for path, result in results_by_path]
-    return WrittenFigures([str(path) for path in write_figures(stored, output, displacement, designs)])
+    stored = [(result, result.read_fields(path)) for path, result in verified.items()]
+    named = [(path.stem, found) for path, found in designs.items()]
+    return WrittenFigures([str(path) for path in write_figures(stored, output, displacement, named)])
+
+
+def _read_stored(paths: Sequence[Path]) -> tuple[dict[Path, Verification], dict[Path, Designed]]:
+    """Return stored verifications of cases, and designs, by their files. Raises BadInput for other results."""
+    designs, verified = {path: read_design(path) for path in paths if is_design(path)}, dict[Path, Verification]()
+    for path in (path for path in paths if path not in designs):
+        result = Result.read(path)
+        if not isinstance(result, Verification):
+            expected = "results of verify of a case, or of design; other commands draw their results with --output"
+            raise BadInput(f"{place_of(path)}: {result.title}, expected {expected}")
+        verified[path] = result
+    return verified, designs
 
 
 def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...]:
@@ -229,18 +241,17 @@ def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...
 def _subject(files: Sequence[Path], sections: Sequence[str], amplitude: Any, folder: Path) -> Subject:
     """Return the subject of a page, whose kind follows from the content of the files. Raises BadInput."""
     if not files:
-        raise BadInput("no file, expected a stage file, a study file, or results of flexfem verify")
+        raise BadInput(f"no file, expected {EXPECTED}")
     if len({os.path.realpath(path) for path in files}) < len(files):
         raise BadInput(f"{', '.join(map(place_of, files))}: expected each file once")
     stored, first = all(path.suffix.lower() == ".json" for path in files), place_of(files[0])
     if not stored and len(files) > 1:
-        raise BadInput(f"{first} and {len(files) - 1} more, expected one stage or study file, or results as .json")
+        raise BadInput(f"{first} and {len(files) - 1} more, expected {EXPECTED}")
     kind = "results" if stored else kind_of(read_toml(files[0]).data, "stage file")
     if kind in ("stage file", Mechanism.kind):
         return _plate_subject(load(files[0]), sections, amplitude)
     if kind not in ("results", "study file"):
-        found = f"{first}: this is a {kind or 'TOML file'}"
-        raise BadInput(f"{found}, expected a stage file, a study file or results as .json")
+        raise BadInput(f"{first}: this is a {kind or 'TOML file'}, expected {EXPECTED}")
     if tuple(sections) != STANDARD or amplitude is not None:
         this = "a study" if kind == "study file" else kind
         raise BadInput(f"{first}: sections or an amplitude, expected none: they apply to a stage, and this is {this}")
@@ -266,8 +277,8 @@ def _study_subject(path: Path, folder: Path) -> Subject:
 
 
 def _stored_subject(files: Sequence[Path]) -> Subject:
-    designs = [read_design(path) for path in files if is_design(path)]
-    results = [Verification.read(path) for path in files if not is_design(path)]
+    verified, read = _read_stored(files)
+    results, designs = [*verified.values()], [*read.values()]
     made: list[Part] = [
         (f"{design.name}: {name}", partial(_design_section, design, name, number))
         for number, design in enumerate(designs, start=1)

@@ -25,6 +25,7 @@ from flexfem.mechanism.profiles import FILE_KEYS
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane, actuators_of, of_drive, of_heat
 from flexfem.questions import warnings as warning
+from flexfem.results import Ends
 from flexfem.units import LENGTH, RATE
 
 POINTS = 121  # of a curve
@@ -230,7 +231,7 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
             for each in layout.actuators
         ],
         provenance={key: text for key, text in sources.items() if text not in map(sources.get, tables[key])},
-        warnings=warning.of_plate(material, float(np.max(extent)), "mechanism"),
+        warnings=warning.of_numbers(mechanism),
     )
 
 
@@ -312,7 +313,7 @@ class KnownFormula(NamedTuple):
     """A hinge formula: freedoms stated by its source, range of t/R, source, and how reliably its form is known."""
 
     freedoms: tuple[str, ...]
-    t_over_R: tuple[float, float]  # noqa: N815 as the equations call it
+    t_over_R: Ends  # noqa: N815 as the equations call it
     source: str
     status: str
 
@@ -356,7 +357,7 @@ class ThicknessReview(NamedTuple):
 
 def known_formulas() -> dict[str, KnownFormula]:
     """Return freedoms, range of t/R and source of every hinge formula by name, including the user's own."""
-    return {name: KnownFormula(f.freedoms, f.valid, f.source, f.status) for name, f in FORMULAS.items()}
+    return {name: KnownFormula(f.freedoms, Ends(f.valid), f.source, f.status) for name, f in FORMULAS.items()}
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:

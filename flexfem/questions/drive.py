@@ -223,7 +223,7 @@ def drive(
         return _of_mechanism(stage, mesh, models)
     mesh = mesh_of(models, resolution, None, 2)
     if pose is None:
-        raise BadInput("pose is missing, expected the pose of the platform: mm, mm, rad")
+        raise BadInput("pose is missing, expected the pose of the platform (option --pose): mm, mm, rad")
     target = arguments.vectors("pose", pose, 1, LARGEST_POSE)
     F = arguments.vectors("load", load, 1, LARGEST_LOAD)
     stacks, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))

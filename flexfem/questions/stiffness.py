@@ -165,9 +165,8 @@ def stiffness(
     def load_for(K: Array) -> Array | None:
         return load if held is None else np.asarray(K @ held)
 
-    warnings, notes, settings, others = list[str](), list[str](), dict[str, Any](), dict[str, Array]()
+    warnings, notes, settings, others = warning.of_numbers(stage), list[str](), dict[str, Any](), dict[str, Array]()
     if isinstance(stage, Stage):
-        warnings += warning.of_numbers(stage)
         chosen = analytic.chosen(stage, warnings, models)
         if models != "elements":
             result = analyse(*chosen)

@@ -9,11 +9,12 @@ from flexfem.arrays import Array
 from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
-from flexfem.mechanism.materials import Material
+from flexfem.mechanism.mechanism import Mechanism
+from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS
+from flexfem.units import DIRECTIONS, LENGTH, PLANES, STRESS, short
 
 Warnings = list[str]
 
@@ -43,7 +44,7 @@ STRESS_BELOW = 1.0  # per cent at resolution 4, falling with its square: 0.6 to 
 YIELD_STRAIN = (1e-5, 0.2)  # of hinge materials, from soft metals to rubbers
 DENSITIES = (10.0, 23_000.0)  # kg/m^3, foam to osmium
 ACROSS = (1.0, 5000.0)  # mm: from the smallest stages cut from sheet to more than the length of plates
-SLENDER = 100.0  # link width / thickness: a larger ratio is a foil, or more likely a thickness in another unit
+SLENDER = 1000.0  # size of a plate / thickness / neck: a larger ratio is more likely a number in another unit
 
 UNIT = "is the unit right?"
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper aims to explain errors of 5 to 10 per cent
@@ -153,28 +154,28 @@ def stiffer_by_thickness(stage: Stage) -> Array | None:
     return np.asarray(100 * (solid / plane - 1))
 
 
-def of_numbers(stage: Stage) -> Warnings:
-    """Warn of numbers of a stage file that are possible, but probably in another unit."""
-    chain, across = stage.chain, float(envelope(lower(stage))[0])
-    thickness = f"thickness_mm = {stage.thickness:g} is below a hundredth of the links' width, {chain.link_width:g}"
-    largest = max(map(abs, chain.joint_angles))
-    return [
-        *of_plate(stage.material, across, "stage"),
-        *_when(chain.link_width > SLENDER * stage.thickness, f"{thickness} {LENGTH}: {UNIT}"),
-        *_when(largest <= np.deg2rad(2 * np.pi), f"chain.joint_angles_deg are all within two pi: {UNIT}"),
-    ]
-
-
-def of_plate(material: Material, across: float, plate: str) -> Warnings:
-    """Warn of numbers of a material, or of a size of a plate, mm, that are possible, but probably in another unit."""
-    strength, density = material.yield_strength, material.density
-    strain = strength / material.youngs_modulus
+def of_numbers(plate: Stage | Mechanism) -> Warnings:
+    """Warn of numbers of a file that are possible, but probably in another unit."""
+    if isinstance(plate, Stage):
+        kind, across, neck = "stage", float(envelope(lower(plate))[0]), float(np.min(lower(plate).neck))
+        angles = max(map(abs, plate.chain.joint_angles)) <= np.deg2rad(2 * np.pi)
+    else:
+        outlines = [polygon_points(body.outline) for body in plate.layout.bodies]
+        kind, across, angles = "mechanism", float(np.max(np.ptp(np.concatenate(outlines), axis=0))), False
+        neck = min((joint.profile.neck for joint in plate.layout.joints), default=np.inf)
+    strength, density, thickness = plate.material.yield_strength, plate.material.density, plate.thickness
+    strain, flat = strength / plate.material.youngs_modulus, f"thickness_mm = {thickness:g} is below a thousandth of"
     plausible = {
         f"material.yield_strength_mpa = {strength:g} is {strain:.2g} of Young's modulus": (strain, YIELD_STRAIN),
         f"material.density_kg_m3 = {density:g} is not that of a solid": (density, DENSITIES),
-        f"the {plate} is {across:.3g} {LENGTH} across": (across, ACROSS),
-    }
-    return [f"{text}: {UNIT}" for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
+        f"the {kind} is {short(across, '.3g')} {LENGTH} across": (across, ACROSS),
+        f"{flat} the {kind}, {across:.3g} {LENGTH} across": (across / thickness, (0.0, SLENDER)),
+        f"neck_mm = {neck:g} is below a thousandth of the thickness, {thickness:g} {LENGTH}": (
+            thickness / neck, (0.0, SLENDER)),
+    }  # fmt: skip
+    found = [text for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
+    found += _when(angles, "chain.joint_angles_deg are all within two pi")
+    return [f"{text}: {UNIT}" for text in found]
 
 
 def stress_above(formula: str, links: bool = True, plane: Plane = "plane_stress") -> tuple[float, float] | None:

@@ -11,6 +11,7 @@ import pytest
 import flexfem
 from flexfem.plot.write import plans, write_figures
 
+from ..conftest import ROOT
 from ..design.recorded import recorded
 
 ERRORS = {"one": (0.14071, 2e-4, 3e-14), "two": (0.0712, -0.031, 2.5)}
@@ -68,6 +69,15 @@ def test_two_stages_or_designs_of_one_file_name_do_not_clash(made):
 def test_no_file_is_refused(tmp_path):
     with pytest.raises(flexfem.BadInput, match="no file, expected results of flexfem verify"):
         flexfem.plot_results(output=tmp_path, displacement=True)
+
+
+def test_a_result_that_plot_does_not_draw_is_refused_by_its_title(tmp_path):
+    found = flexfem.stiffness(flexfem.load(ROOT / "geometry/mobility6.toml"), models="analytic")
+    path = found.write(tmp_path / "six.json")
+    with pytest.raises(
+        flexfem.BadInput, match=r"six.json: .*, expected results of verify of a case, or of design; other"
+    ):
+        flexfem.plot_results(path, output=tmp_path)
 
 
 @pytest.mark.parametrize("case", ["../escape", "/root", "..", "a b"])

@@ -132,7 +132,17 @@ def test_numbers_more_likely_in_another_unit_are_said(project):
     assert warning.of_stage(load_stage(SIX)) == []
 
 
-@pytest.mark.parametrize(("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e+03")])
+def test_a_thickness_or_a_neck_of_a_mechanism_in_another_unit_is_said():
+    pivot = flexfem.load(ROOT / "geometry/pivot.toml")
+    thin = pivot.replace(thickness=0.01)
+    said = ["thickness_mm = 0.01 is below a thousandth of the mechanism, 55.6 mm across: is the unit right?"]
+    assert warning.of_numbers(pivot) == [] and warning.of_numbers(thin) == said
+    assert flexfem.check(thin).warnings == flexfem.stiffness(thin, models="analytic").warnings == said
+    (narrow,) = warning.of_numbers(pivot.replace(parameters={"neck_mm": 4e-4}))
+    assert narrow == "neck_mm = 0.0004 is below a thousandth of the thickness, 10 mm: is the unit right?"
+
+
+@pytest.mark.parametrize(("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e3")])
 def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(scale, said):
     """A pad's corner is at 54 + 4 + 9 and 32 + 4.5 mm from the centre of the reference stage: 152.6 mm across."""
     stage = load_stage(SIX)
