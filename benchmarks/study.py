@@ -20,7 +20,7 @@ from pathlib import Path
 
 from flexfem.sources import ONE_THREAD
 from flexfem.study.answer import answer
-from flexfem.study.collect import collect, table_path
+from flexfem.study.collect import collect
 from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.run import parts_of, run_parts
 from flexfem.study.workers import Workers
@@ -86,7 +86,7 @@ def measure(loaded: LoadedStudy, folder: Path, workers: int, collected: bool) ->
             run_parts(parts, pool)
     if collected:
         with timed(f"{model}: collect", count):
-            collect(parts, table_path(parts))
+            collect(parts, parts.table)
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ from flexfem.refused import BadInput
 from flexfem.results import Progress
 from flexfem.study import MOST_WORKERS, REPORTS, run
 from flexfem.study.answer import nominal, require_extra_numbers
-from flexfem.study.collect import Collected, collect, counted_warnings, read_table, table_path
+from flexfem.study.collect import Collected, collect, counted_warnings, read_table
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
 from flexfem.study.run import Counts, Parts
@@ -197,7 +197,7 @@ def collect_study(
         unfinished, a part is damaged, or the table cannot be written.
     """
     parts = parts_of(study, output)
-    target = table_path(parts) if to is None else checked_path(to)
+    target = parts.table if to is None else checked_path(to)
     if to is not None:
         check_file(target)
     table = collect(parts, target, partial)
@@ -239,7 +239,7 @@ def study_findings(study: PathLike, output: PathLike = REPORTS, partial: bool = 
 
 def findings_of(parts: Parts, partial: bool = False) -> StudyFindings:
     """Return the findings of a study from its parts, as `study_findings`."""
-    collected = collect(parts, table_path(parts), partial)
+    collected = collect(parts, parts.table, partial)
     source = Source(parts.loaded, read_table(collected.path), nominal(parts.loaded))
     return StudyFindings(collected, source, findings(source))
 

@@ -24,7 +24,7 @@ from flexfem.study.answer import require_extra_numbers
 from flexfem.study.columns import ERRORS
 from flexfem.study.factors import MANY, NAMED, Factor
 from flexfem.study.loaded import LoadedStudy, base_of, is_fixed
-from flexfem.study.plan import Asked, Expression, Sampling, Study, limits, require_ends
+from flexfem.study.plan import Asked, Expression, Limited, Sampling, Study
 
 MOST_STEPS = 100_000  # of one dimension
 ROUND_OFF = 1e-9  # of a step
@@ -86,8 +86,10 @@ class Free(Factor):
         return np.round(self.start + self.step * np.arange(steps + 1), 12)
 
 
-class Require(Table):
+class Require(Limited):
     """A requirement: the limits between which an expression of columns and keys must lie."""
+
+    named: ClassVar[tuple[str, str]] = ("at_least", "at_most")
 
     quantity: Expression = Field(description=QUANTITY, examples=["kxx_n_per_mm"])
     at_least: End | None = Field(default=None, description="Lower limit", examples=[100.0])
@@ -96,17 +98,11 @@ class Require(Table):
     """Name in the output"""
 
     @model_validator(mode="after")
-    def _has_an_end(self) -> Require:
-        require_ends(self, "at_least", "at_most")
+    def _ends_have_a_size(self) -> Require:
         for key, end in (("at_least", self.at_least), ("at_most", self.at_most)):
             if 0 < abs(end or 0.0) < 1 / LARGEST:
                 raise refusal(f"zero, or a size of {1 / LARGEST:g} or more: margins are relative to it", key)
         return self
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """Both limits, infinite where there is none."""
-        return limits(self.at_least, self.at_most)
 
 
 class Objective(Table):

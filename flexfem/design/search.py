@@ -209,11 +209,11 @@ class _Search:
         free = ~self.space.listed if free is None else free
         if not free.any() or float(self.merit(start[None])[0]) >= REFUSED_MERIT:
             return start
-        space, model, variable, known = self.space, self.model, np.flatnonzero(free), dict[bytes, _Linear]()
+        space, model, variable, known = self.space, self.model, np.flatnonzero(free), dict[bytes, tuple[Array, Array]]()
         d, u0 = len(variable), space.to_unit(start[None])[0]
         size = max(abs(float(model.cost(model.evaluate(start[None]))[0])), 1e-30)
 
-        def linearised(x: Array) -> _Linear:
+        def linearised(x: Array) -> tuple[Array, Array]:
             if x.tobytes() not in known:
                 u = np.tile(u0, (2 * d + 1, 1))
                 steps = np.vstack([np.zeros(d), -STEP * np.eye(d), STEP * np.eye(d)])
@@ -225,12 +225,12 @@ class _Search:
             return known[x.tobytes()]
 
         found = minimize(
-            lambda x: float(linearised(x).values[0]),
+            lambda x: float(linearised(x)[0][0]),
             u0[variable],
-            jac=lambda x: linearised(x).slopes[0].copy(),
+            jac=lambda x: linearised(x)[1][0].copy(),
             bounds=Bounds(np.zeros(d), np.ones(d)),
-            constraints={"type": "ineq", "fun": lambda x: linearised(x).values[1:].copy(),
-                         "jac": lambda x: linearised(x).slopes[1:].copy()},
+            constraints={"type": "ineq", "fun": lambda x: linearised(x)[0][1:].copy(),
+                         "jac": lambda x: linearised(x)[1][1:].copy()},
             method="SLSQP",
             options={"maxiter": self.effort.iterations, "ftol": self.effort.accuracy},
         )  # fmt: skip
@@ -241,22 +241,15 @@ class _Search:
         return end if merits[1] < merits[0] else start
 
 
-class _Linear(NamedTuple):
-    """Objective and constraints (1 + c,) at a point, and their slopes (1 + c, d)."""
-
-    values: Array
-    slopes: Array
-
-
-def _differences(f: Array, u: Array) -> _Linear:
-    """Return values and slopes from rows (2 d + 1, 1 + c) at `u` (2 d + 1, d): a point, below it, above it.
+def _differences(f: Array, u: Array) -> tuple[Array, Array]:
+    """Return values (1 + c,) and slopes (1 + c, d) at a point from rows f (2 d + 1, 1 + c): there, below it, above it.
 
     A difference is one-sided where the other side has no solution. A point without one is very infeasible.
     """
     d = u.shape[1]
     solved = np.asarray(np.isfinite(f).all(axis=1))
     if not solved[0]:
-        return _Linear(np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d)))
+        return np.concatenate([[1e3], np.full(f.shape[1] - 1, -1e3)]), np.zeros((f.shape[1], d))
     a, b = (np.where(solved[side], side, 0) for side in np.arange(1, 2 * d + 1).reshape(2, d))
     width = u[b, np.arange(d)] - u[a, np.arange(d)]
-    return _Linear(f[0], ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T)
+    return f[0], ((f[b] - f[a]) / np.where(width > 0, width, 1.0)[:, None]).T

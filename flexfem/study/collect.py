@@ -37,11 +37,6 @@ class Collected(NamedTuple):
     open: int
 
 
-def table_path(parts: Parts) -> Path:
-    """Return the default path of the table of a study."""
-    return parts.folder.parent / f"{parts.loaded.stem}.parquet"
-
-
 def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
     """Write the table of a study; the same parts give the same bytes.
 

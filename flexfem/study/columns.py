@@ -185,9 +185,9 @@ CROSS = dict(zip(STIFFNESSES[3:], combinations(STIFFNESSES[:3], 2), strict=True)
 SCALES = dict.fromkeys(COUPLINGS, 1.0) | dict.fromkeys(CROSSES, 100.0)  # of other columns that may vanish
 
 
-def outputs_of(*tables: str, moved: Sequence[bool] = (True, True, True)) -> tuple[str, ...]:
-    """Return the output columns of a study with the given tables; life amplitudes of the `moved` directions only."""
-    unmoved = {name for name, moves in zip(LIFE_AMPLITUDES, moved, strict=True) if not moves}
+def outputs_of(*tables: str, moved: Sequence[float] = ()) -> tuple[str, ...]:
+    """Return the output columns of a study with the given tables, without life amplitudes where `moved` has zeros."""
+    unmoved = {name for name, moves in zip(LIFE_AMPLITUDES, moved, strict=False) if not moves}
     groups = [group for group in GROUPS if group.table in ("", *tables)]
     return tuple(name for group in groups for name in group.names if name not in unmoved)
 

@@ -138,10 +138,14 @@ class Factor(Table):
         return self.keys or (matching_keys(self.key) if self.key and "*" in self.key else (self.key or "",))
 
 
+def given_in(table: Table) -> list[str]:
+    """Return the keys that a table of a file has."""
+    return [field.alias or name for name, field in type(table).model_fields.items() if name in table.model_fields_set]
+
+
 def require_keys(table: Table, choice: str, required: tuple[str, ...], optional: tuple[str, ...]) -> None:
     """Refuse a table without a key that a choice in it requires, or with a key that the choice does not use."""
-    fields = type(table).model_fields
-    given = [field.alias or name for name, field in fields.items() if name in table.model_fields_set]
+    given = given_in(table)
     for name in required:
         if name not in given:
             raise refusal(f"{name} with {choice}")

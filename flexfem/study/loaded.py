@@ -242,12 +242,9 @@ def design_table_of(path: Path, columns: Sequence[Column]) -> DesignTable:
         raise BadInput(f"{where}: no rows, expected one for each design")
     for column, numbers in zip(columns, values.T, strict=True):
         for key in (keys()[path] for path in column.keys):
-            bad = np.flatnonzero(~np.isfinite(numbers) | key.number.refuses(numbers))
-            if len(bad):
-                value = float(numbers[bad[0]])
-                expected = f"{key.number.expected(value)} for {key.path}" if np.isfinite(value) else "a finite number"
-                at = f"row {bad[0] + 1}, column {shown(column.name)}"
-                raise BadInput(f"{where}: {at} = {value:g}, expected {expected}")
+            for row in np.flatnonzero(~np.isfinite(numbers) | key.number.refuses(numbers))[:1]:
+                at, value = f"row {row + 1}, column {shown(column.name)}", float(numbers[row])
+                raise BadInput(f"{where}: {at} = {value:g}, expected {key.number.expected(value)} for {key.path}")
     return DesignTable(path, sha256, len(values))
 
 
@@ -277,12 +274,11 @@ def _table(path: Path, version: tuple[int, ...], names: tuple[str, ...]) -> tupl
         kind = "CSV with commas between numbers" if path.suffix == ".csv" else "a Parquet file, or damaged"
         raise BadInput(f"{where}: not {kind}: {one_line(str(error), 160)}") from None
     for name in names:
-        column, expected = f"{where}: column {shown(name)}", "expected one for each factor"
-        if name not in present:
+        column = f"{where}: column {shown(name)}"
+        if present.count(name) != 1:
             close = suggestion(name, present) or f", found {one_line(', '.join(present), 160)}"
-            raise BadInput(f"{column} is missing, {expected}{close}")
-        if present.count(name) > 1:
-            raise BadInput(f"{column} appears twice, {expected}")
+            fault = "appears twice" if name in present else "is missing"
+            raise BadInput(f"{column} {fault}, expected one for each factor{'' if name in present else close}")
         kind = table[name].type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
             raise BadInput(f"{column} of type {kind}, expected numbers")
@@ -412,36 +408,28 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     return designs
 
 
-def mechanism_of(loaded: LoadedStudy, base: Mechanism, values: Array) -> Mechanism:
-    """Return the mechanism, without provenance, of the design with factor values (columns,), file units.
-
-    Raises BadInput.
-    """
-    changes: dict[str, Any] = {"provenance": {}}  # whose update takes a third of the time
-    for key, column in _settings(loaded):
-        key.set_in(changes, base, float(values[column]))
-    return base.replace(**changes)
-
-
 def plate_of(loaded: LoadedStudy, values: Array) -> Stage | Mechanism:
-    """Return the stage or mechanism of a design, see `stage_of` and `mechanism_of`."""
-    base = loaded.base
-    return mechanism_of(loaded, base, values) if isinstance(base, Mechanism) else stage_of(loaded, values)
+    """Return the stage or mechanism, without provenance, of the design with factor values (columns,), file units.
 
-
-def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
-    """Return the stage of the design with factor values (columns,), file units.
-
-    Raises BadInput for a value that no stage file can give, one line that begins with its key.
+    Raises BadInput for a value that no file can give, one line that begins with its key.
     """
-    changes: dict[str, Any] = {}
+    base, changes = loaded.base, dict[str, Any]()
     for key, column in _settings(loaded):
         value = float(values[column])
         expected = key.number.expected(value)
         if expected is not None:
             raise BadInput(f"{key.path} = {value:g}, expected {expected}")
-        key.set_in(changes, loaded.stage, value)
-    return Stage(**loaded.stage.merged(changes) | {"provenance": {}})
+        key.set_in(changes, base, value)
+    if isinstance(base, Mechanism):
+        return base.replace(**changes | {"provenance": {}})  # whose update takes a third of the time
+    return Stage(**base.merged(changes) | {"provenance": {}})
+
+
+def stage_of(loaded: LoadedStudy, values: Array) -> Stage:
+    """Return the stage of the design with factor values (columns,) of a study that is not of a mechanism."""
+    stage = plate_of(loaded, values)
+    assert isinstance(stage, Stage)
+    return stage
 
 
 def _settings(loaded: LoadedStudy) -> list[tuple[Key, int]]:

@@ -21,7 +21,7 @@ from flexfem.mechanism.keys import LIFE_CONSTANTS, PARAMETERS, key_suggestion, k
 from flexfem.questions import warnings as warning
 from flexfem.questions.case import ELASTIC, FORMULA, OF_MODEL, FormulaName, Mobility
 from flexfem.study.columns import FEASIBLE, RESERVED, outputs_of
-from flexfem.study.factors import WAYS, Column, Factor, columns_of, require_keys
+from flexfem.study.factors import WAYS, Column, Factor, columns_of, given_in, require_keys
 
 Method: TypeAlias = Literal["grid", "latin_hypercube", "sobol", "monte_carlo", "saltelli", "table"]
 MOST = 10**9  # designs; one design with 100 columns takes a kilobyte
@@ -100,27 +100,37 @@ class Output(Table):
     """Unit in figures"""
 
 
-def require_ends(table: Table, least: str, most: str) -> None:
-    """Refuse a table without any of two limits, or with an upper limit below the lower one."""
-    low, high = getattr(table, least), getattr(table, most)
-    if low is None and high is None:
-        raise refusal(f"{least}, {most} or both")
-    if low is not None and high is not None and low > high:
-        raise refusal(f">= {low:g}, the lower limit", most)
-
-
-def limits(least: float | None, most: float | None) -> tuple[float, float]:
-    """Return both limits, infinite where there is none."""
-    return -np.inf if least is None else least, np.inf if most is None else most
-
-
 def limits_text(least: float | None, most: float | None) -> str:
     """Return both limits as text."""
     return " and ".join(f"{word} {end:g}" for word, end in (("at least", least), ("at most", most)) if end is not None)
 
 
-class Constraint(Table):
+class Limited(Table):
+    """A table with a lower limit of an expression, an upper one, or both; `named` are their keys."""
+
+    named: ClassVar[tuple[str, str]]
+
+    @model_validator(mode="after")
+    def _has_an_end(self) -> Self:
+        least, most = self.named
+        if getattr(self, least) is None and getattr(self, most) is None:
+            raise refusal(f"{least}, {most} or both")
+        low, high = self.ends
+        if low > high:
+            raise refusal(f">= {low:g}, the lower limit", most)
+        return self
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Both limits, infinite where there is none."""
+        low, high = (getattr(self, name) for name in self.named)
+        return -np.inf if low is None else low, np.inf if high is None else high
+
+
+class Constraint(Limited):
     """Limits of an expression of columns and keys that a feasible design must keep."""
+
+    named: ClassVar[tuple[str, str]] = ("least", "most")
 
     value: Expression = Field(examples=["hinges.base.neck_mm / hinges.base.radius_mm"])
     """An expression. If it uses factors and keys only, a design outside the limits is `refused` before it is solved
@@ -132,11 +142,6 @@ class Constraint(Table):
     """Upper limit"""
     label: Label | None = Field(default=None, examples=["t/R of the base hinges"])
     """Name in messages"""
-
-    @model_validator(mode="after")
-    def _has_an_end(self) -> Constraint:
-        require_ends(self, "least", "most")
-        return self
 
     @property
     def title(self) -> str:
@@ -150,7 +155,7 @@ class Constraint(Table):
 
     def broken(self, values: Array) -> AnyArray:
         """Return which values (n,) are outside the limits or not finite."""
-        low, high = limits(self.least, self.most)
+        low, high = self.ends
         return np.asarray(~(np.isfinite(values) & (values >= low) & (values <= high)))
 
 
@@ -256,11 +261,6 @@ class DriveQuestion(Table):
             raise refusal("actuators = true, or stroke_um and lever_arm_mm")
         return self
 
-    @property
-    def rotation(self) -> float | None:
-        """Largest rotation of a base hinge, rad; None where no stroke is given."""
-        return 1e-3 * self.stroke_um / self.lever_arm_mm if self.stroke_um and self.lever_arm_mm else None
-
 
 class Frequencies(Table):
     """Natural frequencies of the platform in the plane, with or without a payload."""
@@ -293,7 +293,7 @@ class LifeTable(Table):
 
     @model_validator(mode="after")
     def _has_an_amplitude(self) -> LifeTable:
-        if not any(self.moved):
+        if not any(self.amplitude):
             raise refusal("amplitude_x_um, amplitude_y_um or amplitude_theta_mrad, other than zero")
         return self
 
@@ -301,11 +301,6 @@ class LifeTable(Table):
     def amplitude(self) -> tuple[float, float, float]:
         """Amplitude of the pose, mm, mm, rad."""
         return 1e-3 * self.amplitude_x_um, 1e-3 * self.amplitude_y_um, 1e-3 * self.amplitude_theta_mrad
-
-    @property
-    def moved(self) -> tuple[bool, ...]:
-        """Which directions have an amplitude."""
-        return tuple(component != 0 for component in self.amplitude)
 
 
 QUESTIONS = ("budget", "converge", "drift", "gravity", "large", "modes", "reach", "stiffness", "summary")  # of a stage
@@ -365,11 +360,9 @@ class Asked(Sourced):
 
     @model_validator(mode="after")
     def _keys_fit_the_base(self) -> Self:
-        fields = type(self).model_fields
-        for key in (fields[name].alias or name for name in fields if name in self.model_fields_set):
-            if self.on_mechanism and key in OF_STAGE:
-                expected = f"no {key} in a {self.subject} of a mechanism, whose numbers are those of ask"
-                raise refusal(expected, key)
+        for key in given_in(self) if self.on_mechanism else ():
+            if key in OF_STAGE:
+                raise refusal(f"no {key} in a {self.subject} of a mechanism, whose numbers are those of ask", key)
         if self.on_mechanism and not self.ask:
             raise refusal(f"ask = [...]: the numbers that a {self.subject} of a mechanism computes")
         if not self.on_mechanism and any(path.startswith("drive.") for path in self.ask):
@@ -440,7 +433,8 @@ class Asked(Sourced):
     @property
     def rotation(self) -> float | None:
         """Largest rotation of a base hinge, rad; None without a stroke."""
-        return None if self.drive is None else self.drive.rotation
+        drive = self.drive
+        return 1e-3 * drive.stroke_um / drive.lever_arm_mm if drive and drive.stroke_um and drive.lever_arm_mm else None
 
     @property
     def driven(self) -> bool:
@@ -456,7 +450,7 @@ class Asked(Sourced):
     @property
     def columns(self) -> tuple[str, ...]:
         """Names of the requested output columns, without numbers of other questions."""
-        moved = (True, True, True) if self.life is None else self.life.moved
+        moved = () if self.life is None else self.life.amplitude
         return () if self.on_mechanism else outputs_of(*self.requested, moved=moved)
 
     @property
@@ -532,8 +526,7 @@ class Study(Asked):
 
     @model_validator(mode="after")
     def _keys_fit_the_model(self) -> Study:
-        fields = type(self).model_fields
-        for key in (fields[name].alias or name for name in fields if name in self.model_fields_set):
+        for key in given_in(self):
             if self.model not in APPLIES.get(key, (self.model,)):
                 raise refusal(f'no {key} with model = "{self.model}"', key)
         if self.on_mechanism and self.model == "verify":

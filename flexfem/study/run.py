@@ -75,6 +75,11 @@ class Parts:
         about |= loaded.assumptions._asdict()
         return pa.schema(fields, metadata={ABOUT: json.dumps(about, sort_keys=True).encode()})
 
+    @property
+    def table(self) -> Path:
+        """Default path of the collected table."""
+        return self.folder.parent / f"{self.loaded.stem}.parquet"
+
     def chunks(self, shard: slice = WHOLE) -> list[range]:
         """Return the designs of each part of a shard, in their order."""
         designs = range(self.loaded.count)
