@@ -275,7 +275,7 @@ def _called(name: str, function: Callable[..., Any], given: dict[str, Any]) -> t
             if stated and MEASURED.get(parameter.name) is POSES and "stage" in arguments:
                 _check_size(parameter.name, given[parameter.name], arguments["stage"])
     pause = streams.EVERY if name in STUDY else 0.0
-    with streams.working(name, pause) if "progress" in hints else nullcontext() as say:
+    with streams.working("study" if pause else name, pause) if "progress" in hints else nullcontext() as say:
         return function(*positional, **arguments, **({} if say is None else {"progress": say})), stem
 
 

@@ -14,14 +14,7 @@ from flexfem.page.section import PageSection, facts, folded, notes, shown_figure
 from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import TextTable, thousands
-from flexfem.study.findings import (
-    ParetoFront,
-    Record,
-    Refused,
-    Source,
-    model_words,
-    sampling_words,
-)
+from flexfem.study import findings
 
 DIGITS = 5
 TEN = 10  # designs of a front that are listed at once
@@ -29,7 +22,9 @@ ROWS = 400  # of a table; the JSON of flexfem study plot holds all
 Part: TypeAlias = tuple[str, Callable[[], PageSection]]  # a name, and the function that makes the section
 
 
-def study_parts(source: Source, found: dict[str, Record | Refused], status: dict[str, Any]) -> list[Part]:
+def study_parts(
+    source: findings.Source, found: dict[str, findings.Record | findings.Refused], status: dict[str, Any]
+) -> list[Part]:
     """Return the sections of a study in order as functions, since drawing the figures takes a while.
 
     Parameters
@@ -43,15 +38,15 @@ def study_parts(source: Source, found: dict[str, Record | Refused], status: dict
     return [*parts, ("settings of the study", partial(setup_section, source, status))]
 
 
-def _figure_section(name: str, title: str, shown: Record | Refused) -> PageSection:
-    if isinstance(shown, Refused):
+def _figure_section(name: str, title: str, shown: findings.Record | findings.Refused) -> PageSection:
+    if isinstance(shown, findings.Refused):
         return PageSection(name, title, notes([f"This figure is not drawn: {shown.reason}"]))
     title, numbers = shown.caption.title, shown.table
     rows = [[cell if isinstance(cell, str) else formatted(cell) for cell in row] for row in numbers.rows[:ROWS]]
     limit = f", the first {ROWS} of {thousands(len(numbers.rows))}" if len(numbers.rows) > ROWS else ""
     names = sum(isinstance(value, str) for value in numbers.rows[0])
     head, data = [*numbers.head.values()], Markup("")
-    if isinstance(shown, ParetoFront) and len(rows) > TEN:
+    if isinstance(shown, findings.ParetoFront) and len(rows) > TEN:
         kept = [rows[k] for k in np.linspace(0, len(rows) - 1, TEN).round().astype(int)]
         data = table(TextTable(head, kept, names, "Ten designs of the front, from one end to the other"))
     whole = table(TextTable(head, rows, names, numbers.caption + limit))
@@ -64,14 +59,14 @@ def formatted(value: float) -> str:
     return significant(value, DIGITS) if math.isfinite(value) else "none" if math.isinf(value) else ""
 
 
-def setup_section(source: Source, status: dict[str, Any]) -> PageSection:
+def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSection:
     """Return the settings of a study and the counts of its designs; `status` is from `studies.study_status`."""
     loaded, study = source.loaded, source.loaded.study
     settings = {
         "study": f"{study.name} ({loaded.path.name})",
         "base stage": f"{loaded.base.name} ({study.stage})",
-        "model": model_words(loaded),
-        "sample": f"{sampling_words(loaded)}, {thousands(loaded.count)} designs",
+        "model": findings.model_words(loaded),
+        "sample": f"{findings.sampling_words(loaded)}, {thousands(loaded.count)} designs",
         "accuracy of stresses": loaded.stress_accuracy,
         "hash of the inputs": loaded.hash,
     }

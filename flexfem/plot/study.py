@@ -24,15 +24,6 @@ from flexfem.plot.text import minus, significant
 from flexfem.plot.write import write_each
 from flexfem.results import SPACE, thousands
 from flexfem.study import findings
-from flexfem.study.findings import (
-    AxisText,
-    Distribution,
-    ParetoFront,
-    Percentile,
-    Scatter,
-    Sensitivity,
-    StudyMap,
-)
 
 WIDTH, LABEL_WIDTH = 8.27, 4.4  # in, of a page and of the label of an axis
 FIRST_COLOUR, BAR_COLOUR, TOTAL_COLOUR, HATCH_COLOUR = "#0072B2", "#A9C4DE", "#F0C48A", "#A8A8A8"
@@ -58,13 +49,14 @@ def write_study_figures(found: Mapping[str, findings.Record | findings.Refused],
 
 def page_of(record: findings.Record) -> Figure:
     """Draw the page of one record."""
-    draw: dict[type, Callable[[Any], Figure]] = {
-        StudyMap: map_figure, Distribution: distribution_figure, Sensitivity: sensitivity_figure
-    }  # fmt: skip
-    return draw.get(type(record), pareto_figure)(record)
+    kinds: dict[type, Callable[[Any], Figure]] = {findings.StudyMap: map_figure, findings.ParetoFront: pareto_figure}
+    kinds |= {findings.Sensitivity: sensitivity_figure, findings.Distribution: distribution_figure}
+    return kinds[type(record)](record)
 
 
-def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequence[str] = ("", "")) -> None:
+def name_axes(
+    axes: Axes, x: findings.AxisText, y: findings.AxisText | None = None, better: Sequence[str] = ("", "")
+) -> None:
     """Set scales, labels and ticks of axes that hold all their data."""
     both = (axes.xaxis, axes.set_xscale), (axes.yaxis, axes.set_yscale)
     for (axis, set_scale), quantity, sense in zip(both, (x, y), better, strict=True):
@@ -81,13 +73,13 @@ def name_axes(axes: Axes, x: AxisText, y: AxisText | None = None, better: Sequen
 
 
 @in_house_style
-def map_figure(shown: StudyMap) -> Figure:
+def map_figure(shown: findings.StudyMap) -> Figure:
     """Draw a map on a page."""
     plot, caption = partial(plot_map, shown=shown), shown.caption
     return style.page((WIDTH, 6.0), caption.title, caption.lines, plot, caption)
 
 
-def plot_map(ax: Axes, shown: StudyMap) -> Axes:
+def plot_map(ax: Axes, shown: findings.StudyMap) -> Axes:
     """Draw a value as colours over two factors: cells with labelled contours for a grid, else a dot per design.
 
     Returns `ax`, which holds the colour bar as an inset. Only the contours are interpolated. Values of both signs have
@@ -131,7 +123,7 @@ def edges(ticks: Array, log: bool) -> Array:
     return np.asarray(np.exp(ends) if log else ends)
 
 
-def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any]:
+def _draw_grid(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) -> list[Any]:
     """Draw a map as cells; return entries of the legend."""
     (xs, column), (ys, row) = (np.unique(v, return_inverse=True) for v in shown.cells.points.T)
     x_edges, y_edges = edges(xs, shown.x.log), edges(ys, shown.y.log)
@@ -152,7 +144,7 @@ def _draw_grid(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
     return entries
 
 
-def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any]:
+def _draw_dots(axes: Axes, shown: findings.StudyMap, colours: dict[str, Any]) -> list[Any]:
     """Draw a map as one dot per design; return entries of the legend."""
     points, values, missing, *_ = shown.cells
     known, many = np.isfinite(values), len(values) > VECTOR_DOTS
@@ -168,7 +160,7 @@ def _draw_dots(axes: Axes, shown: StudyMap, colours: dict[str, Any]) -> list[Any
 
 
 def _draw_contours(
-    axes: Axes, grid: tuple[Array, Array, Any], norm: Normalize, shown: StudyMap, entries: list[Any]
+    axes: Axes, grid: tuple[Array, Array, Any], norm: Normalize, shown: findings.StudyMap, entries: list[Any]
 ) -> None:
     """Draw labelled contours of values on a grid (x, y, masked values), those at the marks heavier."""
     low, high, unit = float(grid[2].min()), float(grid[2].max()), shown.value.after if shown.value.unit == "%" else ""
@@ -191,7 +183,7 @@ def levels(norm: Normalize, marks: Sequence[float]) -> Array:
     return np.setdiff1d(np.asarray(locator.tick_values(norm.vmin, norm.vmax)), marks)
 
 
-def _draw_bar(axes: Axes, mappable: Any, shown: StudyMap) -> None:
+def _draw_bar(axes: Axes, mappable: Any, shown: findings.StudyMap) -> None:
     """Draw the colour bar with the marks."""
     axes.figure.colorbar(mappable, cax=axes).set_label(style.wrapped(shown.value.label, LABEL_WIDTH, 9.5))
     low, high = axes.get_ylim()
@@ -206,7 +198,7 @@ def _draw_bar(axes: Axes, mappable: Any, shown: StudyMap) -> None:
 
 
 @in_house_style
-def pareto_figure(shown: ParetoFront) -> Figure:
+def pareto_figure(shown: findings.ParetoFront) -> Figure:
     """Draw the Pareto front and, below it to one scale, the chosen designs."""
     columns = [quantity for quantity, _ in shown.chosen[0].numbers[: 2 + MOST_FACTORS]] if shown.chosen else []
     numbers = [[significant(value, 3) for _, value in design.numbers[: len(columns)]] for design in shown.chosen]
@@ -215,7 +207,7 @@ def pareto_figure(shown: ParetoFront) -> Figure:
     return front_page(shown.caption, partial(plot_front, shown=shown), [one.stage for one in shown.chosen], rows)
 
 
-def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
+def plot_front(ax: Axes, shown: findings.ParetoFront) -> Axes:
     """Draw every design as a dot, the Pareto front as a line, and the letters of the chosen designs; return `ax`."""
     dots, n = shown.points, len(shown.points)
     if n > MOST_DOTS:
@@ -247,7 +239,7 @@ def plot_front(ax: Axes, shown: ParetoFront) -> Axes:
 
 
 @in_house_style
-def distribution_figure(shown: Distribution) -> Figure:
+def distribution_figure(shown: findings.Distribution) -> Figure:
     """Draw a histogram for every value, with its percentiles, their confidence intervals and the nominal value."""
     count, caption = len(shown.scatters), shown.caption
     figure, axes = panels((WIDTH, 1.97 * count), caption.title, caption.lines, count, assumptions=caption)
@@ -257,7 +249,7 @@ def distribution_figure(shown: Distribution) -> Figure:
     return figure
 
 
-def plot_histogram(ax: Axes, scatter: Scatter) -> Axes:
+def plot_histogram(ax: Axes, scatter: findings.Scatter) -> Axes:
     """Draw a histogram of one value with its percentiles and their legend; return `ax`."""
     values = scatter.values
     quantity = scatter.quantity._replace(log=scatter.quantity.log and bool(values.min() > 0))
@@ -291,7 +283,7 @@ def histogram(values: Array) -> tuple[Array, Array]:
     return counts.astype(np.float64), np.asarray(borders, dtype=np.float64)
 
 
-def _percentile_text(percentile: Percentile, after: str) -> str:
+def _percentile_text(percentile: findings.Percentile, after: str) -> str:
     """Format a percentile with its confidence interval."""
     low, high = (significant(end, DIGITS) if np.isfinite(end) else "" for end in (percentile.low, percentile.high))
     interval = f"{low}{SPACE}to{SPACE}{high}" if low and high else NO_INTERVAL
@@ -302,7 +294,7 @@ def _percentile_text(percentile: Percentile, after: str) -> str:
 
 
 @in_house_style
-def sensitivity_figure(shown: Sensitivity) -> Figure:
+def sensitivity_figure(shown: findings.Sensitivity) -> Figure:
     """Draw first-order and total Sobol indices of every factor, in the order of the study file, one panel per value."""
     shares, factors = shown.shares, shown.factors
     columns = 2 if len(shares) == 4 else min(3, len(shares))

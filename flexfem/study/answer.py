@@ -12,22 +12,11 @@ from typing import Any, TypeVar, get_args, get_type_hints
 import numpy as np
 
 import flexfem
+from flexfem.analytic import responses
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.analytic.network import Dynamics
 from flexfem.analytic.paper import freedoms_of, mobility
-from flexfem.analytic.responses import (
-    FREEDOMS,
-    LinkParts,
-    WarmBodies,
-    body_loads,
-    drift,
-    in_plane,
-    link_parts,
-    mass_matrix,
-    rates_of,
-)
-from flexfem.analytic.responses import driven as driven_compliance
 from flexfem.arrays import AnyArray, Array
 from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
@@ -70,14 +59,6 @@ def for_stages(stages: Stages, reason: AnyArray, function: Callable[[Stage], Res
     return results
 
 
-def _stacked(loaded: LoadedStudy, stages: Stages, reason: AnyArray, function: Callable[[Stage], Any]) -> list[Array]:
-    """Return the arrays (n, ...) of a function of every stage, with the base stage in place of refused designs."""
-    results = for_stages(stages, reason, function)
-    instead = function(loaded.stage) if len(results) < len(reason) else None
-    rows = (results.get(index, instead) for index in range(len(reason)))
-    return [np.stack(arrays) for arrays in zip(*rows, strict=True)]
-
-
 FATIGUE = f"{KEY}: expected {UNLIKELY.format(*STRENGTHS, 'material.yield_strength_mpa')}"
 UNMOVED = "actuator: the drive does not move the platform in three directions, or its preloads make a neck yield"
 SINGULAR = "chain: singular to working precision at rest: its hinges are in line, or its necks differ too much"
@@ -117,30 +98,44 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
         refused += [*invalid_hinges(designs, study.formula, hinges), Broken(FATIGUE, doubtful)]
         reasons = [np.array(refusal.reason, object) for refusal in refused]
         reason = np.select([refusal.where for refusal in refused], reasons, refusals_of(loaded, values))
-        stages = cache(lambda index: stage_of(loaded, values[index]))
-        stacked, model = partial(_stacked, loaded, stages, reason), (hinges, freedoms)
+        stages, model = cache(lambda index: stage_of(loaded, values[index])), (hinges, freedoms)
+
+        def stacked(function: Callable[[Stage], tuple[Array, ...]]) -> list[Array]:
+            """Return the arrays (n, ...) of a function of every stage, with the base in place of refused designs."""
+            results = for_stages(stages, reason, function)
+            instead = function(loaded.stage) if len(results) < len(reason) else ()
+            rows = (results.get(index, instead) for index in range(len(reason)))
+            return [np.stack(arrays) for arrays in zip(*rows, strict=True)]
+
+        def links_at(loads: Callable[[Stage], Any]) -> responses.LinkParts | None:
+            """Return the parts of elastic links for loads on the bodies, None in a study with rigid links."""
+            if not study.links:
+                return None
+            return responses.LinkParts(*stacked(lambda stage: responses.link_parts(stage, loads(stage))))
+
         if study.draws:
             for_stages(stages, reason, check_feasible)
-        payload, repeated = _questions(study)
-        warm = WarmBodies(*stacked(partial(_warm_bodies, study))) if study.links else None
+        (payload, repeated), warm = _questions(study), None
+        if study.links:
+            motions = edge_motions if study.drift is not None else lambda stage: np.zeros((3, 3, 3))
+            warm = responses.WarmBodies(*stacked(lambda stage: (body_compliance(stage), motions(stage))))
         found = batch_at_rest(designs, *model, None if warm is None else warm.compliance, repeated)
         if study.driven:
             drive = drives_of(loaded.stage, designs, reason, stages)
-            links = (
-                LinkParts(*stacked(lambda stage: link_parts(stage, drive_of(stage).stacks))) if study.links else None
-            )
+            links = links_at(lambda stage: drive_of(stage).stacks)
             drive.stiffness[reason != ""] = np.nan  # makes all results of refused designs nan
-            response = driven_compliance(designs.frames, *model, drive.stacks, links)
+            response = responses.driven(designs.frames, *model, drive.stacks, links)
             drives = drive_ranges(designs, Driven.of(response.compliance, drive), response.necks)
             found = found._replace(drives=drives)
         if payload is not None:
-            (mass,) = stacked(lambda stage: (mass_matrix(stage, payload),))
-            links = LinkParts(*stacked(lambda stage: link_parts(stage, body_loads(stage)))) if study.links else None
-            compliance = driven_compliance(designs.frames, *model, body_loads(), links).compliance
-            dynamics = Dynamics(compliance, mass, FREEDOMS if study.links else mobility(freedoms))
+            (mass,) = stacked(lambda stage: (responses.mass_matrix(stage, payload),))
+            links = links_at(responses.body_loads)
+            compliance = responses.driven(designs.frames, *model, responses.body_loads(), links).compliance
+            dynamics = Dynamics(compliance, mass, responses.FREEDOMS if study.links else mobility(freedoms))
             found = found._replace(frequencies=dynamics.frequencies[:, :LOWEST])
         if study.drift is not None:
-            found = found._replace(drift=rates_of(drift(designs, *model, *in_plane(designs), warm).pose))
+            drift = responses.drift(designs, *model, *responses.in_plane(designs), warm).pose
+            found = found._replace(drift=responses.rates_of(drift))
         singular = np.isnan(found.stiffness[:, 0, 0])
         if found.drift is not None:
             singular |= np.isnan(found.drift.uniform).any(axis=1)
@@ -154,11 +149,6 @@ def answer_designs(loaded: LoadedStudy, values: Array) -> Rows:
     outputs[reason != ""] = np.nan
     status = np.where(reason == "", "ok", "refused").astype(object)
     return with_warnings(loaded, values, Rows(status, reason, outputs))
-
-
-def _warm_bodies(study: Study, stage: Stage) -> WarmBodies:
-    """Return compliance and thermal edge motions of the elastic bodies, zero motions in a study without drift."""
-    return WarmBodies(body_compliance(stage), np.zeros((3, 3, 3)) if study.drift is None else edge_motions(stage))
 
 
 class NoSuchNumber(BadInput):
