@@ -31,7 +31,7 @@ from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import levels, stress_bands
+from flexfem.questions.bands import stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
@@ -204,32 +204,39 @@ class Fatigue(NamedTuple):
         texts = {name: ", ".join(map(_with_unit, pose, COMMANDS)) for name, pose in poses.items()}
         return {"material": self.material.name, **texts, "wanted cycles": short(self.motion.cycles)}
 
-    def values(
-        self, stress: StressCycles, shape: tuple[int, ...], error: tuple[float, float] = (math.nan, math.nan)
-    ) -> dict[str, Any]:
-        """Return the values of one model; shape : of those of necks.   error : of the stress, relative, from and to."""
-        motion, law, equivalent = self.motion, self.law, stress.equivalent(self.law.walker)
-        necks = [np.flatnonzero(stress.neck == neck) for neck in range(int(stress.neck.max()) + 1)]
-        critical = np.array([points[int(np.argmax(equivalent[points]))] for points in necks])
+    def values(self, stress: StressCycles, *shape: int) -> dict[str, Any]:
+        """Return the values of one model; shape : of those of necks."""
+        motion, law, equivalent, peak = self.motion, self.law, stress.equivalent(self.law.walker), stress.peak
+        necks = [np.flatnonzero(stress.neck == neck) for neck in np.unique(stress.neck)]
+        critical = [points[np.argmax(equivalent[points])] for points in necks]
         by_neck = {
             "amplitude": stress.amplitude[critical],
             "mean": stress.mean[critical],
-            "peak": np.array([np.max(stress.peak[points]) for points in necks]),
+            "peak": np.array([np.max(peak[points]) for points in necks]),
             "equivalent": equivalent[critical],
             "cycles": law.cycles(equivalent[critical]),
         }
         factor = factor_at(stress, law, motion.cycles, motion.proportional)
-        limited, highest = np.isfinite(factor), np.max(equivalent)
-        most, fewest = (float(law.cycles(np.maximum(1 + share, 0.0) * highest)) for share in error)
+        limited = np.isfinite(factor)
         return {name: values.reshape(shape) for name, values in by_neck.items()} | {
-            "life": float(law.cycles(highest)),
-            "fewest": fewest,
-            "most": most,
-            "safety": self.material.yield_strength / float(np.max(stress.peak)),
+            "life": float(law.cycles(np.max(equivalent))),
+            "safety": self.material.yield_strength / float(np.max(peak)),
             "factor": factor,
             "peak_at_largest": np.max(stress.times(factor, motion.proportional).peak) if limited else math.nan,
             "largest": factor * motion.amplitude if limited else np.full(3, math.inf),
         }
+
+    def within(self, values: Mapping[str, Any], low: float, high: float) -> dict[str, Array]:
+        """Return the fewest and most cycles for relative errors of the stress from `low` to `high`."""
+        ends = np.maximum(1 + np.array([high, low]), 0.0) * np.max(values["equivalent"])
+        return dict(zip(("fewest", "most"), self.law.cycles(ends), strict=True))
+
+    def of_ports(self, response: plates.Responses) -> dict[str, Any]:
+        """Return the values of one model of a mechanism."""
+        poses = np.array([self.motion.amplitude, self.motion.mean])
+        forces = poses @ np.linalg.inv(response.compliance[:3, :3])
+        varying, constant = response.stress(forces @ np.eye(3, len(response.compliance)))
+        return self.values(StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying))), -1)
 
     def warnings(self, models: Mapping[str, ModelAnswer]) -> list[str]:
         """Warn of lives outside the range of Basquin's law: above yield, or outside the fitted range of cycles."""
@@ -249,26 +256,14 @@ class Fatigue(NamedTuple):
         return messages
 
 
-def _of_mechanism(
-    mechanism: Mechanism, asked: Fatigue, mesh: setup.Mesh | None, models: Models, progress: Progress | None
-) -> MechanismLife:
-    poses = np.array([asked.motion.amplitude, asked.motion.mean])
+def _hinge_bands(sizes: Array, each: list[plates.Values], ends: Sequence[plates.Values]) -> dict[str, Array]:
+    return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
 
-    def values(response: plates.Responses) -> dict[str, Any]:
-        loads = np.zeros((2, len(response.compliance)))
-        loads[:, :3] = poses @ np.linalg.inv(response.compliance[:3, :3])
-        varying, constant = response.stress(loads)
-        stress = StressCycles(np.arange(len(varying)), varying, constant, np.ones(len(varying)))
-        return {name: value for name, value in asked.values(stress, (-1,)).items() if name not in ("fewest", "most")}
 
-    def bands(sizes: Array, each: list[dict[str, Any]], ends: Sequence[plates.Values]) -> dict[str, Any]:
-        return {"equivalent": stress_bands(sizes, np.array([one["equivalent"] for one in each]))}
-
-    found = plates.of_models(mechanism, mesh, models, values, progress, bands)
-    notes, warnings = [*asked.notes, LEFT_OUT], asked.warnings(found)
-    result = setup.answer(MechanismLife, mechanism, found, mesh, asked.settings, warnings=warnings, notes=notes)
-    result.law, result.yield_strength = asked.law, asked.material.yield_strength
-    return result
+def _highest_bands(sizes: Array, each: list[plates.Values], ends: Sequence[plates.Values]) -> dict[str, Array]:
+    stresses = np.array([one["equivalent"] for one in each])
+    band = stress_bands(sizes, np.max(stresses, axis=(1, 2)))
+    return {"equivalent": np.where(is_largest(stresses[-1]), band, np.nan)}
 
 
 @for_mechanisms(Life, MechanismLife, not_for="notch_sensitivity analytic")
@@ -318,49 +313,47 @@ def life(
     '1.03e+10'
     """
     mesh = setup.mesh_of(models, resolution, None)
-    sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
-    asked = Fatigue(_motion(amplitude, mean, ratio, cycles, sensitivity), *_law(stage, fit, law), stage.material)
-    if isinstance(stage, Mechanism):
-        return _of_mechanism(stage, asked, mesh, models, progress)
-    assumed = (key for key in stage.assumed if key.startswith("material."))
-    warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
-    found, name, chosen = dict[str, ModelAnswer](), None, analytic.chosen(stage, warnings, models)
-    if models != "elements":
-        excess, error = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model), (math.nan, math.nan)
-        if excess is not None and chosen.formula == CALIBRATED:  # outside its chart no comparison was made
-            error = 1 / (1 + excess[1] / 100) - 1, 1 / (1 + excess[0] / 100) - 1
-        stress, name = by_model(chosen.stage, analyse(*chosen), asked.motion), chosen.name
-        found[ANALYTIC] = ModelAnswer(asked.values(stress, (3, 3), error))
-    if mesh is not None:
-        meshes = levels(mesh.resolution)
-        stresses = setup.on_meshes(
-            meshes, lambda level: by_elements(stage, setup.solved(stage, level), asked.motion), progress
-        )
-        highest = np.array([float(np.max(stress.equivalent(asked.law.walker))) for stress in stresses])
-        band = float(stress_bands(np.array(meshes, dtype=float), highest))
-        share = band / highest[-1] if highest[-1] > 0 else 0.0
-        values = asked.values(stresses[-1], (3, 3), (-share, share))
-        found[ELEMENTS] = ModelAnswer(values, {"equivalent": np.where(is_largest(values["equivalent"]), band, np.nan)})
-    farthest = np.abs(asked.motion.mean) + np.abs(asked.motion.amplitude)
-    warnings += [*asked.warnings(found), *warning.of_motion(stage, farthest, "farthest pose"), *preload_warnings(stage)]
-    settings = {**asked.settings, "notch sensitivity": sensitivity, "analytic model": name}
-    result = setup.answer(Life, stage, found, mesh, settings, warnings=warnings, notes=[*asked.notes, LEFT_OUT])
-    result.law, result.yield_strength = asked.law, asked.material.yield_strength
-    return result
-
-
-def _motion(
-    amplitude: ArrayLike, mean: ArrayLike | None, ratio: float | None, cycles: float, sensitivity: float = 1.0
-) -> CyclicMotion:
-    """Return a checked cyclic motion. Raises BadInput."""
-    pose = checked_amplitude(amplitude)
-    mean_pose = None if mean is None else arguments.vectors("mean", mean, 1, LARGEST_POSE)
+    pose, about = checked_amplitude(amplitude), None
+    if mean is not None:
+        about = arguments.vectors("mean", mean, 1, LARGEST_POSE)
     if ratio is not None:
         arguments.between("ratio", ratio, -1, 0.99, ": least over greatest displacement")
-    if mean_pose is not None and ratio is not None:
+    if mean is not None and ratio is not None:
         raise BadInput("mean and ratio, expected one of the two")
     wanted = arguments.positive("cycles", cycles, LARGEST_LIFE)
-    return cyclic_motion(pose, mean_pose, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
+    sensitivity = arguments.between("notch_sensitivity", notch_sensitivity, 0, 1)
+    motion = cyclic_motion(pose, about, -1.0 if ratio is None else float(ratio), wanted, sensitivity)
+    asked = Fatigue(motion, *_law(stage, fit, law), stage.material)
+    found, warnings, settings = dict[str, ModelAnswer](), list[str](), dict[str, Any](asked.settings)
+    if isinstance(stage, Mechanism):
+        found = plates.of_models(stage, mesh, models, asked.of_ports, progress, _hinge_bands)
+        warnings = asked.warnings(found)
+    else:
+        assumed = (key for key in stage.assumed if key.startswith("material."))
+        warnings = [*warning.of_numbers(stage), *(f"{key} is {stage.sources[key]}" for key in assumed)]
+        chosen = analytic.chosen(stage, warnings, models)
+        settings |= {"notch sensitivity": sensitivity, "analytic model": None if models == "elements" else chosen.name}
+        if models != "elements":
+            excess, error = warning.stress_above(chosen.formula, chosen.links, chosen.stage.model), (math.nan, math.nan)
+            if excess is not None and chosen.formula == CALIBRATED:  # outside its chart no comparison was made
+                error = 1 / (1 + excess[1] / 100) - 1, 1 / (1 + excess[0] / 100) - 1
+            values = asked.values(by_model(chosen.stage, analyse(*chosen), motion), 3, 3)
+            found[ANALYTIC] = ModelAnswer(values | asked.within(values, *error))
+        if mesh is not None:
+
+            def of_size(level: int, _: int) -> dict[str, Any]:
+                return asked.values(by_elements(stage, setup.solved(stage, level), motion), 3, 3)
+
+            values, bands = plates.by_elements(mesh, of_size, progress, _highest_bands)[ELEMENTS]
+            share = np.nanmax(bands["equivalent"]) / np.max(values["equivalent"])
+            found[ELEMENTS] = ModelAnswer(values | asked.within(values, -share, share), bands)
+        farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
+        warnings += [*asked.warnings(found), *warning.of_motion(stage, farthest, "farthest pose")]
+        warnings += preload_warnings(stage)
+    kind: type[Life] = MechanismLife if isinstance(stage, Mechanism) else Life
+    result = setup.answer(kind, stage, found, mesh, settings, warnings=warnings, notes=[*asked.notes, LEFT_OUT])
+    result.law, result.yield_strength = asked.law, asked.material.yield_strength
+    return result
 
 
 def checked_amplitude(amplitude: ArrayLike) -> Array:
