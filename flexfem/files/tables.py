@@ -73,6 +73,16 @@ class Table(BaseModel):
         return same and all(getattr(self, name) == getattr(other, name) for name in type(self).model_fields)
 
 
+def one_form(table: Table, *forms: tuple[str, ...]) -> None:
+    """Refuse a table whose stated attributes of these forms are not exactly those of one form."""
+    keys = {name: field.alias or name for name, field in type(table).model_fields.items()}
+    stated = [name for name in keys if any(name in form for form in forms) and getattr(table, name) is not None]
+    if set(stated) not in map(set, forms):
+        nearest = max(forms, key=lambda form: len({*form} & {*stated}))
+        expected = ", or ".join(" with ".join(keys[name] for name in form) for form in forms)
+        raise refusal(f"one of {expected}", *[keys[name] for name in stated if name not in nearest][:1])
+
+
 def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 

@@ -14,7 +14,7 @@ from flexfem.arrays import AnyArray, Array
 from flexfem.files import quantities
 from flexfem.files.quantities import Modulus
 from flexfem.files.refusals import nearest, refusal
-from flexfem.files.tables import Keywords, Label, Table
+from flexfem.files.tables import Keywords, Label, Table, one_form
 from flexfem.sources import read_data
 
 STEEL = (206e3, 0.3)  # bearing steel, E in MPa and Poisson's ratio: assumed for balls and ends of stacks
@@ -107,9 +107,7 @@ HingeName: TypeAlias = Literal["base", "elbow", "platform"]
 HINGE_NAMES: tuple[HingeName, HingeName, HingeName] = ("base", "elbow", "platform")
 BODY_NAMES: tuple[Body, ...] = get_args(Body)
 ENDS: dict[str, tuple[HingeName, HingeName]] = {"link 1": ("base", "elbow"), "link 2": ("elbow", "platform")}
-BY_ARM, BY_POINT = ("hinge", "arm_mm", "side"), ("point_mm", "direction_deg")  # keys that place a contact
-RATING_KEYS = ("stroke_um", "stiffness_n_per_um", "blocking_force_n")
-BALL_KEYS = ("ball_loose", "ball_youngs_modulus_gpa", "ball_poissons_ratio")
+OF_BALLS = ("ball_loose", "ball_youngs_modulus", "ball_poissons_ratio")
 BLOCKING_ROUND_OFF = 1e-12  # relative; a blocking force may be the product of stroke and stiffness
 
 
@@ -128,22 +126,9 @@ class RatedActuator(Table):
     blocking_force: quantities.Force | None = Field(default=None, alias="blocking_force_n", examples=[935.0])
     """Blocking force of the actuator at its full stroke"""
 
-    @property
-    def stated(self) -> list[str]:
-        """Keys with a value."""
-        fields = type(self).model_fields.items()
-        return [field.alias or name for name, field in fields if getattr(self, name) is not None]
-
     @model_validator(mode="after")
     def _rating_is_stated(self) -> Self:
-        """Refuse keys that are neither a stack alone, nor a stroke with one other number."""
-        stated = self.stated
-        rating = [key for key in RATING_KEYS if key in stated]
-        if "stack" in stated and rating:
-            raise refusal(f"the numbers of the catalogue alone: leave out {rating[0]} or stack", rating[0])
-        if "stack" not in stated and ("stroke_um" not in stated or len(rating) != 2):
-            either = "a stack: its name, or stroke_um with either stiffness_n_per_um or blocking_force_n"
-            raise refusal(either, *rating[:1])
+        one_form(self, ("stack",), ("stroke", "stiffness"), ("stroke", "blocking_force"))
         return self
 
     @property
@@ -209,22 +194,18 @@ class Actuator(RatedActuator):
 
     @model_validator(mode="after")
     def _keys_go_together(self) -> Actuator:
-        stated = self.stated
-        place, others = (BY_POINT, (*BY_ARM, "tilt_deg")) if self.point is not None else (BY_ARM, BY_POINT)
-        for key in others:
-            if key in stated:
-                raise refusal("the contact by hinge, arm_mm and side or by point_mm and direction_deg, not both", key)
-        if not set(place) <= set(stated):
-            raise refusal("the position of the contact: hinge, arm_mm and side, or point_mm and direction_deg")
+        one_form(self, ("hinge", "arm", "side"), ("point", "direction"))
+        if self.tilt is not None and self.arm is None:
+            raise refusal("also hinge, arm_mm and side", "tilt_deg")
         ends = ENDS.get(self.between[1], ())
         if self.hinge is not None and self.hinge not in ends:
             where = f"{' or '.join(ends)}, at an end of {self.between[1]}" if ends else "point_mm on a platform"
             raise refusal(where, "hinge")
         if self.ball_radius is not None and self.contact_stiffness is not None:
             raise refusal("a ball or the stiffness of the contact, not both", "contact_stiffness_n_per_um")
-        for key in BALL_KEYS:
-            if key in stated and self.ball_radius is None:
-                raise refusal("also ball_radius_mm", key)
+        for name in OF_BALLS:
+            if getattr(self, name) is not None and self.ball_radius is None:
+                raise refusal("also ball_radius_mm", type(self).model_fields[name].alias or name)
         if self.ball_radius is not None and self.preload == 0:
             raise refusal("also a preload_n: a ball without preload has no stiffness", "ball_radius_mm")
         blocking_force = self.rating.blocking_force

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from flexfem.files.quantities import Coordinate, Count, Grams, Inertia, Length, LengthOrZero, Turn
 from flexfem.files.refusals import refusal
-from flexfem.files.tables import Label, Table
+from flexfem.files.tables import Label, Table, one_form
 from flexfem.mechanism.actuators import RatedActuator
 
 MOST = 5000  # corners of one outline
@@ -22,16 +22,6 @@ def _corner(corner: tuple[float, ...]) -> tuple[float, ...]:
     if corner[2:] and corner[2] < 0:
         raise refusal("a radius of at least 0 as the third number")
     return corner
-
-
-def _one_form(table: Table, *forms: tuple[str, ...]) -> None:
-    """Refuse a table that has not all keys of one form, and none of the others."""
-    fields = type(table).model_fields
-    keys = [[fields[name].alias or name for name in form] for form in forms]
-    stated = [[key for key, name in zip(of, form, strict=True) if getattr(table, name) is not None]
-              for of, form in zip(keys, forms, strict=True)]  # fmt: skip
-    if sum(map(bool, stated)) != 1 or not any(of == found for of, found in zip(keys, stated, strict=True)):
-        raise refusal(f"one of {', or '.join(' with '.join(of) for of in keys)}")
 
 
 Point: TypeAlias = tuple[Coordinate, Coordinate]
@@ -52,8 +42,8 @@ class BodyHole(Table):
     """Radius of a disc"""
 
     @model_validator(mode="after")
-    def _has_one_form(self) -> BodyHole:
-        _one_form(self, ("outline",), ("centre", "radius"))
+    def _hasone_form(self) -> BodyHole:
+        one_form(self, ("outline",), ("centre", "radius"))
         return self
 
 
@@ -84,8 +74,8 @@ class PlateBody(Table):
     a bar is its start, edge 2 its end"""
 
     @model_validator(mode="after")
-    def _has_one_form(self) -> PlateBody:
-        _one_form(self, ("outline",), ("path", "width"), ("centre", "radius"))
+    def _hasone_form(self) -> PlateBody:
+        one_form(self, ("outline",), ("path", "width"), ("centre", "radius"))
         for index, corner in enumerate(self.path or ()):
             if any(corner[2:]) and index in (0, len(self.path or ()) - 1):
                 raise refusal("two numbers at an end of the path: it has no bend there", "path_mm", index)
@@ -160,8 +150,8 @@ class Copies(Table):
     """Instead of `count`: two points x, y of the line about which the parts are mirrored"""
 
     @model_validator(mode="after")
-    def _has_one_form(self) -> Copies:
-        _one_form(self, ("count",), ("mirror",))
+    def _hasone_form(self) -> Copies:
+        one_form(self, ("count",), ("mirror",))
         for name in ("about", "angle"):
             if self.mirror is not None and getattr(self, name) is not None:
                 raise refusal("no rotation besides mirror_mm", type(self).model_fields[name].alias or name)

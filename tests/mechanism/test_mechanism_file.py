@@ -198,7 +198,7 @@ REFUSED = [  # old and new text, and pieces of the message
     ("neck_mm = 0.4", 'neck_mm = "legs - 4"', "line 39: hinge.tip.neck_mm = ... > 0; its value is -1"),
     ("legs = 3", "length_deg = 3", "line 10: parameters.length_deg = 3, ... differs from length_mm"),
     ("length / 20", "length / 2", "line 13: body.frame.outline_mm[1] = ... a fillet of at most 10 mm"),
-    ("radius_mm = 9", "radius_mm = 9\nwidth_mm = 3", "line 15: body.hub = ... one of outline_mm, or path_mm"),
+    ("radius_mm = 9", "radius_mm = 9\nwidth_mm = 3", "body.hub.width_mm = 3 ... one of outline_mm, or path_mm"),
     ("width_mm = 6", "width_mm = 6\nclamped_edges = [3]", "line 24: ... clamped_edges[0] = 3, ... of 2 edges"),
     ('["crank", "hub"]', '["crank", "hup"]', 'line 34: hinge.tip.between[1] = "hup", ... did you mean hub?'),
     ("radius_mm = 1\n", "\n", "line 24: hinge.root.radius_mm, expected this dimension"),
