@@ -248,20 +248,18 @@ def drive(
         "stack_energy": [motion.stacks for motion in motions],
         "rotation": np.stack([first.rotations(motion, F) for motion in motions], axis=-1),
     }
-    models_used: dict[str, Commanding | DrivenElements] = {ANALYTIC: first}
+    solved: dict[str, Commanding | DrivenElements] = {ANALYTIC: first}
     axes: dict[str, tuple[str, ...]] = {"criterion": tuple(commands), "strokes by": tuple(commands)}
     axes |= {"actuator": stacks.names, "stack": stack_names(stacks)}
     if mesh is not None:
-        models_used[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
+        solved[ELEMENTS] = elements = driven_elements(stage, mesh.resolution)
         values |= _open_loop(elements, first, target, F, axes)
-    stress, friction = [], []
-    for model in models_used.values():
-        stack_forces = [stacks.preload + model.system.moved(x, F).force for x in X]
-        stress.append(np.stack([model.stress(F, force) for force in stack_forces], axis=-1))
-        friction.append([left_open(model.system, model.across, force) for force in stack_forces])
-    values["stress"] = stress
-    if stacks.rubbing:
-        values["friction"] = np.swapaxes(friction, 0, 1)
+    found = dict[str, setup.ModelAnswer]()
+    for label, model in solved.items():
+        by_model = [stacks.preload + model.system.moved(x, F).force for x in X]
+        stress = np.stack([model.stress(F, force) for force in by_model], axis=-1)
+        friction = {"friction": [left_open(model.system, model.across, force) for force in by_model]}
+        found[label] = setup.ModelAnswer({"stress": stress} | (friction if stacks.rubbing else {}))
     states = _stiffness(first, dict(zip(commands, forces, strict=True)), F)
     changed = [100 * (K / states["engaged"] - 1) if "forces" in name else K * np.nan for name, K in states.items()]
     values |= {"stiffness": list(states.values()), "change": changed}
@@ -269,16 +267,18 @@ def drive(
         values["push_spread"] = push_spread(first)
     warnings += [f"no stable equilibrium in the state {name!r}" for name, K in states.items() if np.isnan(K).any()]
     warnings += [text for name, x in commands.items() for text in limit_warnings(first.system, x, F, name)]
-    for name, highest in zip(commands, np.max(stress[-1], axis=(0, 1)), strict=True):
+    for name, highest in zip(commands, np.max(stress, axis=(0, 1)), strict=True):
         warnings += warning.of_yield(float(highest), stage.material.yield_strength, f"strokes of {name}")
     warnings += warning.of_motion(stage, target, "the pose")
     notes = [
         f"contact of each stack: {', or '.join(dict.fromkeys(a.contact for row in actuators_of(stage) for a in row))}",
         warning.driven_accuracy(first.result.formula, first.result.links, first.result.plane),
     ]
-    settings = {"strokes by": first.result.name} | setup.meshed(mesh)
-    axes |= {"model": tuple(models_used), "state": tuple(states)}
-    return Drive(about(stage, drive=True), values, None, axes, settings, warnings, notes, stage)
+    settings, axes["state"] = {"strokes by": first.result.name}, tuple(states)
+    return setup.answer(
+        Drive, about(stage, drive=True), found, mesh, settings, values, axes,
+        warnings=warnings, notes=notes, fields=stage,
+    )  # fmt: skip
 
 
 def _of_mechanism(mechanism: Mechanism, mesh: setup.Mesh | None, models: setup.Models) -> MechanismDrive:

@@ -188,9 +188,9 @@ class Driven(NamedTuple):
 
     def unit_commands(self, lever: float) -> Array:
         """Return the commands of least energy (m, 3) per mm in x and y and per rad, without load."""
-        poses = np.diag([1.0, 1.0, 1.0 / lever])
-        commands = [self.commands(pose, np.zeros(3), lever, "least energy") for pose in poses]
-        return np.array(commands).T @ np.diag([1.0, 1.0, lever])
+        scale = np.array([1.0, 1.0, lever])
+        commands = [self.commands(pose, np.zeros(3), lever, "least energy") for pose in np.diag(1 / scale)]
+        return np.asarray(np.transpose(commands) * scale)
 
 
 def _least_energy(system: Driven, G: Array, target: Array, load: Array) -> Array:
@@ -226,12 +226,12 @@ def _least_share(limits: Mapping[Limit, DriveLimits], G: Array, target: Array) -
         return np.full_like(base, np.nan) if np.isnan(share) else base + free @ np.array(at)
 
     commands = smallest(limits.values())
-    if not np.isnan(commands).any():
-        return commands
-    zero = {name: DriveLimits(*(part[limit.sizes == 0] for part in limit)) for name, limit in limits.items()}
-    binding = {name: limit for name, limit in zero.items() if len(limit.rows)}
-    alone = [name for name, limit in binding.items() if np.isnan(smallest([limit])).any()]
-    raise Unreachable(", and ".join(NOTHING_ALLOWED[name] for name in alone or binding))
+    if np.isnan(commands).any():
+        zero = {name: DriveLimits(*(part[limit.sizes == 0] for part in limit)) for name, limit in limits.items()}
+        binding = {name: NOTHING_ALLOWED[name] for name, limit in zero.items() if len(limit.rows)}
+        alone = [text for name, text in binding.items() if np.isnan(smallest([zero[name]])).any()]
+        raise Unreachable(", and ".join(alone or binding.values()))
+    return commands
 
 
 def sections_of(designs: Designs) -> Array:
@@ -318,14 +318,14 @@ def command_limits(designs: Designs, system: Driven, necks: Array, load: Array) 
     The preloads of a pair balance each other; that of a single stack stresses the necks.
     """
     n, limits = len(designs.thickness), system.limits(load).values()
-    rows = [np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits]
     force = system.drive.preload - system.Y @ system.C[..., 3:, :3] @ load
     loads = np.concatenate([np.broadcast_to(load, (n, 3)), force], axis=-1)[:, None, None, :, None]
+    by_command = necks[..., 3:] @ system.per_command[:, None, None]
     return CommandLimits(
-        np.concatenate(rows, axis=1),
+        np.concatenate([np.broadcast_to(limit.rows, (n, *limit.rows.shape[-2:])) for limit in limits], axis=1),
         np.concatenate([limit.offsets + limit.sizes for limit in limits], axis=-1),
         sections_of(designs).reshape(3, n, 9, -1),
-        np.reshape(at_necks(designs.frames, necks[..., 3:] @ system.per_command[:, None, None]), (3, n, 9, -1)),
+        np.reshape(at_necks(designs.frames, by_command), (3, n, 9, -1)),
         np.reshape(at_necks(designs.frames, necks @ loads), (3, n, 9)),
         designs.yield_strength * (1 - YIELD_MARGIN[designs.plane]),
     )
@@ -347,13 +347,12 @@ def drive_ranges(designs: Designs, system: Driven, necks: Array) -> DriveRanges:
     for begin in range(0, len(moving), BATCH):
         batch = moving[begin : begin + BATCH]
         limits = command_limits(designs.chosen(batch), system.at(batch), necks[batch], np.zeros(3))
-        least = np.linalg.pinv(normalised[batch]) / np.swapaxes(scale[batch], 1, 2)  # (n, m, 3): for unit poses
+        least = np.swapaxes(np.linalg.pinv(normalised[batch]), 1, 2) / scale[batch]  # (n, 3, m): for unit poses
         free = np.swapaxes(np.linalg.svd(normalised[batch])[2][:, 3:], 1, 2)
-        both = np.stack([np.moveaxis(least, 2, 1), -np.moveaxis(least, 2, 1)], axis=1)[..., None]
+        both = np.stack([least, -least], axis=1)[..., None]
         Z = np.concatenate([both, np.broadcast_to(free[:, None, None], (*both.shape[:-1], free.shape[-1]))], axis=-1)
-        Z = Z.reshape(-1, *Z.shape[-2:])
-        farthest = limits.farthest(np.repeat(np.arange(len(batch)), 6), Z, np.zeros(Z.shape[:2])).points[:, 0]
-        each = np.arange(len(batch))
+        Z, each = Z.reshape(-1, *Z.shape[-2:]), np.arange(len(batch))
+        farthest = limits.farthest(np.repeat(each, 6), Z, np.zeros(Z.shape[:2])).points[:, 0]
         at_rest = limits.yields(each, limits.forces, limits.at_rest, each, np.zeros(limits.rows.shape[::2]))
         reach[batch] = np.where(at_rest.where[:, None, None], np.nan, farthest.reshape(-1, 2, 3))
     return DriveRanges(reach, inverse(system.engaged))

@@ -181,13 +181,12 @@ def reach(
     except NothingAllowed:
         raise ComputationFailed(_why_unreachable(commanded, poses, F)) from None
     ends, stops = poses.ranges()
-    ranges = {ANALYTIC: ends}
+    found = {ANALYTIC: setup.ModelAnswer({"ends": ends})}
     if mesh is not None:
         elements = driven_elements(stage, mesh.resolution).system
-        ranges[ELEMENTS] = pose_set(commanded, elements, F).ranges()[0]
+        found[ELEMENTS] = setup.ModelAnswer({"ends": pose_set(commanded, elements, F).ranges()[0]})
     values: dict[str, Any] = {
         "load": F,
-        "ends": np.stack(list(ranges.values()), axis=2),
         "rest": poses.rest,
         "circle": _radius(solid, poses.rest * [1, 1, 0], 2),
         "ball": _radius(solid, poses.rest * [1, 1, lever], 3),
@@ -197,21 +196,17 @@ def reach(
     }
     warnings += _warnings(commanded, drive, solid, lever)
     warnings += warning.of_motion(stage, np.max(np.abs(ends[1]), axis=0), "the farthest poses of the drive")
-    notes = [
-        f"{direction}, others {others}, {end} end: {stops[others, direction, end]}" for others, direction, end in stops
-    ]
-    notes[:0] = [
-        "limits of the ranges; base 2+ is the longest stroke of the stack base in chain 2, base 2- its shortest:"
-    ]
+    notes = ["limits of the ranges; base 2+ is the longest stroke of the stack base in chain 2, base 2- its shortest:"]
+    notes += [f"{direction}, others {others}, {end} end: {by}" for (others, direction, end), by in stops.items()]
     notes.append(f"all poses: {len(solid.vertices)} vertices, {len(solid.faces)} faces")
     if solid.missed:
         notes[-1] += f"; some poses are outside these faces by up to {100 * solid.missed:.2g} % of the largest"
-    notes.append(warning.driven_accuracy(commanded.result.formula, commanded.result.links, commanded.result.plane))
-    axes = {"model": tuple(ranges), "actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
-    settings = {"analytic model": commanded.result.name} | setup.meshed(mesh)
-    return Reach(
-        about(stage, drive=True), values, None, axes, settings, warnings, notes,
-        ReachedPoses(solid, section_of(solid), stops),
+    model = commanded.result
+    notes.append(warning.driven_accuracy(model.formula, model.links, model.plane))
+    axes = {"actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
+    return setup.answer(
+        Reach, about(stage, drive=True), found, mesh, {"analytic model": model.name}, values, axes,
+        warnings=warnings, notes=notes, fields=ReachedPoses(solid, section_of(solid), stops),
     )  # fmt: skip
 
 
