@@ -28,7 +28,7 @@ norm = LogNorm(0.01, 100)  # MPa
 figure.colorbar(ScalarMappable(norm), ax=right, label="von Mises stress (MPa)", shrink=0.8)
 figure.suptitle(f"assumed dimensions: {len(mechanism.assumed)} numbers", color="#a00000", fontsize=11)
 figure.draw_without_rendering()  # determines the size of the axes, which the labels need
-flexfem.plot.plot_mechanism(left, mechanism)
+flexfem.plot.plot_plate(left, mechanism)
 flexfem.plot.plot_displacement(right, found.fields, factor=60.0, norm=norm)
 left.set_title("flexfem view")
 right.set_title("flexfem stiffness --displacement 0.1 0 0")

@@ -28,13 +28,13 @@ from flexfem.fem.mesh import RESOLUTION, StageMesh, check_triangles
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
 from flexfem.fem.response import platform_response
-from flexfem.fem.stage_mesh import build_mesh, drawn_area, plate_of
+from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.files.refusals import checked_path, key_path
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import paths_in, read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
 from flexfem.mechanism.mechanism import Mechanism, load
-from flexfem.mechanism.plate import components, plate_area
+from flexfem.mechanism.plate import components, plate_polygon
 from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import levels
 from flexfem.questions.case import LoadedCase
@@ -341,11 +341,10 @@ def kept(plate: Stage | Mechanism, path: Path, folder: Path) -> Numbers:
         edges = {name.removeprefix("edges."): held[name] for name in held if name.startswith("edges.")}
         bodies, triangles = (held[name].astype(np.int64) for name in ("bodies", "triangles"))
         mesh = StageMesh(held["nodes"], triangles, bodies, edges)
+        check_triangles(mesh, plate_polygon(plate.layout).area, len(components(plate.layout)))
         if isinstance(plate, Stage):
-            check_triangles(mesh, drawn_area(plate), 1)
             ports, C = list[str](DIRECTIONS), platform_response(mesh, plate_of(plate)).compliance
         else:
-            check_triangles(mesh, plate_area(plate.layout), len(components(plate.layout)))
             C = plate_response(plate.layout, mesh).compliance
             ports = [port.label.replace(" ", "_") for port in plate.layout.ports]
     except (KeyError, IndexError, ValueError, ComputationFailed) as error:

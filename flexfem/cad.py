@@ -13,17 +13,18 @@ from xml.etree import ElementTree
 import ezdxf
 
 from flexfem import arguments
-from flexfem.fem.mesher import PlateSolid, Region, run_mesher
+from flexfem.fem.mesher import PlateSolid, run_mesher
 from flexfem.fem.plate_mesh import plate_contours, regions_of
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
-from flexfem.mechanism.bodies import necks
-from flexfem.mechanism.drawing import LETTER, TEXT, Dimensions, Part, cut_path, dimensions_of, part_of
-from flexfem.mechanism.frames import CHAIN_TURN
+from flexfem.mechanism.drawing import LETTER, TEXT, Dimensions, Part, cut_path, dimensions_of
+from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.layout import Body, Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.outlines import Segment, area, circle_of
+from flexfem.mechanism.outlines import Segment, area, circle_of, disc, reverse
+from flexfem.mechanism.plate import extent, plate_polygon
 from flexfem.mechanism.plate_file import located, of_stage
-from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -34,14 +35,11 @@ LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 LARGEST_HOLE = 1e3  # mm
 TOLERANCE = 1e-9  # relative, of the volume of a solid that is read back
 OF_ARCS = 1e-5  # the same for a mechanism, where arcs may stand for splines
-METAL, HUB, MOUNTING, PADS = "METAL", "HUB_HOLE", "MOUNTING_HOLES", "CLAMPED_PADS"
-GROUND = "GROUND"  # fixed bodies and clamped edges of a mechanism
+METAL, HOLES, GROUND = "METAL", "HOLES", "GROUND"  # HOLES: the round ones; GROUND: fixed bodies and clamped edges
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
 COLOURS = {  # of each layer, dark on white
     METAL: "#1A1A1A",
-    HUB: "#B00000",
-    MOUNTING: "#B00000",
-    PADS: "#0072B2",
+    HOLES: "#B00000",
     GROUND: "#0072B2",
     MARKS: "#707070",
     SIZES: "#007A58",
@@ -108,18 +106,26 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     kerf = None if kerf is None else arguments.between("kerf", kerf, SMALLEST, LARGEST_KERF, " mm")
     holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
     check_file(target, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
-    part, warnings = _part_and_limits(stage, holes)
+    check_feasible(stage)
+    layout, warnings = _layout_and_limits(stage, holes)
+    with located(stage):
+        part = _part_of(layout)
     wire = None if kerf is None else cut_path(part, kerf)
     if kerf is not None:
         warnings.append(f"the wire cuts sharp inner corners with a radius of {kerf / 2:g} mm")
     layers = list[str]()
     if target.suffix == ".step":
-        write_step(stage, part, target)
+        write_step(stage.name, layout, part, target)
     else:
         notes = [*_notes(stage), *warnings]
         if kerf is not None:
             notes.append(f"{WIRE}: centre line of a cut {kerf:.6g} mm wide, the wire plus its spark gap")
-        sheet = sheet_of(stage, part, wire, notes)
+        sizes = (
+            dimensions_of(stage, layout)
+            if isinstance(stage, Stage)
+            else Dimensions([], [], TEXT * extent(plate_polygon(layout)))
+        )
+        sheet = sheet_of(layout, part, wire, sizes, notes)
         text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
         write_atomically(target, lambda file: file.write(text.encode()))
         layers = [*sheet.paths]
@@ -139,35 +145,47 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     )
 
 
-def _part_and_limits(plate: Plate, holes: float | None) -> tuple[Part, list[str]]:
-    """Return the part and what the models do not include of it. Raises BadInput."""
-    if isinstance(plate, Stage):
-        limits = ["the models clamp only the back edges of the pads and fill the hub hole with a rigid disc"]
-        limits += ["the models do not include the mounting holes, which make the pads softer"] * (holes is not None)
-        return part_of(plate, holes), limits
-    if holes is not None:
-        raise BadInput(f"mounting holes of {holes:g} mm: expected a stage file; a mechanism states holes of bodies")
-    with located(plate):
-        loops = plate_contours(plate.layout)
-    ground = [[*body.outline] for body in plate.layout.bodies if body.fixed]
-    ground += [[body.outline[k]] for body in plate.layout.bodies if not body.fixed for k in body.clamped]
-    return Part(loops, ground), []
+def _layout_and_limits(plate: Plate, holes: float | None) -> tuple[Layout, list[str]]:
+    """Return the layout, with mounting holes in the pads of a stage, and what the models do not include."""
+    layout = plate.layout
+    if isinstance(plate, Mechanism):
+        if holes is not None:
+            raise BadInput(f"mounting holes of {holes:g} mm: expected a stage file; a mechanism states holes of bodies")
+        return layout, []
+    limits = ["the models clamp only the back edges of the pads and fill the hub hole with a rigid disc"]
+    if holes is None:
+        return layout, limits
+    if not holes < (width := plate.chain.link_width):
+        raise BadInput(
+            f"mounting holes of {holes:g} mm, expected less than the pad width: chain.link_width_mm = {width:g}"
+        )
+    bodies = list[Body]()
+    for body in layout.bodies:
+        middle = sum(segment.start for segment in body.outline) / len(body.outline)
+        bodies.append(body._replace(holes=(tuple(reverse(disc(middle, holes / 2).loop)),)) if body.clamped else body)
+    return layout._replace(bodies=tuple(bodies)), [
+        *limits,
+        "the models do not include the mounting holes, which make the pads softer",
+    ]
 
 
-def write_step(plate: Plate, part: Part, path: Path) -> None:
+def _part_of(layout: Layout) -> Part:
+    ground = [[*body.outline] for body in layout.bodies if body.fixed]
+    ground += [[body.outline[k]] for body in layout.bodies if not body.fixed for k in body.clamped]
+    return Part(plate_contours(layout), ground)
+
+
+def write_step(name: str, layout: Layout, part: Part, path: Path) -> None:
     """Write the part, extruded from z = 0 to the thickness, as one solid for each piece, and read it back.
 
     Raises ComputationFailed when what is read does not have the part's volume and height in mm, BadInput when the
     file cannot be written.
     """
-    pieces, thickness, most = sum(area(loop) > 0 for loop in part.loops), plate.thickness, TOLERANCE
-    if isinstance(plate, Stage):
-        circles = [[Segment(loop[0].start, loop[0].start, loop[0].centre)] for loop in part.loops[1:]]
-        regions = [Region([part.loops[0], *circles], [])]
-    else:
-        regions, most = regions_of(plate.layout), OF_ARCS
+    pieces, thickness = sum(area(loop) > 0 for loop in part.loops), layout.thickness
+    curves = [curve for joint in layout.joints for curve in joint.profile.half()]
+    most = TOLERANCE if all(isinstance(curve, Segment) for curve in curves) else OF_ARCS
     with replacing(path) as temporary:
-        read = run_mesher(PlateSolid(str(temporary), regions, thickness), TIME_LIMIT)
+        read = run_mesher(PlateSolid(str(temporary), regions_of(layout, circles=True), thickness), TIME_LIMIT)
         found, height = read["volumes"], float(read["box"][1, 2] - read["box"][0, 2])
         off = abs(found.sum() / (part.area * thickness) - 1)
         if len(found) != pieces or off > most or abs(height - thickness) > 1e-6:
@@ -175,7 +193,7 @@ def write_step(plate: Plate, part: Part, path: Path) -> None:
                 f"{path}: read back as {len(found)} solids of {found.sum():.12g} mm^3, {height:.6g} mm high, "
                 f"expected {pieces} of {part.area * thickness:.12g} mm^3, {thickness:g} mm high; nothing is written"
             )
-        name = plate.name.replace("\\", "\\\\").replace("'", "''")  # encoded by ISO 10303-21
+        name = name.replace("\\", "\\\\").replace("'", "''")  # encoded by ISO 10303-21
         name = re.sub("[\u0080-\uffff]", lambda match: f"\\X2\\{ord(match[0]):04X}\\X0\\", name)
         name = re.sub("[\U00010000-\U0010ffff]", lambda match: f"\\X4\\{ord(match[0]):08X}\\X0\\", name)
         product = re.compile(r"(= PRODUCT\()'[^']*',\s*'[^']*'")  # shown by CAD programs; OpenCASCADE writes its own
@@ -196,17 +214,11 @@ class Sheet(NamedTuple):
     texts: list[tuple[str, complex, bool]]
 
 
-def sheet_of(plate: Plate, part: Part, wire: Part | None, notes: list[str]) -> Sheet:
-    """Return the drawing of a part, with the path of a `wire` if there is one, and notes below."""
-    if isinstance(plate, Stage):
-        sizes, metal, ground = dimensions_of(plate, part), part.loops[:1], PADS
-        turns = (cmath.exp(1j * (chain - 1) * CHAIN_TURN) for chain in CHAINS)
-        centres = [pose.point * turn for chain, turn in zip(CHAINS, turns, strict=True) for pose in necks(plate, chain)]
-        centres += [circle[0] for circle in map(circle_of, part.loops) if circle]
-    else:
-        sizes, metal, ground = Dimensions([], [], TEXT * part.size), part.loops, GROUND
-        centres = [joint.place for joint in plate.layout.joints]
-    hub, *mounting = part.loops[len(metal) :] or [[]]
+def sheet_of(layout: Layout, part: Part, wire: Part | None, sizes: Dimensions, notes: list[str]) -> Sheet:
+    """Return the drawing of a part, with the path of a `wire` if there is one, its dimensions, and notes below."""
+    holes = [loop for loop in part.loops if circle_of(loop) and area(loop) < 0]
+    metal = [loop for loop in part.loops if loop not in holes]
+    centres = [joint.place for joint in layout.joints] + [circle[0] for circle in map(circle_of, holes) if circle]
     corners = [segment.start for loop in metal for segment in loop]
     lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])
     foot = complex(min(z.real for z in corners), lowest - 5 * sizes.height)
@@ -214,9 +226,8 @@ def sheet_of(plate: Plate, part: Part, wire: Part | None, notes: list[str]) -> S
     texts += [(note, foot - 1.6j * line * sizes.height, False) for line, note in enumerate(notes)]
     paths = {
         METAL: metal,
-        HUB: [hub] if hub else [],
-        MOUNTING: mounting,
-        ground: part.ground,
+        HOLES: holes,
+        GROUND: part.ground,
         MARKS: [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)],
         SIZES: [[Segment(*label.line)] for label in sizes.labels],
         WIRE: wire.loops if wire else [],

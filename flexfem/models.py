@@ -18,7 +18,7 @@ from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import neck_stresses, plane_stress
 from flexfem.fem.mesh import RESOLUTION, StageMesh
 from flexfem.fem.response import Response
-from flexfem.mechanism.feasibility import check_feasible
+from flexfem.mechanism.feasibility import check_closed_form, check_feasible
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import compliance_bands, error_bands, levels
@@ -187,6 +187,7 @@ def analyse(
     >>> abs(model.force([0.05, 0, 0])).round(2)  # N, N, N mm that hold 50 um in x
     array([2.14, 0.  , 0.  ])
     """
+    check_closed_form(stage)
     check_feasible(stage)
     chosen = choose(stage, mobility, formula, links, [])
     found = analyse_stage(*chosen)
@@ -208,7 +209,7 @@ def solve(stage: Stage, resolution: int = RESOLUTION) -> ElementModel:
     ComputationFailed
         The mesh or the solution does not pass its checks.
     """
-    check_feasible(stage)
+    check_closed_form(stage)
     found = solved(stage, arguments.resolution(resolution))
     stiffness = inverse(found.compliance)
     return ElementModel(stage, (stiffness + stiffness.T) / 2, found.compliance, resolution, found)
@@ -232,7 +233,7 @@ def errors(
     BadInput, ComputationFailed
         As `analyse` and `solve`.
     """
-    check_feasible(stage)
+    check_closed_form(stage)
     steps = levels(arguments.resolution(resolution, 4))
     model = analyse_stage(stage, mobility, formula, links)
     found = np.array([solved(stage, level).compliance for level in steps])

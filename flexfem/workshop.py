@@ -14,9 +14,10 @@ from flexfem.arrays import brief
 from flexfem.files.refusals import checked_path, nearest, place_of, shown
 from flexfem.files.toml import kind_of, read_toml, require_plain_stem
 from flexfem.files.writing import check_file, check_folder, write_atomically
-from flexfem.mechanism.feasibility import check_feasible, placed
+from flexfem.mechanism.bodies import stage_layout
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism, read_mechanism
-from flexfem.mechanism.plate import check_layout, clashes
+from flexfem.mechanism.plate import clashes
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.refused import BadInput
@@ -111,28 +112,21 @@ def view(file: Path, *, output: Path | None = None) -> View:
         The file is invalid, the folder is not writable, or the stage or mechanism cannot be made. In the last case it
         is drawn as far as possible, with the parts at fault in red, before the error is raised.
     """
-    from flexfem.plot.plate import mechanism_figure, plot_mechanism
-    from flexfem.plot.stage import drawing_figure, mark_clashes, plot_dimensions, show_window
+    from flexfem.plot.plate import drawing_figure, plot_plate
+    from flexfem.plot.stage import mark_clashes, show_window
     from flexfem.plot.write import write_beside
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
-    refused, bodies, clashing = None, list[Any](), list[Any]()
-    if kind_of(read_toml(source).data) == Mechanism.kind:
-        plate: Stage | Mechanism = (mechanism := read_mechanism(source))
-        try:
-            with located(mechanism):
-                check_layout(mechanism.layout)
-        except BadInput as refusal:
-            refused, clashing = refusal, clashes(mechanism.layout, refusal)
-        page, plot = partial(mechanism_figure, mechanism), partial(plot_mechanism, mechanism=mechanism)
-    else:
-        plate = (stage := load_stage(source))
-        try:
-            check_feasible(stage)
-        except BadInput as refusal:
-            refused, (bodies, clashing) = refusal, placed(stage)
-        page, plot = partial(drawing_figure, stage, bodies), partial(plot_dimensions, stage=stage, bodies=bodies)
+    of_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
+    plate: Stage | Mechanism = read_mechanism(source) if of_mechanism else load_stage(source)
+    refused, layout, clashing = None, None, list[Any]()
+    try:
+        check_feasible(plate)
+    except BadInput as refusal:
+        refused, layout = refusal, plate.layout if isinstance(plate, Mechanism) else stage_layout(plate, refuse=False)
+        clashing = clashes(layout, refusal)
+    page, plot = partial(drawing_figure, plate, layout), partial(plot_plate, plate=plate, layout=layout)
     mark = partial(mark_clashes, refusal=refused, clashes=clashing)
     window, written = target is None and show_window(lambda ax: mark(plot(ax)), plate.name), list[Path]()
     if not window:

@@ -64,7 +64,7 @@ def pictures(folder: Path) -> dict[str, Callable[[Any], Any]]:
         "life": life,
         "studies": lambda ax: stages(ax, ".", np.random.default_rng(3).uniform(0.3, 1.0, (100, 2))),
         "design": required,
-        "parts": lambda ax: (plot.plot_stage(ax, stage), ax.set_axis_off()),
+        "parts": lambda ax: (plot.plot_plate(ax, stage, labels=False), ax.set_axis_off()),
         "accuracy": lambda ax: plot.plot_convergence(ax, flexfem.converge(stage, resolutions=[2, 3, 4, 6])),
         "paper": lambda ax: plot.plot_errors(ax, flexfem.verification(folder / "stage-case.toml", output=None)[0], "x"),
     }

@@ -283,13 +283,10 @@ def _check_size(name: str, motion: Any, plate: Any) -> None:
     """Refuse a motion beyond the size of a stage or mechanism, which is likely meant in another unit."""
     import numpy as np
 
-    from flexfem.mechanism.drawing import part_of
-    from flexfem.mechanism.outlines import polygon_points
+    from flexfem.mechanism.plate import extent, plate_polygon
 
-    mechanism = hasattr(plate, "layout")
-    outlines = [body.outline for body in plate.layout.bodies] if mechanism else [part_of(plate).loops[0]]
-    size = np.ptp(np.concatenate([polygon_points(outline) for outline in outlines]), axis=0).max()
-    lengths = (size, f", the size of the {'mechanism' if mechanism else 'stage'}", "um for micrometres")
+    size = extent(plate_polygon(plate.layout))
+    lengths = (size, f", the size of the {type(plate).__name__.lower()}", "um for micrometres")
     limits = (lengths, lengths, (1.0, "", "mrad for milliradians"))
     for number, (most, of, unit), own, direction in zip(np.atleast_1d(motion), limits, POSES, DIRECTIONS, strict=False):
         if abs(number) > most:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -48,10 +48,15 @@ BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
 
 
-def regions_of(layout: Layout) -> list[Region]:
-    """Return the faces of the plate, bodies then hinges."""
+def regions_of(layout: Layout, circles: bool = False) -> list[Region]:
+    """Return the faces of the plate, bodies then hinges; with `circles`, round loops as one curve."""
+
+    def drawn(loop: Sequence[Segment]) -> Sequence[Segment]:
+        circle = circle_of(loop) if circles else None
+        return [Segment(loop[0].start, loop[0].start, circle[0])] if circle else loop
+
     bodies = [
-        Region([body.outline, *map(reverse, body.holes)], cuts_of(layout, index))
+        Region([drawn(body.outline), *(drawn(reverse(hole)) for hole in body.holes)], cuts_of(layout, index))
         for index, body in enumerate(layout.bodies)
     ]
     return bodies + [Region([joint_loop(joint)], []) for joint in layout.joints]

@@ -46,11 +46,6 @@ STUBBY = 0.5  # t/R above which the notch radius, not the neck, sets the triangl
 PER_TURN = 9.0  # triangles per full turn of a bend; an arc of a notch follows the cone of its neck
 
 
-def drawn_area(stage: Stage) -> float:
-    """Area of the drawn stage, mm^2."""
-    return sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
-
-
 def mesh_sectors(
     stage: Stage, resolution: int | tuple[int, int, int], time_limit: float | Limit = TIME_LIMIT
 ) -> tuple[Sector, ...]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise, product
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -19,9 +20,21 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
-from flexfem.mechanism.designs import stage_frames
+from flexfem.mechanism.designs import lower, stage_frames
 from flexfem.mechanism.frames import CHAIN_TURN, turned
-from flexfem.mechanism.outlines import Face, Pose, Segment, area_moments, offset, polyline, reverse, shortest_path
+from flexfem.mechanism.layout import Body, Joint, Layout, Patch
+from flexfem.mechanism.outlines import (
+    Face,
+    Pose,
+    Segment,
+    area_moments,
+    disc,
+    offset,
+    polyline,
+    reverse,
+    shortest_path,
+)
+from flexfem.mechanism.profiles import Circular
 from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, Hinge, StageContent, key_of
 from flexfem.refused import BadInput
 from flexfem.units import DENSITY
@@ -206,6 +219,79 @@ def _platform(stage: StageContent, rim: Segment) -> list[tuple[str, list[Segment
         ("cut behind", polyline(hub * behind, disc * behind)),
         ("free", [Segment(disc * behind, rim.end, 0j)]),
     ]
+
+
+@once
+def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
+    """Return a stage as any other mechanism: three pads and six links, the platform without its hub, nine hinges.
+
+    Raises BadInput for bodies that cannot be drawn. Without `refuse`, for drawings, strips between the necks and the
+    disc of the platform stand for them, and the refusal is the key of the body at fault.
+    """
+    width, drawn, faults = stage.chain.link_width, dict[str, list[Segment]](), list[str]()
+    for chain in CHAINS:
+        try:
+            lines: Sequence[Sequence[Segment]] = centrelines(stage, chain)
+        except BadInput as refusal:
+            if refuse:
+                raise
+            poses, radius = necks(stage, chain), stage.hinge(chain, "base").radius
+            places = [poses[0].ahead(-radius - width).point, *(pose.point for pose in poses)]
+            lines, faults = [polyline(*ends) for ends in pairwise(places)], [*faults, refusal.reason]
+        for name, line in zip(BODIES, lines, strict=False):
+            left, right = (turn(offset(line, side * width / 2), chain) for side in (1, -1))
+            ends = Segment(left[0].start, right[0].start), Segment(right[-1].end, left[-1].end)
+            drawn[f"{name} of chain {chain}"] = [ends[0], *right, ends[1], *reverse(left)]
+    try:
+        drawn["platform"] = _platform_outline(stage)
+    except BadInput as refusal:
+        if refuse:
+            raise
+        drawn["platform"], faults = disc(0j, stage.platform.radius).loop, [*faults, refusal.reason]
+    given = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at {given_angles(stage)}"
+    given += f", chain.link_width_mm = {width:g}, platform.radius_mm = {stage.platform.radius:g}"
+    bodies = [
+        Body(
+            name,
+            tuple(loop),
+            holes=(tuple(reverse(disc(0j, stage.platform.hub_radius).loop)),) if name == "platform" else (),
+            clamped=(0,) if name.startswith("pad") else (),
+            width=None if name == "platform" else width,
+            key=next((fault for fault in faults if name in fault), f"{given}, {name}"),
+        )
+        for name, loop in drawn.items()
+    ]
+    joints, frames = list[Joint](), stage_frames(stage)
+    for chain, k in product(range(3), range(3)):
+        name, hinge = HINGE_NAMES[k], stage.hinge(chain + 1, HINGE_NAMES[k])
+        joined = 3 * chain + k, 3 * chain + k + 1 if k < 2 else len(bodies) - 1
+        place, heading = complex(*frames.centres[chain, k]), float(frames.axes[chain, k])
+        key = key_of(stage, chain + 1, name, "radius_mm").removesuffix(".radius_mm")
+        profile = Circular(hinge.neck, hinge.radius)
+        joints.append(Joint(f"{name} hinge of chain {chain + 1}", joined, place, heading, profile, 0.0, key))
+    plane = lower(stage)
+    return Layout(
+        bodies=tuple(bodies),
+        joints=tuple(joints),
+        thickness=stage.thickness,
+        youngs_modulus=float(plane.elastic.youngs_modulus[0]),
+        poissons_ratio=float(plane.elastic.poissons_ratio[0]),
+        density=DENSITY * stage.material.density,
+        yield_strength=stage.material.yield_strength,
+        points=(("output", Patch(len(bodies) - 1, 0j)),),
+        out_of_plane=float(plane.out_of_plane[0]),
+    )
+
+
+def _platform_outline(stage: StageContent) -> list[Segment]:
+    """Outline of the platform: lugs and rims. Raises BadInput when it cannot be drawn."""
+    cut_angle(stage)  # refuses lugs that leave no rim
+    lugs = [[turn(lug_side(stage, chain, side), chain) for side in (1, -1)] for chain in CHAINS]
+    outline = list[Segment]()
+    for (left, right), (following, _) in zip(lugs, [*lugs[1:], lugs[0]], strict=True):
+        face, rim = Segment(left[0].start, right[0].start), Segment(right[-1].end, following[-1].end, 0j)
+        outline += [*reverse(left), face, *right, rim]
+    return outline
 
 
 class Payload(NamedTuple):

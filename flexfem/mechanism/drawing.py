@@ -1,8 +1,7 @@
-"""A plate as a single part: contours, mounting holes of a stage, the wire's path, and the dimensions of a stage."""
+"""A plate as a single part: contours, the wire's path, and the dimensions of a stage."""
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Iterator
 from itertools import combinations
@@ -12,12 +11,11 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray
-from flexfem.mechanism.bodies import body_sides, necks, turn
-from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.frames import CHAIN_TURN
-from flexfem.mechanism.outlines import Segment, area, circle_of, disc, offset, polygon_points, polyline, reverse
-from flexfem.mechanism.stage import HINGE_NAMES, Stage
-from flexfem.mechanism.stage_file import CHAINS
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.outlines import Segment, area, circle_of, offset, polygon_points
+from flexfem.mechanism.plate import extent, plate_polygon
+from flexfem.mechanism.profiles import Circular
+from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
 TANGENT = 1e-6  # rad; bend below which two segments join smoothly
@@ -28,9 +26,8 @@ FINE = np.pi / 512  # rad of arc per vertex of the polygon that is checked for s
 class Part(NamedTuple):
     """Contours of a plate, mm.
 
-    loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the outer one first. At
-        every neck of a stage an arc ends and the next begins; the hole for its hub is second, mounting holes follow.
-    ground : clamped regions and edges; of a stage the pads, rectangles whose first line is the clamped edge.
+    loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the outer one first.
+    ground : outlines of fixed bodies, and clamped edges.
     """
 
     loops: list[list[Segment]]
@@ -45,39 +42,6 @@ class Part(NamedTuple):
     def length(self) -> float:
         """Length of all contours, mm."""
         return float(sum(segment.length for loop in self.loops for segment in loop))
-
-    @property
-    def size(self) -> float:
-        """Larger extent in x and y, mm."""
-        return float(np.max(np.ptp(np.concatenate([polygon_points(loop) for loop in self.loops]), axis=0)))
-
-
-def part_of(stage: Stage, mounting: float | None = None) -> Part:
-    """Return the contours of a stage; `mounting` is the diameter, mm, of a hole in the middle of every pad.
-
-    Raises BadInput when the stage cannot be made or its pads have no room for the holes.
-    """
-    check_feasible(stage)
-    width = stage.chain.link_width
-    if mounting is not None and not mounting < width:
-        raise BadInput(
-            f"mounting holes of {mounting:g} mm, expected less than the pad width: chain.link_width_mm = {width:g}"
-        )
-    left, right = (  # edges of the chains, from the back of a pad to the rim of the platform
-        [turn([segment for body in body_sides(stage, chain, side) for segment in body], chain) for chain in CHAINS]
-        for side in (1, -1)
-    )
-    outer, pads, holes = list[Segment](), list[list[Segment]](), [(0j, stage.platform.hub_radius)]
-    for k in range(3):
-        back = Segment(left[k][0].start, right[k][0].start)
-        rim = Segment(right[k][-1].end, left[(k + 1) % 3][-1].end, 0j)
-        outer += [*reverse(left[k]), back, *right[k], rim]
-        across = (back.start - back.end) / 2
-        front = (back.start + back.end) / 2 - 1j * across / abs(across) * width
-        pads.append(polyline(back.start, back.end, front - across, front + across, back.start))
-        if mounting is not None:
-            holes.append(((back.start + pads[k][2].start) / 2, mounting / 2))
-    return Part([outer, *(reverse(disc(*hole).loop) for hole in holes)], pads)
 
 
 def cut_path(part: Part, kerf: float) -> Part:
@@ -201,23 +165,16 @@ class Dimensions(NamedTuple):
     height: float
 
 
-def dimensions_of(stage: Stage, part: Part) -> Dimensions:
-    """Return the dimensions of a stage, placed clear of each other and of the part where there is room.
+def dimensions_of(stage: Stage, layout: Layout) -> Dimensions:
+    """Return the dimensions of a stage, placed clear of each other and of its parts where there is room.
 
-    Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
+    layout : of the stage, perhaps with mounting holes in its pads.
     """
-    body, *holes = (shapely.Polygon(polygon_points(loop)) for loop in part.loops)
-    height, width, spans = TEXT * part.size, stage.chain.link_width, list[Span]()
-    ends = [*(pose.point for pose in necks(stage, 1)), 0j]
-    for k in range(3):  # the nearest dimension line with a third of the link width as clearance, or the clearest one
-        distances = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
-        candidates = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in distances]
-        spans.append(max(candidates, key=lambda span: min(body.distance(_middle(span)), width / 3)))
-    spans.append(Span("w", part.ground[0][0].start, part.ground[0][0].end, -2.5 * height))
-    spans = [_rightwards(span) for span in spans]
-    obstacles: list[Any] = [each.boundary for each in (body, *holes)] + [_line(*span.line) for span in spans]
+    plate = plate_polygon(layout)
+    height, spans = TEXT * extent(plate), spans_of(stage, layout, plate)
+    obstacles: list[Any] = [plate.boundary, *(_line(*span.line) for span in spans)]
     texts, labels = [_middle(span) for span in spans], list[Label]()
-    for text, anchor in _annotations(stage, part):
+    for text, anchor in labels_of(stage, layout):
         half = 0.5 * height * complex(LETTER * len(text) + 1, 2)
         labels.append(Label(text, anchor, _clear_place(anchor, half.real, height, obstacles, texts), half))
         texts.append(_line(labels[-1].place - half.real, labels[-1].place + half.real))
@@ -225,19 +182,34 @@ def dimensions_of(stage: Stage, part: Part) -> Dimensions:
     return Dimensions(spans, labels, height)
 
 
-def _annotations(stage: Stage, part: Part) -> Iterator[tuple[str, complex]]:
-    """Yield the texts of the labels and their anchors."""
-    for chain in (1,) if stage.chains_alike else CHAINS:
-        for pose, name in zip(necks(stage, chain), HINGE_NAMES, strict=True):
-            hinge = stage.hinge(chain, name)
-            yield f"R {hinge.radius:.6g}, t {hinge.neck:.6g}", pose.point * cmath.exp(1j * (chain - 1) * CHAIN_TURN)
-    outer, _, *mounting = part.loops
-    rims = [complex(segment.at(0.5)) for segment in outer if segment.centre == 0]
-    rim = max(rims, key=lambda point: abs(point - necks(stage, 1)[2].point))
+def spans_of(stage: Stage, layout: Layout, plate: Any) -> list[Span]:
+    """Return the lengths of chain 1 and the width of its pad, with dimension lines beside the polygon of the plate.
+
+    A dimension line is the nearest one with a third of the link width as clearance, or the clearest one.
+    """
+    width, ends = stage.chain.link_width, [*(joint.place for joint in layout.joints[:3]), 0j]
+    spans = [Span("w", *layout.bodies[0].outline[0][:2], -2.5 * TEXT * extent(plate))]
+    for k in range(3):
+        distances = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
+        candidates = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in distances]
+        spans.append(max(candidates, key=lambda span: min(plate.distance(_middle(span)), width / 3)))
+    return list(map(_rightwards, spans))
+
+
+def labels_of(stage: Stage, layout: Layout) -> Iterator[tuple[str, complex]]:
+    """Yield the texts of the labels of a stage and their anchors.
+
+    Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
+    """
+    for joint in layout.joints[: 3 if stage.chains_alike else 9]:
+        assert isinstance(joint.profile, Circular)
+        yield f"R {joint.profile.radius:.6g}, t {joint.profile.neck:.6g}", joint.place
+    rims = [complex(segment.at(0.5)) for segment in layout.bodies[-1].outline if segment.centre == 0]
+    rim = max(rims, key=lambda point: abs(point - layout.joints[2].place))
     yield f"platform R {stage.platform.radius:.6g}", rim
     yield f"hub R {stage.platform.hub_radius:.6g}", stage.platform.hub_radius * rim / abs(rim)
-    if mounting and (hole := circle_of(mounting[0])):
-        yield f"3 holes R {hole[1]:.6g}", hole[0]
+    for centre, radius in filter(None, map(circle_of, layout.bodies[0].holes)):
+        yield f"3 holes R {radius:.6g}", centre
 
 
 def _middle(span: Span) -> shapely.LineString:

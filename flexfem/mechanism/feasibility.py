@@ -1,26 +1,24 @@
-"""Checks that a stage can be made, before any meshing: closed-form conditions of n designs, polygons of one stage."""
+"""Checks that a plate can be made, before any meshing: closed-form conditions of n stages, the parts of one plate."""
 
 from __future__ import annotations
 
 from itertools import combinations, combinations_with_replacement, product
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array
 from flexfem.files.tables import once
-from flexfem.mechanism.bodies import draw_sector, given_angles, turn
+from flexfem.mechanism.bodies import given_angles
 from flexfem.mechanism.designs import Designs, lower
-from flexfem.mechanism.outlines import polygon_points
+from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import PlateFile, located
-from flexfem.mechanism.stage_file import CHAINS, HINGE_NAMES, StageContent, key_of
+from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of
 from flexfem.refused import BadInput
 
 PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, each (chain, position)
 _FIRST, _SECOND = (np.array([hinges[k] for hinges in PAIRS]).T for k in (0, 1))
-TOUCHING = 1e-6  # mm^2; overlap by round-off of polygons that share an edge
 _ROUND_OFF = 1e-12  # relative; the largest radius is a difference of decimal fractions
 
 
@@ -84,11 +82,17 @@ def conditions(designs: Designs) -> list[Condition]:
     return checks
 
 
-def check_feasible(stage: StageContent) -> None:
-    """Raise BadInput, with key, value and expectation, for a stage that cannot be made."""
-    check_closed_form(stage)
-    with located(stage):
-        _check_bodies(stage)
+def check_feasible(plate: PlateFile) -> None:
+    """Raise BadInput, with key, value and expectation, for a stage or a mechanism that cannot be made."""
+    if isinstance(plate, StageContent) or not isinstance(plate, PlateFile):
+        check_closed_form(plate)
+    with located(plate):
+        _check_parts(plate)
+
+
+@once
+def _check_parts(plate: PlateFile) -> None:
+    check_layout(plate.layout)
 
 
 def check_closed_form(stage: StageContent) -> None:
@@ -119,57 +123,3 @@ def _check_conditions(stage: StageContent) -> None:
                 farther = f"this hinge {value - limit:.4g} mm farther from the platform centre"
                 raise BadInput(f"{given}, {check.wrong}{chain} with platform.radius_mm = {value:g}, expected {farther}")
             raise BadInput(f"{path} = {value:g}, {check.wrong}{chain}, expected {check.expected.format(limit)}")
-
-
-def _outlines(stage: StageContent, chain: int) -> dict[str, shapely.Polygon]:
-    """Return the polygons of the bodies of one chain by their names. Raises BadInput as `draw_sector`."""
-    faces = draw_sector(stage, chain).items()
-    return {f"{name} of chain {chain}": shapely.Polygon(polygon_points(turn(face.loop, chain))) for name, face in faces}
-
-
-def placed(stage: StageContent) -> tuple[list[Any], list[Any]]:
-    """Return the polygons of a stage that cannot be made: of its bodies, and of all that clashes.
-
-    Where the bodies of a chain cannot be drawn, strips along its links stand for them; the one at fault clashes.
-    """
-    designs, bodies, strips, clashing = lower(stage), list[Any](), list[Any](), list[Any]()
-    centres, half = designs.frames.centres[0], stage.chain.link_width / 2
-    notches = shapely.buffer(shapely.points(centres), designs.radius[0])
-    for check in conditions(designs):
-        named = [k for k, name in enumerate(HINGE_NAMES) if f".{name}." in check.key or f"the {name} " in check.wrong]
-        for place in np.flatnonzero(~(check.room[0] > 0)).tolist():
-            if check.pairs:
-                clashing += [notches[hinge] for hinge in PAIRS[check.pairs[place]]]
-            else:
-                hub = shapely.Point(0, 0).buffer(stage.platform.hub_radius)
-                clashing.append(notches[place, named[0]] if named else hub)
-    for chain in CHAINS:
-        try:
-            bodies += _outlines(stage, chain).values()
-        except BadInput as refusal:
-            points = np.vstack([centres[chain - 1], np.zeros(2)])
-            lines = shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
-            strips += list(np.asarray(shapely.buffer(lines, half, cap_style="flat")))
-            clashing.append(strips[next((k for k in (1, 2) if f"link {k} of" in str(refusal)), 3) - 4])
-    clashing += [shapely.make_valid(outline) for outline in bodies if not outline.is_valid]
-    shared = [one.intersection(other) for one, other in combinations(filter(shapely.is_valid, bodies), 2)]
-    pieces = shapely.get_parts(shapely.union_all([*clashing, *shared]))
-    return [*strips, *bodies], [piece for piece in pieces if piece.area > TOUCHING]
-
-
-@once
-def _check_bodies(stage: StageContent) -> None:
-    """Raise BadInput for a body that crosses itself, or bodies that overlap beyond their necks and sector cuts."""
-    bodies = {name: outline for chain in CHAINS for name, outline in _outlines(stage, chain).items()}
-    lengths = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)}"
-    size = (
-        f"at {given_angles(stage)}, chain.link_width_mm = {stage.chain.link_width:g}, platform.radius_mm = "
-        f"{stage.platform.radius:g}"
-    )
-    for name, outline in bodies.items():
-        if not outline.is_valid:
-            raise BadInput(f"{lengths}: {name} overlaps itself {size}, expected an outline that does not cross itself")
-    for (name, outline), (other, other_outline) in combinations(bodies.items(), 2):
-        if outline.intersects(other_outline) and (area := outline.intersection(other_outline).area) > TOUCHING:
-            how = f"overlap by {area:.3g} mm^2 {size}"
-            raise BadInput(f"{lengths}: {name} and {other} {how}, expected bodies that meet only at their hinges")

@@ -68,7 +68,8 @@ class Body(NamedTuple):
 class Joint(NamedTuple):
     """A hinge between two bodies, its centre and the direction of its axis from the first to the second body, rad.
 
-    Within the length of the profile the hinge replaces the material of both bodies over the height `cut`, mm.
+    Within the length of the profile the hinge replaces the material of both bodies over the height `cut`, mm, zero
+    where the bodies end at the hinge.
     """
 
     name: str

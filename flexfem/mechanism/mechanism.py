@@ -17,6 +17,7 @@ from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
 from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestion
 from flexfem.files.tables import Label, once
 from flexfem.files.toml import PathLike, kind_of, read_toml
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
 from flexfem.mechanism.materials import Material
 from flexfem.mechanism.mechanism_file import (
@@ -30,7 +31,6 @@ from flexfem.mechanism.mechanism_file import (
     PlateHinge,
 )
 from flexfem.mechanism.outlines import Outline, bar, disc, polygon_points, reverse, rounded
-from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import PlateFile, located, read_plate
 from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.stage import Stage, load_feasible
@@ -111,8 +111,7 @@ class Mechanism(PlateFile):
             A name is not known, a value is not possible, or the mechanism cannot be made.
         """
         changed = self._replaced(changes)
-        with located(changed):
-            check_layout(changed.layout)
+        check_feasible(changed)
         return changed
 
     @property
@@ -145,9 +144,7 @@ def read_mechanism(path: PathLike) -> Mechanism:
 
 def load_mechanism(path: PathLike) -> Mechanism:
     """Read a mechanism file. Raises BadInput, naming file, line, key, value and expectation, for invalid content."""
-    mechanism = read_mechanism(path)
-    with located(mechanism):
-        check_layout(mechanism.layout)
+    check_feasible(mechanism := read_mechanism(path))
     return mechanism
 
 

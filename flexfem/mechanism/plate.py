@@ -6,6 +6,7 @@ Points are complex, mm.
 from __future__ import annotations
 
 import cmath
+import re
 from functools import partial
 from typing import Any
 
@@ -23,12 +24,15 @@ from flexfem.refused import BadInput
 TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost
 REACHED = 1e-6  # mm, between the end of a hinge and its body
 STEP = np.pi / 512  # rad, of the polygons of parts: 0.5 um from an arc of 100 mm
+GRID = 1e-6  # mm, of the coordinates of a whole plate, whose parts differ by round-off where they meet
+ROUNDED = 1e-9  # mm, the same of two parts
 SLIVER = 1e-6  # mm^2; a smaller area is round-off
 ALONG = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 129)) / 2  # positions on the axis of a hinge, per length
 ENDING = np.sin(np.linspace(np.pi / 3, np.pi / 2, 400))  # the same towards its end, per half the length
 HEIGHTS = np.linspace(-1, 1, 9)  # across its end, per half the height
 STEEP = np.tan(np.deg2rad(60.0)) * (1 + 1e-6)  # straight flanks at 60 degrees are not steep, whatever the round-off
 OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
+SIDES = (-1, 1)  # ends of a hinge at its first and second body
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
 
 
@@ -91,12 +95,13 @@ def cut_box(joint: Joint) -> list[Segment]:
 
 def cuts_of(layout: Layout, body: int) -> list[list[Segment]]:
     """Return the boxes that hinges cut from a body."""
-    return [cut_box(joint) for joint in layout.joints if body in joint.bodies]
+    return [cut_box(joint) for joint in layout.joints if joint.cut and body in joint.bodies]
 
 
 def check_layout(layout: Layout) -> None:
     """Raise BadInput unless hinges alone connect the bodies, and connect each of them to ground."""
     bodies = [_checked_polygon(layout, index) for index in range(len(layout.bodies))]
+    shapely.prepare(bodies)
     outlines = bodies + [joint_polygon(joint) for joint in layout.joints]
     for joint in layout.joints:
         _check_ends(layout, joint, bodies)
@@ -106,7 +111,7 @@ def check_layout(layout: Layout) -> None:
         one, other = parts[i], parts[j]
         if isinstance(other, Joint) and i in other.bodies:
             side = joint_polygon(other, ALONG[INSIDE])
-            if shapely.distance(bodies[i], side) > TOUCHING and _common(outlines[i], outlines[j]) < SLIVER:
+            if not shapely.dwithin(bodies[i], side, TOUCHING) and _common(outlines[i], outlines[j]) < SLIVER:
                 continue
             raise BadInput(f"{_key(other)}: touches {one.name} along its side, expected a higher cut")
         shared = _common(outlines[i], outlines[j])
@@ -120,7 +125,8 @@ def _key(part: Body | Joint) -> str:
 
 
 def _common(one: shapely.Geometry, other: shapely.Geometry) -> float:
-    return float(shapely.area(shapely.intersection(one, other)))
+    """Return the common area, mm^2, with rounded coordinates: else GEOS finds areas of polygons that share an edge."""
+    return float(shapely.area(shapely.intersection(one, other, grid_size=ROUNDED)))
 
 
 def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
@@ -137,8 +143,12 @@ def clashes(layout: Layout, refusal: BadInput) -> list[Any]:
     outlines = [*bodies, *map(joint_polygon, layout.joints)]
     keys = [*map(_key, layout.bodies), *map(_key, layout.joints)]
     i, j = shapely.STRtree(outlines).query(np.array(outlines), predicate="intersects")
-    shared = [shapely.intersection(outlines[a], outlines[b]) for a, b in zip(i, j, strict=True) if a < b]
-    named = [each for each, key in zip(outlines, keys, strict=True) if refusal.reason.startswith(f"{key}:")]
+    shared = [
+        shapely.intersection(outlines[a], outlines[b], grid_size=ROUNDED) for a, b in zip(i, j, strict=True) if a < b
+    ]
+    named = [
+        each for each, key in zip(outlines, keys, strict=True) if re.match(f"{re.escape(key)}([:.]|$)", refusal.reason)
+    ]
     overlaps = [piece for piece in shapely.get_parts(shared) if piece.area > SLIVER]
     return overlaps or list(shapely.get_parts(named))
 
@@ -163,10 +173,16 @@ def body_polygon(layout: Layout, index: int, refuse: bool = True) -> Any:
     return left if refuse or left.area else drawn
 
 
-def plate_area(layout: Layout) -> float:
-    """Return the area of all bodies and hinges, mm^2. Raises BadInput as `body_polygon`."""
-    bodies = [body_polygon(layout, index) for index in range(len(layout.bodies))]
-    return float(np.sum(shapely.area([*bodies, *map(joint_polygon, layout.joints)])))
+def plate_polygon(layout: Layout) -> Any:
+    """Return the polygons of the whole plate, for drawings of what encloses them where loops meet."""
+    bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+    return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=GRID)
+
+
+def extent(shape: Any) -> float:
+    """Return the larger extent in x and y, mm, of one or several polygons."""
+    left, low, right, high = shapely.total_bounds(shape)
+    return float(max(right - left, high - low))
 
 
 def _checked_polygon(layout: Layout, index: int) -> Any:
@@ -182,22 +198,23 @@ def _checked_polygon(layout: Layout, index: int) -> Any:
 def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
     """Raise BadInput unless both ends of a hinge lie on its bodies, over their whole height."""
 
-    def away(side: int, body: int) -> Array:
+    def end(side: int) -> Any:
         corner = _corner(joint, side)
         z = np.array([_position(joint, complex(corner.real, share * corner.imag)) for share in HEIGHTS])
-        return np.asarray(shapely.distance(bodies[body], shapely.points(z.real, z.imag)))
+        return shapely.points(z.real, z.imag)
 
-    ends = list(zip((-1, 1), joint.bodies, strict=True))
-    if all(np.all(away(-side, body) < REACHED) for side, body in ends):
-        first, second = (layout.bodies[body].name for body in joint.bodies)
-        raise BadInput(f"{_key(joint)}: its axis points from {second} to {first}, expected the opposite direction")
-    for side, body in ends:
-        gaps, name = away(side, body), layout.bodies[body].name
-        if np.min(gaps) > REACHED:
-            raise BadInput(f"{_key(joint)}: ends {np.min(gaps):.3g} mm before {name}, expected to reach it")
-        if np.max(gaps) > REACHED:
-            high = 2 * _corner(joint, side).imag
-            where = f"is {high:.6g} mm high at {name}"
+    ends, (first, second) = list(map(end, SIDES)), ([bodies[body]] for body in joint.bodies)
+    if np.all(shapely.dwithin([first, second], ends, REACHED)):
+        return
+    names = [layout.bodies[body].name for body in joint.bodies]
+    if np.all(shapely.dwithin([second, first], ends, REACHED)):
+        raise BadInput(f"{_key(joint)}: its axis points from {names[1]} to {names[0]}, expected the opposite direction")
+    gaps = shapely.distance([first, second], ends)
+    for side, name, gap in zip(SIDES, names, gaps, strict=True):
+        if np.min(gap) > REACHED:
+            raise BadInput(f"{_key(joint)}: ends {np.min(gap):.3g} mm before {name}, expected to reach it")
+        if np.max(gap) > REACHED:
+            where = f"is {2 * _corner(joint, side).imag:.6g} mm high at {name}"
             raise BadInput(f"{_key(joint)}: {where}, expected an end that lies on this body over its whole height")
 
 

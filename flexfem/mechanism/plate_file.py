@@ -17,6 +17,7 @@ from flexfem.files.refusals import checked_path, key_path, path_of, place_of, re
 from flexfem.files.tables import KEPT, plain
 from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
 from flexfem.refused import BadInput
 
@@ -82,6 +83,11 @@ class PlateFile(Sourced):
     @property
     def hash(self) -> str:
         """SHA-256 of the physical content."""
+        raise NotImplementedError
+
+    @property
+    def layout(self) -> Layout:
+        """The plate with all its parts in place. Raises BadInput for parts that cannot be drawn."""
         raise NotImplementedError
 
     def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:

@@ -10,10 +10,12 @@ from flexfem.files.refusals import key_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import canonical, digest
 from flexfem.mechanism.actuators import Actuator
+from flexfem.mechanism.bodies import stage_layout
 from flexfem.mechanism.designs import Elastic, lower
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.plate_file import read_plate
+from flexfem.mechanism.layout import Layout
+from flexfem.mechanism.plate_file import located, read_plate
 from flexfem.mechanism.stage_file import CHAINS as CHAINS
 from flexfem.mechanism.stage_file import HINGE_NAMES as HINGE_NAMES
 from flexfem.mechanism.stage_file import Hinge as Hinge
@@ -67,6 +69,12 @@ link, expected < chain.link_width_mm = 9
             raise ValueError(f"no array of {attr!r}: expected radius, neck or prismatic")
         values: AnyArray = getattr(lower(self), attr)
         return values if attr == "prismatic" else values[0]
+
+    @property
+    def layout(self) -> Layout:
+        """The stage as any other mechanism: pads, links, platform and hinges. Raises BadInput as `stage_layout`."""
+        with located(self):
+            return stage_layout(self)
 
     @property
     def mobility(self) -> int:

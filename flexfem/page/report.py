@@ -34,8 +34,7 @@ from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import plane_fields, stress_figure
-from flexfem.plot.plate import mechanism_figure
-from flexfem.plot.stage import drawing_figure
+from flexfem.plot.plate import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
 from flexfem.plot.write import write_figures
 from flexfem.questions import plates
@@ -354,9 +353,10 @@ def _drawing_section(
     """Return the drawing of a stage or mechanism and its key results, then its dimensions and parts."""
     pairs, tables = record_parts(checked, plain=False)
     pairs = [pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))]  # in another section
-    draw = partial(drawing_figure, subject) if isinstance(subject, Stage) else partial(mechanism_figure, subject)
     kind = type(subject).__name__.lower()
-    figure = shown_figure("drawing", draw, f"Drawing to scale of {subject.name}", table(tables[0]))
+    figure = shown_figure(
+        "drawing", partial(drawing_figure, subject), f"Drawing to scale of {subject.name}", table(tables[0])
+    )
     listed = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
     return section(kind, f"The {kind}", opened(figure), notes(checked.warnings), listed)
 

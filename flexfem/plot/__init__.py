@@ -18,8 +18,8 @@ _NAMES = {
     "fields": "plot_displacement plot_drift",
     "hinge": "plot_formulas plot_hinge plot_hinge_table plot_thickness",
     "modes": "plot_mode plot_response",
-    "plate": "plot_mechanism",
-    "stage": "plot_dimensions plot_mesh plot_model plot_neck plot_stage",
+    "plate": "plot_plate",
+    "stage": "plot_mesh plot_model plot_neck",
     "study": "plot_front plot_histogram plot_map plot_shares",
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names.split()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 from typing import Any, Literal
 
@@ -16,14 +15,13 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 
 from flexfem.arrays import Array
 from flexfem.mechanism.actuators import BODY_NAMES
-from flexfem.mechanism.bodies import draw_sector, turn
-from flexfem.mechanism.drawing import part_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.frames import CHAIN_TURN
-from flexfem.mechanism.outlines import polygon_points
-from flexfem.mechanism.stage import CHAINS, Stage
+from flexfem.mechanism.plate import body_polygon, extent, plate_polygon
+from flexfem.mechanism.stage import Stage
 from flexfem.plot import style
-from flexfem.plot.stage import STEP, draw_outline, fit, place_label
+from flexfem.plot.plate import draw_plate
+from flexfem.plot.stage import fit, place_label
 from flexfem.plot.style import COLOURS, GREY, INK, NAMES, NOTE_COLOUR, PALE, titled
 from flexfem.plot.text import minus, round_factor, significant
 from flexfem.questions.drive import Drive
@@ -154,7 +152,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     stroke, force = found.at("stroke", criterion=criterion), found.at("force", criterion=criterion)
     contact, along = stack_ends(stage)
     boxes = np.array([_box(*end, width) for end in zip(contact, along, strict=True)])
-    rim = draw_outline(ax, stage)
+    rim = draw_plate(ax, stage)
     size = fit(ax, np.concatenate([rim, *boxes]), 0.22)
     sign = np.sign(np.where(np.abs(stroke) > ROUND_OFF * np.max(np.abs(stroke)), stroke, 0.0))
     for label, colour, hatch, drawn_sign in STROKE_SIGNS:
@@ -165,7 +163,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     for stack, box in zip(drive_of(stage).stacks, boxes, strict=True):
         carrier, mount, rear = BODY_NAMES[stack.pushes[1].body], box[2:], box[2:].mean(axis=0)
         if carrier != "frame":
-            outline = _body(stage, carrier, CHAINS if carrier == "platform" else (stack.chain + 1,))
+            outline = _body(stage, carrier if carrier == "platform" else f"{carrier} of chain {stack.chain + 1}")
             mount = shapely.get_coordinates(shapely.shortest_line(shapely.Point(rear), outline))
         look = {"color": INK, "linewidth": 2.4} if carrier == "frame" else {"color": GREY, "linewidth": 1.2}
         ax.plot(mount[:, 0], mount[:, 1], zorder=3.5, **look)
@@ -176,7 +174,7 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
     if np.any(found.pose):
         x, y, theta = (platform_factor(found) * found.pose).tolist()
         c, s = np.cos(theta), np.sin(theta)
-        rings = shapely.get_parts(_body(stage, "platform", CHAINS).boundary)
+        rings = shapely.get_parts(_body(stage, "platform").boundary)
         moved = [shapely.get_coordinates(ring) @ np.array([[c, s], [-s, c]]) + [x, y] for ring in rings]
         look = {"colors": "#007A58", "linewidths": 1.4, "linestyles": "dashed", "label": "platform at the pose"}
         ax.add_collection(LineCollection(moved, zorder=5, **look), autolim=False)
@@ -192,15 +190,14 @@ def plot_drive(ax: Axes, found: Drive, criterion: Criterion = "least energy") ->
 def platform_factor(found: Drive) -> float:
     """Return the round factor that multiplies the platform's displacement in a drawing; 1 when there is none."""
     (x, y, theta), stage = found.pose, found.fields
-    rim = shapely.get_coordinates(_body(stage, "platform", CHAINS))
+    rim = shapely.get_coordinates(_body(stage, "platform"))
     largest = float(np.max(np.hypot(x - theta * rim[:, 1], y + theta * rim[:, 0])))
-    return round_factor(VISIBLE * part_of(stage).size / largest) if largest > 0 else 1.0
+    return round_factor(VISIBLE * extent(plate_polygon(stage.layout)) / largest) if largest > 0 else 1.0
 
 
-def _body(stage: Stage, body: Any, chains: Sequence[int]) -> Any:
-    """Shape of a body, mm, united over the given chains."""
-    loops = [turn(draw_sector(stage, chain)[body].loop, chain) for chain in chains]
-    return shapely.union_all([shapely.Polygon(polygon_points(loop, STEP)) for loop in loops], grid_size=1e-6)
+def _body(stage: Stage, name: str) -> Any:
+    """Shape of a body, mm."""
+    return body_polygon(stage.layout, [body.name for body in stage.layout.bodies].index(name))
 
 
 def stack_ends(stage: Stage) -> Array:

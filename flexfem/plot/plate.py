@@ -1,4 +1,4 @@
-"""Drawings of a mechanism: its bodies, ground, hinges, points, actuators and payload, to scale."""
+"""Drawings of a stage or mechanism: bodies, ground, hinges, dimensions, points, actuators and payload, to scale."""
 
 from __future__ import annotations
 
@@ -15,19 +15,33 @@ from matplotlib.patches import Circle, PathPatch, Wedge
 from matplotlib.path import Path
 
 from flexfem.arrays import Array
+from flexfem.mechanism.drawing import Span, labels_of, spans_of
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import body_polygon, joint_polygon
+from flexfem.mechanism.plate import body_polygon, extent, joint_polygon, plate_polygon
 from flexfem.mechanism.stage import Stage
-from flexfem.plot import stage, style
+from flexfem.plot import style
 from flexfem.plot.fields import RIGID, ROUND_OFF, displaced, plane_fields
-from flexfem.plot.stage import WHITE_BOX, arrow, fit, frame_cross, label_axes, place_label, scale_bar, xy
+from flexfem.plot.stage import (
+    DIMENSION,
+    HUB,
+    WHITE_BOX,
+    arrow,
+    fit,
+    fit_to_one_scale,
+    frame_cross,
+    label_axes,
+    place_label,
+    scale_bar,
+    write,
+    xy,
+)
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, PALE, below_header, in_house_style, new_axes, page
-from flexfem.plot.text import significant
+from flexfem.plot.text import minus, significant
 from flexfem.questions.setup import MeshFields
 from flexfem.results import Result
 from flexfem.study.findings import Caption
-from flexfem.units import LENGTH, STRESS
+from flexfem.units import DEGREE, LENGTH, STRESS
 
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
@@ -46,21 +60,30 @@ class Mark(NamedTuple):
     body: Any = None
 
 
-def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
-    """Draw a mechanism to scale, in mm, with the names of its parts and a scale bar; return `ax`, or new axes.
+def plot_plate(ax: Axes | None, plate: Stage | Mechanism, *, labels: bool = True, layout: Layout | None = None) -> Axes:
+    """Draw a stage or a mechanism to scale, in mm, with a scale bar; return `ax`, or new axes.
 
-    Labels are placed for the size of `ax` at the time of the call.
+    labels : whether to write the dimensions of a stage and the names of the parts of a mechanism, which are placed for
+    the size of `ax` at the time of the call.   layout : parts of a stage that cannot be made, which are named.
     """
-    ax, layout = ax or new_axes(), mechanism.layout
-    rim, output = draw_plate(ax, mechanism), layout.points[0][1].point
+    ax, stage = ax or new_axes(), plate if isinstance(plate, Stage) and layout is None else None
+    layout = layout or plate.layout
+    rim, shape = draw_plate(ax, plate, layout), plate_polygon(layout)
+    spans = spans_of(stage, layout, shape) if stage else []
     visible = [contact.point for _, contact in layout.points] + [z.point for a in layout.actuators for z in a.contacts]
-    visible.append(output + CROSS * (1 + 1j) * float(np.max(np.ptp(rim, axis=0))))
-    size = fit(ax, np.vstack([rim, *map(xy, visible)]), 0.07)
+    visible += [end for span in spans for end in span.line]
+    visible.append(layout.points[0][1].point + CROSS * (1 + 1j) * extent(shape))
+    size = fit(ax, np.vstack([rim, *map(xy, visible if labels else ())]), 0.07)
     scale_bar(ax)
-    bodies = _bodies(layout)
-    obstacles: list[Any] = [_plate(layout).boundary]
+    label_axes(ax)
+    if not labels:
+        return ax
+    obstacles: list[Any] = [shape.boundary]
     _draw_ports(ax, layout, size, obstacles)
-    marks = [*_marks(layout, bodies)]
+    _draw_spans(ax, spans, obstacles)
+    marks = [*_marks(layout)]
+    if stage:
+        marks = [Mark(text, np.array(xy(anchor)), DIMENSION) for text, anchor in labels_of(stage, layout)]
     obstacles += [shapely.Point(mark.at).buffer(0.01 * size) for mark in marks if mark.body is None]
     letters = 7.0 if len(marks) > MANY else 8.0
     for mark in marks:
@@ -68,35 +91,42 @@ def plot_mechanism(ax: Axes | None, mechanism: Mechanism) -> Axes:
         near = place_label(ax, mark.at, mark.text, obstacles, 0.035 * size, colour=mark.colour, size=letters, **look)
         if mark.body is None or not shapely.contains_xy(mark.body, *near):
             ax.plot(*np.transpose([mark.at, near]), color=mark.colour, linewidth=0.5, zorder=6)
-    label_axes(ax)
     return ax
 
 
-def _bodies(layout: Layout) -> list[Any]:
-    return [body_polygon(layout, k, refuse=False) for k in range(len(layout.bodies))]
+def draw_plate(ax: Axes, plate: Stage | Mechanism, layout: Layout | None = None) -> Array:
+    """Draw bodies, ground, hinges, clamped edges and the hub of a stage without names.
 
-
-def _plate(layout: Layout) -> Any:
-    return shapely.union_all([*_bodies(layout), *map(joint_polygon, layout.joints)], grid_size=1e-6)
-
-
-def draw_plate(ax: Axes, design: Stage | Mechanism) -> Array:
-    """Draw bodies, ground, hinges and clamped edges without names; return points (n, 2) of the outline, mm."""
-    if isinstance(design, Stage):
-        return stage.draw_outline(ax, design)
-    layout = design.layout
-    for body, polygon in zip(layout.bodies, _bodies(layout), strict=True):
+    Returns points (n, 2) of the outline, mm. Raises BadInput when the parts cannot be drawn.
+    """
+    layout = layout or plate.layout
+    for number, body in enumerate(layout.bodies):
+        polygon = body_polygon(layout, number, refuse=False)
         _fill(ax, polygon, RIGID if body.fixed else PALE, "////" if body.fixed else "")
         lines = [[xy(body.outline[k].start), xy(body.outline[k].end)] for k in body.clamped]
         ax.add_collection(LineCollection(lines, colors=INK, linewidths=2.8, zorder=4), autolim=False)
     for joint in layout.joints:
         _fill(ax, joint_polygon(joint), HINGE)
-    plate = _plate(layout)
-    ax.add_patch(PathPatch(_path(plate), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
-    return np.asarray(shapely.get_coordinates(plate))
+    if isinstance(plate, Stage):
+        ax.add_patch(Circle((0, 0), plate.platform.hub_radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
+    shape = plate_polygon(layout)
+    ax.add_patch(PathPatch(_path(shape), facecolor="none", edgecolor=INK, linewidth=0.8, zorder=3))
+    return np.asarray(shapely.get_coordinates(shape))
 
 
-def _marks(layout: Layout, bodies: list[Any]) -> Iterator[Mark]:
+def _draw_spans(ax: Axes, spans: Sequence[Span], obstacles: list[Any]) -> None:
+    """Draw dimension lines with their texts; append what labels must avoid."""
+    for span in spans:
+        start, end = span.line
+        arrow(ax, xy(start), xy(end), "<|-|>", DIMENSION, 0.8)
+        for line in ((span.start, start), (span.end, end)):
+            ax.plot(*np.transpose([xy(z) for z in line]), color=DIMENSION, linewidth=0.5, zorder=6)
+        middle, turn = xy((start + end) / 2), float(np.rad2deg(np.angle(end - start)))
+        write(ax, middle, span.text, DIMENSION, 8.0, rotation=turn, bbox=WHITE_BOX)
+        obstacles.append(shapely.LineString([xy(start), xy(end)]))
+
+
+def _marks(layout: Layout) -> Iterator[Mark]:
     """Yield the labels, those with the least freedom of place first."""
     for joint in layout.joints:
         yield Mark(joint.name, np.array(xy(joint.place)), HINGE)
@@ -107,7 +137,8 @@ def _marks(layout: Layout, bodies: list[Any]) -> Iterator[Mark]:
         yield Mark(name, np.array(xy(contact.point)), NOTE_COLOUR)
     for payload in layout.payloads:
         yield Mark(f"payload {1e6 * payload.mass:.6g} g", np.array(xy(payload.contact.point)), MASS)
-    for body, polygon in zip(layout.bodies, bodies, strict=True):
+    for number, body in enumerate(layout.bodies):
+        polygon = body_polygon(layout, number, refuse=False)
         yield Mark(body.name, shapely.get_coordinates(shapely.point_on_surface(polygon))[0], "#404040", polygon)
 
 
@@ -148,23 +179,32 @@ def _path(shape: Any) -> Path:
 
 
 @in_house_style
-def mechanism_figure(mechanism: Mechanism) -> Figure:
-    """Draw a page with a mechanism, and in its header its data and the meaning of the marks."""
-    layout = mechanism.layout
+def drawing_figure(plate: Stage | Mechanism, layout: Layout | None = None) -> Figure:
+    """Draw a page as `plot_plate`, and in its header data of the plate and the meaning of the marks."""
+    drawn = layout or plate.layout
+    facts = [f"thickness {drawn.thickness:.6g} {LENGTH}", plate.material.name]
     marks = {
-        "hatched: fixed": any(body.fixed for body in layout.bodies),
-        "heavy lines: clamped": any(body.clamped for body in layout.bodies),
+        "hatched: fixed": any(body.fixed for body in drawn.bodies),
+        "heavy lines: clamped": any(body.clamped for body in drawn.bodies),
         "orange: hinges": True,
-        "blue: actuators": bool(layout.actuators),
+        "blue: actuators": bool(drawn.actuators),
+        "disc: the hub, rigid in the models": isinstance(plate, Stage),
+        "X, Y: output": True,
     }
     key = "; ".join(text for text, there in marks.items() if there)
-    facts = f"Thickness {layout.thickness:.6g} {LENGTH}; {mechanism.material.name}."
-    lines = [facts, f"{key.capitalize()}; X, Y: output."]
-    outlines = shapely.get_coordinates(_bodies(layout))
-    wide, high = np.ptp(outlines, axis=0) + 0.14 * np.ptp(outlines, axis=0).max()
-    height = float(np.clip((WIDTH - 0.6) * high / wide, LOWEST, HIGHEST)) + 0.5
-    plot = partial(plot_mechanism, mechanism=mechanism)
-    return page((WIDTH, height), f"{mechanism.name}: drawing", lines, plot, mechanism)
+    if isinstance(plate, Stage):
+        angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(plate.chain.joint_angles)))
+        facts += [f"link width {plate.chain.link_width:.6g} {LENGTH}", f"joint angles {angles} {DEGREE}"]
+        if layout is not None:
+            key = "The stage cannot be made. Strips between the hinges stand for links that cannot be drawn"
+        elif plate.chains_alike:
+            key += "; hinges are labelled on chain 1: chains 2 and 3 are the same, turned by 120 and 240 degrees"
+    wide, high = np.ptp(np.reshape(shapely.total_bounds(plate_polygon(drawn)), (2, 2)), axis=0)
+    room = 0.14 * max(wide, high)
+    height = float(np.clip((WIDTH - 0.6) * (high + room) / (wide + room), LOWEST, HIGHEST)) + 0.5
+    plot = partial(plot_plate, plate=plate, layout=layout)
+    lines = [f"{text[:1].upper()}{text[1:]}." for text in ("; ".join(facts), key)]
+    return page((WIDTH, height), f"{plate.name}: drawing", lines, plot, plate)
 
 
 def front_page(
@@ -185,7 +225,7 @@ def front_page(
         ax.set_title(name, weight="bold")
         ax.set_axis_off()
     if designs:
-        stage.fit_to_one_scale(drawings, np.vstack(outlines))
+        fit_to_one_scale(drawings, np.vstack(outlines))
         style.table(axes["table"], rows, widths)
     return figure
 

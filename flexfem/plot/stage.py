@@ -1,4 +1,4 @@
-"""Drawings of a stage: outline with dimensions, mesh, details of the necks, and the pseudo-rigid model."""
+"""Drawings of a stage: mesh, details of the necks, and the pseudo-rigid model; and the elements of all drawings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyArrowPatch, Patch, Polygon
@@ -17,13 +17,9 @@ from matplotlib.path import Path
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
-from flexfem.mechanism.designs import stage_frames
-from flexfem.mechanism.drawing import LETTER as NARROW
-from flexfem.mechanism.drawing import dimensions_of, part_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.stage import CHAINS, Stage
-from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, new_axes, page, panels, wrapped
+from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, page, panels, wrapped
 from flexfem.plot.text import minus, round_factor
 from flexfem.questions.errors import CurveModels, HingeDrawing
 from flexfem.refused import BadInput
@@ -35,7 +31,6 @@ MESH_COLOUR, HUB, LINK, SLIDER, DIMENSION = "#5B7FA6", "#C9CED6", "#30465E", "#0
 CLASH = "#D00000"
 CHAIN_COLOURS = ("#0072B2", "#B34700", "#007A58")
 KEY = "Hinges 1 to 9: base, elbow and platform hinge of chains 1 to 3. Heavy lines: clamped. Disc: rigid hub."
-STEP = np.pi / 24  # rad, of arc between two points of a drawn outline
 SIDES = np.array(((0, 1, 3), (1, 2, 4), (2, 0, 5)))  # ends and middle of the sides of a triangle
 QUARTERS = np.array(((0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)))  # linear triangles on the nodes of a quadratic one
 SYMBOL = 0.017  # largest radius of a joint's circle over the size of the stage; short links reduce it
@@ -46,7 +41,6 @@ MEANING = {
     "shear": "slider across the neck: shear",
 }
 WHITE_BOX = {"boxstyle": "round,pad=0.12", "facecolor": "white", "edgecolor": "none"}
-DIMENSION_TEXT: dict[str, Any] = {"colour": DIMENSION, "size": 8.0, "bbox": WHITE_BOX}
 
 
 def arrow(
@@ -144,20 +138,6 @@ def hinges_of(given: Stage | CurveModels) -> list[HingeDrawing]:
     return HingeDrawing.of_stage(given, [[["rotation", *(["axial"] * free)] for free in row] for row in axial])
 
 
-def draw_outline(axes: Axes, stage: Stage) -> Array:
-    """Draw a stage with heavy clamped edges and its hub as a disc; return points (n, 2) of its outer contour, mm.
-
-    Raises BadInput when its bodies cannot be drawn.
-    """
-    part = part_of(stage)
-    rim = polygon_points(part.loops[0], STEP)
-    clamped = [[xy(pad[0].start), xy(pad[0].end)] for pad in part.ground]
-    axes.add_patch(Polygon(list(rim), facecolor=PALE, edgecolor=INK, linewidth=0.7, zorder=1))
-    axes.add_collection(LineCollection(clamped, colors=INK, linewidths=2.4, zorder=3), autolim=False)
-    axes.add_patch(Circle((0, 0), stage.platform.hub_radius, facecolor=HUB, edgecolor=INK, linewidth=0.6, zorder=2.5))
-    return rim
-
-
 def fit_to_one_scale(axes: Sequence[Axes], points: Array) -> None:
     """Set all axes to one scale for drawings through points (n, 2), with a scale bar of a round length on the first."""
     low, high, room = points.min(axis=0), points.max(axis=0), 0.02 * np.ptp(points)
@@ -178,17 +158,6 @@ def _draw_bar(ax: Axes, at: Array, longest: float, note: str = "") -> None:
     ax.plot([at[0], at[0] + length], [at[1], at[1]], color=INK, linewidth=2.5, solid_capstyle="butt")
     text, x = f"{length:g}{SPACE}{LENGTH}{note}", at[0] + length + 0.05 * longest
     ax.text(x, at[1], text, size=7.5, va="center", in_layout=False)
-
-
-def plot_stage(ax: Axes | None, stage: Stage) -> Axes:
-    """Draw a stage to scale, in mm, with heavy clamped edges and its hub as a disc; return `ax`, or new axes.
-
-    Raises BadInput when it cannot be drawn.
-    """
-    ax = ax or new_axes()
-    fit(ax, draw_outline(ax, stage))
-    label_axes(ax)
-    return ax
 
 
 def label_axes(ax: Axes) -> None:
@@ -385,19 +354,6 @@ def _label_model(axes: Axes, hinges: list[HingeDrawing], points: Array, size: fl
         place_label(axes, foot, f"chain {hinge.chain}", obstacles, 0.06 * size, size=10)
 
 
-def plot_dimensions(ax: Axes | None, stage: Stage, bodies: Sequence[Any] = ()) -> Axes:
-    """Draw a stage to scale with its dimensions, in mm; return `ax`, or new axes.
-
-    `bodies` : polygons of a stage that cannot be made, which are drawn as they are.
-
-    Raises BadInput when the bodies cannot be drawn.
-    """
-    ax = ax or new_axes()
-    fit(ax, _draw_bodies(ax, stage, bodies) if bodies else _draw_dimensioned(ax, stage), 0.03)
-    label_axes(ax)
-    return ax
-
-
 def mark_clashes(ax: Axes, refusal: BadInput | None, clashes: Sequence[Any]) -> None:
     """Draw polygons at fault in red, with the refusal, if any, as title."""
     if refusal is None:
@@ -407,54 +363,6 @@ def mark_clashes(ax: Axes, refusal: BadInput | None, clashes: Sequence[Any]) -> 
         ax.add_patch(Polygon(polygon.exterior.coords, **look))
     text = f"{refusal}{'. Red: the parts at fault' * bool(clashes)}"
     ax.set_title(wrapped(text, 7.4, 9), color=CLASH, size=9)
-
-
-def _draw_dimensioned(ax: Axes, stage: Stage) -> Array:
-    """Draw a stage with lengths and labels; return points (n, 2) that must be within the axes."""
-    rim = draw_outline(ax, stage)
-    fit(ax, rim)
-    sizes, visible, lines = dimensions_of(stage, part_of(stage)), list[complex](), list[tuple[complex, ...]]()
-    for span in sizes.spans:
-        start, end = span.line
-        lines += [(span.start, start), (span.end, end)]
-        arrow(ax, xy(start), xy(end), "<|-|>", DIMENSION, 0.8)
-        short = abs(end - start) < 2 * NARROW * sizes.height * len(span.text)  # then the text is beside the line
-        aside = 1j * (end - start) / abs(end - start) * np.sign(span.away) * sizes.height * 1.5 if short else 0j
-        rotation = float(np.rad2deg(np.angle(end - start)))
-        write(ax, xy((start + end) / 2 + aside), span.text, rotation=rotation, **DIMENSION_TEXT)
-        visible += [start + 2 * aside, end + 2 * aside]
-    for label in sizes.labels:
-        lines.append(tuple(label.line))
-        write(ax, xy(label.place), label.text, **DIMENSION_TEXT)
-        visible += [label.place - label.half, label.place + label.half]
-    for line in lines:
-        ax.plot(*np.transpose([xy(end) for end in line]), color=DIMENSION, linewidth=0.5, zorder=6)
-    return np.concatenate([rim, [xy(z) for z in visible]])
-
-
-def _draw_bodies(ax: Axes, stage: Stage, bodies: Sequence[Any]) -> Array:
-    """Draw polygons, the circles of platform and hub, and the names of the chains; return points as above."""
-    for body in bodies:
-        ax.add_patch(Polygon(body.exterior.coords, facecolor=PALE, edgecolor=INK, linewidth=0.5, zorder=1))
-    for radius, line in ((stage.platform.radius, "-"), (stage.platform.hub_radius, "--")):
-        ax.add_patch(Circle((0, 0), radius, fill=False, edgecolor=INK, linewidth=0.9, linestyle=line, zorder=3))
-    for chain, at in zip(CHAINS, stage_frames(stage).centres[:, 0], strict=True):
-        write(ax, at, f"chain {chain}", **DIMENSION_TEXT)
-    return np.vstack([shapely.get_coordinates(list(bodies)), stage.platform.radius * np.array([[-1, -1], [1, 1]])])
-
-
-@in_house_style
-def drawing_figure(stage: Stage, bodies: Sequence[Any] = ()) -> Figure:
-    """Draw a page with the dimensioned stage, and in its header further data."""
-    angles = minus(", ".join(f"{angle:.6g}" for angle in np.rad2deg(stage.chain.joint_angles)))
-    facts = [f"thickness {stage.thickness:.6g} {LENGTH}", f"link width {stage.chain.link_width:.6g} {LENGTH}"]
-    facts += [f"joint angles {angles} {DEGREE}", stage.material.name]
-    chains = "Hinges are labelled on chain 1; chains 2 and 3 are the same, turned by 120 and 240 degrees. "
-    said = f"{chains if stage.chains_alike else ''}Heavy lines: clamped. Disc: the hub, rigid in the models."
-    if bodies:
-        said = "The stage cannot be made. Strips along the links stand for bodies that cannot be drawn."
-    plot = partial(plot_dimensions, stage=stage, bodies=bodies)
-    return page((8.27, 7.6), f"{stage.name}: drawing", ["; ".join(facts), said], plot, stage)
 
 
 def show_window(draw: Callable[[Axes], object], title: str) -> bool:

@@ -16,7 +16,6 @@ from flexfem.arrays import ROUND_OFF, AnyArray, Array, Index, brief, is_wide
 from flexfem.files.refusals import path_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import SPACE, thousands
@@ -587,7 +586,7 @@ def drawable(loaded: LoadedStudy, values: Array) -> Stage | Mechanism | None:
     """Return the stage or mechanism of factor values (columns,), None where it cannot be made."""
     with suppress(BadInput, ValidationError):
         plate = plate_of(loaded, values)
-        check_layout(plate.layout) if isinstance(plate, Mechanism) else check_feasible(plate)
+        check_feasible(plate)
         return plate
     return None
 

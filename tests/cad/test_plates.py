@@ -20,7 +20,7 @@ from flexfem.mechanism.drawing import Part, cut_path
 from flexfem.mechanism.mechanism import read_mechanism
 from flexfem.mechanism.outlines import polygon_points
 from flexfem.mechanism.plate import clashes
-from flexfem.plot.plate import load_figure, mechanism_figure
+from flexfem.plot.plate import drawing_figure, load_figure
 
 from .test_export import chained, dxf_pieces
 
@@ -66,7 +66,7 @@ def test_a_drawing_has_the_area_of_the_parts_and_true_arcs(nod, folder):
     wire = {round(arc.dxf.radius, 9) for arc in space.query('ARC[layer=="WIRE_PATH"]')}
     assert {1.455, 0.155} < wire  # fillets wider, corners rounded
     assert {each.dxf.layer: each.dxf.radius for each in space.query("CIRCLE")} == pytest.approx(
-        {"METAL": 1.7, "WIRE_PATH": 1.545}
+        {"HOLES": 1.7, "WIRE_PATH": 1.545}
     )
 
 
@@ -81,7 +81,7 @@ def test_the_wire_stays_at_half_the_kerf_from_every_contour(nod):
 def test_a_solid_has_the_volume_of_the_plate_and_no_other_is_kept(nod, folder):
     assert api.export(nod, folder / "nod.step").volume == pytest.approx(4.3 * AREA, rel=2e-6)
     with pytest.raises(api.ComputationFailed, match=r"expected 1 of 812\.7 mm\^3"):
-        write_step(nod, Part([[*nod.layout.bodies[0].outline]], []), folder / "other.step")
+        write_step(nod.name, nod.layout, Part([[*nod.layout.bodies[0].outline]], []), folder / "other.step")
     assert not (folder / "other.step").exists()
 
 
@@ -115,7 +115,7 @@ def test_a_mesh_holds_bodies_hinges_and_unit_loads(nod, folder):
 
 
 def test_drawings_name_the_parts_and_show_the_displacement(nod, folder):
-    (ax,) = mechanism_figure(nod).axes
+    (ax,) = drawing_figure(nod).axes
     assert {"base", "head", "neck", "output", "corner", "X", "Y"} < {text.get_text() for text in ax.texts}
     found = api.stiffness(nod, models="elements", force=(1.9, 0.0, 0.0), resolution=4)
     mesh, moved = found.fields.mesh, found.fields.made()["displacement"]

@@ -16,12 +16,13 @@ import flexfem.fem.mesh
 from flexfem.fem import mesher
 from flexfem.fem.mesh import StageMesh, check_triangles, jacobians, scaled_jacobians
 from flexfem.fem.mesher import FaceMesh, run_mesher
-from flexfem.fem.stage_mesh import build_mesh, drawn_area
+from flexfem.fem.stage_mesh import build_mesh
 from flexfem.mechanism.bodies import BODIES, draw_sector
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.outlines import area
+from flexfem.mechanism.plate import plate_polygon
 from flexfem.mechanism.stage import HINGE_NAMES
 from flexfem.refused import BadInput, ComputationFailed
 
@@ -179,25 +180,25 @@ def with_node_moved(mesh, triangle, which, to):
 @pytest.mark.parametrize(("label", "bodies"), [("neck 1 base", [0]), ("neck 2 platform", [4, 5, 6])])
 def test_a_severed_neck_is_refused(alike, label, bodies):
     with pytest.raises(ComputationFailed, match=r"2 pieces.*severed"):
-        check_triangles(severed(alike.mesh, label, bodies), drawn_area(alike.stage))
+        check_triangles(severed(alike.mesh, label, bodies), plate_polygon(alike.stage.layout).area)
 
 
 def test_an_orphan_node_is_refused(alike):
     orphaned = alike.mesh._replace(nodes=np.concatenate([alike.mesh.nodes, [[1.0, 2.0]]]))
     with pytest.raises(ComputationFailed, match="belong to no triangle"):
-        check_triangles(orphaned, drawn_area(alike.stage))
+        check_triangles(orphaned, plate_polygon(alike.stage.layout).area)
 
 
 def test_the_mesh_of_another_stage_is_refused(alike):
     with pytest.raises(ComputationFailed, match=r"covers .* mm\^2, expected"):
-        check_triangles(alike.mesh, drawn_area(with_changes({"platform.hub_radius_mm": 7.9})))
+        check_triangles(alike.mesh, plate_polygon(with_changes({"platform.hub_radius_mm": 7.9}).layout).area)
 
 
 @pytest.mark.parametrize(("which", "to"), [(3, 0), (4, 2), (5, 0)])
 def test_a_folded_triangle_is_refused(alike, which, to):
     finest = int(np.argmin(jacobians(alike.mesh)[:, -1]))  # moves no area worth mentioning
     with pytest.raises(ComputationFailed, match="scaled Jacobian"):
-        check_triangles(with_node_moved(alike.mesh, finest, which, to), drawn_area(alike.stage))
+        check_triangles(with_node_moved(alike.mesh, finest, which, to), plate_polygon(alike.stage.layout).area)
 
 
 @pytest.mark.parametrize(("place", "sound"), [(0.2725, False), (0.2775, True)])

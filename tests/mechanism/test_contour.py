@@ -10,9 +10,12 @@ import shapely
 from hypothesis import Phase, assume, given, settings
 from hypothesis import strategies as st
 
+from flexfem.fem.plate_mesh import plate_contours
 from flexfem.mechanism.bodies import draw_sector
-from flexfem.mechanism.drawing import cut_path, part_of
+from flexfem.mechanism.drawing import Part, cut_path
+from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.outlines import Segment, area, circle_of, polygon_points
+from flexfem.mechanism.plate import plate_polygon
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -32,21 +35,25 @@ def gap(loop: list[Segment]) -> float:
     return max(abs(a.end - b.start) for a, b in zip(loop, [*loop[1:], loop[0]], strict=True))
 
 
+def part_of(stage: Stage) -> Part:
+    return Part(plate_contours(stage.layout), [])
+
+
 def test_the_part_is_closed_and_as_large_as_what_is_meshed(stage) -> None:
     part = part_of(stage)
     assert gap(part.loops[0]) < CLOSED
     assert sum(bends(part.loops[0])) + sum(s.turn for s in part.loops[0]) == pytest.approx(2 * np.pi, abs=1e-9)
-    meshed = sum(area(face.loop) for chain in (1, 2, 3) for face in draw_sector(stage, chain).values())
-    assert part.area == pytest.approx(meshed, rel=1e-12)
-    assert part_of(stage, 4.3).area == pytest.approx(meshed - 3 * np.pi * 4.3**2 / 4, rel=1e-12)
-    whole = [
-        segment for segment in part.loops[0] if segment.centre is None or abs(segment.start - segment.centre) > 0.1
-    ]
-    assert part.length == pytest.approx(sum(s.length for s in whole) + 2 * np.pi * 7.7, rel=1e-12)
+    meshed = [face.loop for chain in (1, 2, 3) for face in draw_sector(stage, chain).values()]
+    assert part.area == pytest.approx(sum(map(area, meshed)), rel=1e-12)
+    assert plate_polygon(stage.layout).area == pytest.approx(part.area, rel=2e-5)  # chords
+    assert circle_of(part.loops[1]) == pytest.approx((0, 7.7))
 
 
-def test_pads_are_rectangles_at_the_clamped_edges_with_holes_in_their_middle(stage) -> None:
-    part = part_of(stage, 3.1)
+def test_a_stage_is_a_mechanism_of_ten_bodies_clamped_at_the_backs_of_its_pads(stage) -> None:
+    layout = stage.layout
+    assert [body.name for body in layout.bodies][:3] == ["pad of chain 1", "link 1 of chain 1", "link 2 of chain 1"]
+    ends = [(3 * chain + k, 3 * chain + k + 1 if k < 2 else 9) for chain in range(3) for k in range(3)]
+    assert [joint.bodies for joint in layout.joints] == ends
     grounds = [
         segment.turned((chain - 1) * 2 * np.pi / 3)
         for chain in (1, 2, 3)
@@ -54,11 +61,10 @@ def test_pads_are_rectangles_at_the_clamped_edges_with_holes_in_their_middle(sta
         for segment, label in zip(face.loop, face.labels, strict=True)
         if label == "ground"
     ]
-    for pad, ground, hole in zip(part.ground, grounds, map(circle_of, part.loops[2:]), strict=True):
-        assert gap(pad) < CLOSED and area(pad) == pytest.approx(8.9**2, rel=1e-12)
-        assert abs(pad[0].start - ground.start) + abs(pad[0].end - ground.end) < 1e-12
-        assert [segment.length for segment in pad] == pytest.approx([8.9] * 4)
-        assert abs(hole[0] - np.mean([s.start for s in pad])) < 1e-12 and hole[1] == pytest.approx(1.55)
+    for pad, ground in zip(layout.bodies[:9:3], grounds, strict=True):
+        assert gap(list(pad.outline)) < CLOSED and area(pad.outline) == pytest.approx(8.9**2, rel=1e-12)
+        (back,) = (pad.outline[k] for k in pad.clamped)
+        assert abs(back.start - ground.start) + abs(back.end - ground.end) < 1e-12
 
 
 USUAL = st.fixed_dictionaries(  # that can be made
@@ -81,9 +87,10 @@ def test_a_wire_leaves_the_part_and_every_neck(make_stage, changes, kerf) -> Non
 def require_beside(stage: Stage, kerf: float) -> None:
     """Area beside a closed curve by Steiner: A + L d + pi d^2, less what is trimmed off at sharp inner corners."""
     try:
-        part = part_of(stage)
+        check_feasible(stage)
     except BadInput:
         assume(False)
+    part = part_of(stage)
     half, sharp = kerf / 2, [bend for bend in bends(part.loops[0]) if bend < -1e-6]
     path = cut_path(part, kerf)
     assert gap(path.loops[0]) < CLOSED

@@ -66,7 +66,7 @@ displaced = cache(lambda: flexfem.large(plain(), models="analytic"))
 vibrating = cache(lambda: flexfem.modes(plain(), count=2, models="elements", resolution=4))
 tiring = {"amplitude": (0.05, 0.02, 3e-4), "ratio": 0, "resolution": 4}
 DRAWN: dict[str, Any] = {
-    "plot_mechanism": lambda made: (flexfem.load("geometry/parallelogram.toml"),),
+    "plot_plate": lambda made: (flexfem.load("geometry/parallelogram.toml"),),
     "plot_budget": lambda made: (made.budget(), "theta"),
     "plot_convergence": lambda made: (made.mesh_study(),),
     "plot_displacement": lambda made: (made.fields(),),
@@ -97,8 +97,6 @@ DRAWN: dict[str, Any] = {
     "plot_sensitivity": lambda made: (recorded(), "envelope_mm"),
     "plot_shares": lambda made: (Share(Y, indices), ["one", "two"]),
     "plot_solid": lambda made: (reached(),),
-    "plot_stage": lambda made: (plain(),),
-    "plot_dimensions": lambda made: (plain(),),
     "plot_strokes": lambda made: (driven(),),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),
     "plot_tradeoff": lambda made: (recorded(),),
