@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,46 +26,14 @@ from flexfem.mechanism.bodies import FILLET, centrelines, draw_sector
 from flexfem.mechanism.contacts import Push, Stack, nearest, placed_stack, wrench_of
 from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.frames import CHAIN_TURN
+from flexfem.mechanism.layout import ActuatorSet as ActuatorSet
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage_file import CHAINS, StageContent, actuators_of, key_of_actuator
 from flexfem.refused import BadInput
 
 ON_OUTLINE = 0.01  # distance of a contact from the outline of its body, per link width: coordinates are rounded
-NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # fields with a leading axis of designs
 LEAST_COSINE = 0.1  # between the direction of a force and the inward normal
-
-
-class ActuatorSet(NamedTuple):
-    """The stacks (n) of a stage, or the actuators of a mechanism, and the commands (m) that drive them.
-
-    For many designs, the numbers have a leading axis of designs; the stacks and their names are common to all designs.
-
-    stacks : of a stage, chain by chain, actuator by actuator, with their loads.   names : (m,), of the commands.
-    stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
-    differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the partner of a pair.
-    lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its stroke.
-    friction : (n,), coefficient at each contact, nan where it is not stated; empty for a mechanism.
-    """
-
-    stacks: tuple[Stack, ...]
-    names: tuple[str, ...]
-    stiffness: Array
-    preload: Array
-    blocking_force: Array
-    differential: Array
-    lowest: Array
-    highest: Array
-    friction: Array = np.zeros(0)
-
-    def at(self, which: AnyArray | int | None) -> ActuatorSet:
-        """Select the numbers of one design or of designs (k,); None adds a leading axis of length one."""
-        return self._replace(**{name: getattr(self, name)[which] for name in NUMBERS})
-
-    @property
-    def rubbing(self) -> tuple[int, ...]:
-        """Indices of the stacks whose contacts have a stated friction coefficient."""
-        return tuple(np.flatnonzero(~np.isnan(self.friction)).tolist())
 
 
 @once

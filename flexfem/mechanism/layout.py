@@ -7,15 +7,18 @@ nothing else of a mechanism. Both compute the response to unit loads on its port
 from __future__ import annotations
 
 import cmath
-from typing import NamedTuple, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.mechanism.drives import ActuatorSet
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profiles import Profile
 
+if TYPE_CHECKING:
+    from flexfem.mechanism.contacts import Stack
+
+NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # fields with a leading axis of designs
 PointOrPoints = TypeVar("PointOrPoints", complex, AnyArray)
 
 
@@ -131,6 +134,38 @@ class PayloadMass(NamedTuple):
     contact: Patch
     mass: float
     inertia: float
+
+
+class ActuatorSet(NamedTuple):
+    """The stacks (n) of a stage, or the actuators of a mechanism, and the commands (m) that drive them.
+
+    For many designs, the numbers have a leading axis of designs; the stacks and their names are common to all designs.
+
+    stacks : of a stage, chain by chain, actuator by actuator, with their loads.   names : (m,), of the commands.
+    stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
+    differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the partner of a pair.
+    lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its stroke.
+    friction : (n,), coefficient at each contact, nan where it is not stated; empty for a mechanism.
+    """
+
+    stacks: tuple[Stack, ...]
+    names: tuple[str, ...]
+    stiffness: Array
+    preload: Array
+    blocking_force: Array
+    differential: Array
+    lowest: Array
+    highest: Array
+    friction: Array = np.zeros(0)
+
+    def at(self, which: AnyArray | int | None) -> ActuatorSet:
+        """Select the numbers of one design or of designs (k,); None adds a leading axis of length one."""
+        return self._replace(**{name: getattr(self, name)[which] for name in NUMBERS})
+
+    @property
+    def rubbing(self) -> tuple[int, ...]:
+        """Indices of the stacks whose contacts have a stated friction coefficient."""
+        return tuple(np.flatnonzero(~np.isnan(self.friction)).tolist())
 
 
 class Layout(NamedTuple):
