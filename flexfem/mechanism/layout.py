@@ -7,16 +7,13 @@ nothing else of a mechanism. Both compute the response to unit loads on its port
 from __future__ import annotations
 
 import cmath
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.outlines import Segment
 from flexfem.mechanism.profiles import Profile
-
-if TYPE_CHECKING:
-    from flexfem.mechanism.contacts import Stack
 
 NUMBERS = ("stiffness", "preload", "blocking_force", "lowest", "highest")  # fields with a leading axis of designs
 PointOrPoints = TypeVar("PointOrPoints", complex, AnyArray)
@@ -141,14 +138,14 @@ class ActuatorSet(NamedTuple):
 
     For many designs, the numbers have a leading axis of designs; the stacks and their names are common to all designs.
 
-    stacks : of a stage, chain by chain, actuator by actuator, with their loads.   names : (m,), of the commands.
+    stacks : of a stage, each a `contacts.Stack`, chain by chain, actuator by actuator.   names : (m,), of the commands.
     stiffness : (..., n), N/mm, of stack and contact in series.   preload, blocking_force : (..., n), N.
     differential : (n, m), stroke of each stack relative to rest per command: 1, and -1 for the partner of a pair.
     lowest, highest : (..., m), mm, limits of the commands by stroke; a pair rests at half its stroke.
     friction : (n,), coefficient at each contact, nan where it is not stated; empty for a mechanism.
     """
 
-    stacks: tuple[Stack, ...]
+    stacks: tuple[Any, ...]
     names: tuple[str, ...]
     stiffness: Array
     preload: Array
