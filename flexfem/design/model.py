@@ -206,10 +206,8 @@ class Model:
         return {name: by[name].factor * x + by[name].term if name in by else x for name, x in columns.items()}
 
     def quantities(self, columns: Mapping[str, Array]) -> Array:
-        """Return the quantities (n, q) of columns (n,) by name; derived outputs are computed first."""
+        """Return the quantities (n, q) of columns (n,) by name."""
         known, n = dict(columns), len(next(iter(columns.values())))
-        for output in self.required.output:
-            known[output.name] = evaluated(self.loaded, output.expression, known, n)
         return np.column_stack([evaluated(self.loaded, text, known, n) for text in self.required.quantities])
 
     def signed(self, quantities: Array) -> Array:

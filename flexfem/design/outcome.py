@@ -66,7 +66,6 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
     coordinates = zip(space.names, space.listed, space.to_unit(best.relaxed[None])[0], strict=True)
     history = rounds[0].best.history
     shown = np.unique(np.linspace(0, len(history) - 1, min(SHOWN, len(history))).astype(int))
-    assumed, not_stated = replace(loaded, base=stage).assumptions
     return record.Designed(
         name=required.name,
         file=str(loaded.path),
@@ -98,8 +97,7 @@ def designed(loaded: LoadedRequirements, solver: ElementSolver) -> record.Design
         evaluations=dict(sorted(solver.counts.items())),
         versions=dict(versions()),
         warnings=_warnings(loaded, rounds, agreed),
-        assumed=assumed,
-        not_stated=not_stated,
+        **replace(loaded, base=stage).assumptions._asdict(),
     )
 
 

@@ -62,34 +62,31 @@ def formatted(value: float) -> str:
 def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSection:
     """Return the settings of a study and the counts of its designs; `status` is from `studies.study_status`."""
     loaded, study = source.loaded, source.loaded.study
+    counts = {
+        "requested": status["designs"],
+        "with a result": status["ok"],
+        "that satisfy all constraints": int(source.table.kept.sum()),
+        "refused: impossible, or violate a constraint on factors": status["refused"],
+        "failed or out of time": status["failed"],
+        "unfinished": status["open"],
+    }
     settings = {
         "study": f"{study.name} ({loaded.path.name})",
         "base stage": f"{loaded.base.name} ({study.stage})",
         "model": findings.model_words(loaded),
         "sample": f"{findings.sampling_words(loaded)}, {thousands(loaded.count)} designs",
+        "designs": findings.counted(counts),
         "accuracy of stresses": loaded.stress_accuracy,
         "hash of the inputs": loaded.hash,
     }
-    counts = {
-        "requested": status["designs"],
-        "with a result": status["ok"],
-        "of these, satisfy all constraints": int(source.table.kept.sum()),
-        "refused: impossible, or violate a constraint on factors": status["refused"],
-        "failed or out of time": status["failed"],
-        "open": status["open"],
-    }
     reasons = [(text, state, n) for state, numbers in status["reasons"].items() for text, n in numbers.items()]
     reasons.sort(key=lambda row: -row[2])
-    tables = [
-        TextTable(["designs", "number"], [[name, thousands(n)] for name, n in counts.items()], 1, "Designs"),
-        TextTable(["reason", "status", "designs"], [[text, state, thousands(n)] for text, state, n in reasons], 2,
-                  "Designs without a result"),
-    ]  # fmt: skip
+    rows = [[text, state, thousands(n)] for text, state, n in reasons]
     file = Markup('<pre tabindex="0"><code>{}</code></pre>').format(loaded.path.read_text(encoding="utf-8"))
     html = [
         facts(settings.items()),
         notes(status["warnings"]),
-        *map(table, tables),
+        table(TextTable(["reason", "status", "designs"], rows, 2, "Designs without a result")),
         folded("Study file: factors, outputs, constraints and their sources", file),
     ]
     return PageSection("study-asked", "Settings of the study", Markup("\n").join(html))

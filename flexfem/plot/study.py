@@ -312,16 +312,16 @@ def sensitivity_figure(shown: findings.Sensitivity) -> Figure:
 
 def plot_shares(ax: Axes, share: findings.Share, factors: Sequence[str]) -> Axes:
     """Draw the Sobol indices of one value as bars with error bars, one row per factor; return `ax`."""
-    indices, rows = share.indices, np.arange(float(len(share.indices.first)))
+    rows = np.arange(float(len(share.first)))
     look: dict[str, Any] = {"edgecolor": INK, "linewidth": 0.5, "zorder": 2}
     look["error_kw"] = {"ecolor": INK, "elinewidth": 1.0, "capsize": 2.0}
-    bars = [(-0.19, indices.first, indices.first_band, FIRST_COLOUR, "first order: factor alone")]
-    if indices.total is not None and indices.total_band is not None:
-        bars.append((0.19, indices.total, indices.total_band, TOTAL_COLOUR, "total: with interactions"))
+    bars = [(-0.19, share.first, share.first_band, FIRST_COLOUR, "first order: factor alone")]
+    if share.total is not None and share.total_band is not None:
+        bars.append((0.19, share.total, share.total_band, TOTAL_COLOUR, "total: with interactions"))
     for shift, values, band, colour, name in bars:
         ax.barh(rows + shift * (len(bars) - 1), values, 0.36, xerr=band, color=colour, label=name, **look)
     style.name_rows(ax, factors, 3.0)
-    ax.set_xlabel(f"share of the variance\n(sum of first order: {indices.first.sum():.2f})")
+    ax.set_xlabel(f"share of the variance\n(sum of first order: {share.first.sum():.2f})")
     ax.set_title(share.quantity.name, loc="left")
     ax.xaxis.set_major_locator(MaxNLocator(4))
     ax.xaxis.set_major_formatter("{x:g}")

@@ -299,7 +299,7 @@ class Distribution(NamedTuple):
     table: FigureTable = NO_TABLE
 
 
-class Indices(NamedTuple):
+class Share(NamedTuple):
     """Sobol indices (k,) of one quantity by factor, and half-widths of their confidence intervals; total indices where
     the sampling gives them."""
 
@@ -307,13 +307,7 @@ class Indices(NamedTuple):
     first_band: Array
     total: Array | None = None
     total_band: Array | None = None
-
-
-class Share(NamedTuple):
-    """One quantity and the indices of every factor."""
-
-    quantity: AxisText
-    indices: Indices
+    quantity: AxisText = AxisText("")
 
 
 @brief
@@ -648,7 +642,7 @@ def percentiles(values: Array, percent: Sequence[float], draws: Index | None = N
 def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     """Return the Sobol indices of several outputs for every factor. Raises BadInput."""
     loaded = source.loaded
-    shares = [Share(source.quantity(name), sensitivity(source, name)) for name in figure.values or ()]
+    shares = [sensitivity(source, name)._replace(quantity=source.quantity(name)) for name in figure.values or ()]
     line, parts = "Sobol indices; whiskers: 95 % confidence.", {"first": "first order: alone", "first_band": "±"}
     if loaded.study.sampling.method == "saltelli":
         parts |= {"total": "total: with its interactions", "total_band": "±"}
@@ -661,7 +655,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
             line += " Factors may be dependent, also through designs without a result: shares then overlap."
     factors = [factor(column).name for column in loaded.columns]
     rows: list[Sequence[str | float]] = [
-        (factor_name, share.quantity.name, *(float(getattr(share.indices, name)[k]) for name in parts))
+        (factor_name, share.quantity.name, *(float(getattr(share, name)[k]) for name in parts))
         for share in shares
         for k, factor_name in enumerate(factors)
     ]
@@ -670,7 +664,7 @@ def sensitivity_of(source: Source, figure: Figure) -> Sensitivity:
     return Sensitivity(source.caption(figure, "Share of variance by factor", line), shares, factors, listed)
 
 
-def sensitivity(source: Source, value: str) -> Indices:
+def sensitivity(source: Source, value: str) -> Share:
     """Return the Sobol indices of an output column: first order, and total with Saltelli's scheme.
 
     Raises BadInput: a design of Saltelli's scheme has no result (none can be left out, because each belongs to several
@@ -694,7 +688,7 @@ def sensitivity(source: Source, value: str) -> Indices:
     return first_order((table.with_results(column.name)[0] for column in loaded.columns), values)
 
 
-def sobol_indices(values: Array, factors: int) -> Indices:
+def sobol_indices(values: Array, factors: int) -> Share:
     """Return first-order and total indices of values (base * (factors + 2),) in the order of Saltelli's scheme:
     A. Saltelli et al., Comput. Phys. Commun. 181 (2010) 259, table 2 (b) and (f)."""
     groups = values.reshape(-1, factors + 2)
@@ -703,10 +697,10 @@ def sobol_indices(values: Array, factors: int) -> Indices:
     variance = np.var([A, B])
     first, total = np.mean(B * (AB - A), axis=1) / variance, np.mean((A - AB) ** 2, axis=1) / (2 * variance)
     size = (A**2 + B**2) / 2
-    return Indices(first, _half_widths(B * (AB - A), size, first), total, _half_widths((A - AB) ** 2 / 2, size, total))
+    return Share(first, _half_widths(B * (AB - A), size, first), total, _half_widths((A - AB) ** 2 / 2, size, total))
 
 
-def first_order(factors: Iterable[Array], values: Array) -> Indices:
+def first_order(factors: Iterable[Array], values: Array) -> Share:
     """Return first-order indices from any sample of values (n,); k `factors` (n,), one in memory at a time.
 
     An index is the share of the variance that a smooth curve in the factor explains (given-data estimation:
@@ -721,7 +715,7 @@ def first_order(factors: Iterable[Array], values: Array) -> Indices:
         unexplained = residual**2 * (n / (n - parameters))
         share = np.asarray(1.0 - unexplained.mean() / (size.sum() / (n - 1)))
         indices.append((float(share), float(_half_widths(size - unexplained, size, share))))
-    return Indices(*(np.array(part) for part in zip(*indices, strict=True)))
+    return Share(*np.array(indices).T)
 
 
 def _half_widths(parts: Array, size: Array, index: Array) -> Array:

@@ -464,23 +464,26 @@ def refusals_of(loaded: LoadedStudy, values: Array) -> AnyArray:
 
     Constraints on factors and keys only are evaluated here, before designs are solved.
     """
-    study, size, reason = loaded.study, len(values), np.full(len(values), "", dtype=object)
+    study, reason = loaded.study, np.full(len(values), "", dtype=object)
     known = dict(zip((column.name for column in loaded.columns), values.T, strict=True))
-    for output in study.output:
-        if study.uses_no_output(output.expression):
-            known[output.name] = evaluated(loaded, output.expression, known, size)
     for constraint in study.refusing:
-        value = evaluated(loaded, constraint.value, known, size)
+        value = evaluated(loaded, constraint.value, known, len(values))
         for index in np.flatnonzero(constraint.broken(value) & (reason == "")):
             reason[index] = f"constraint {constraint.title} = {value[index]:.6g}, expected {constraint.expected}"
     return reason
 
 
-def evaluated(loaded: LoadedStudy, expression: str, columns: Mapping[str, Array], size: int) -> Array:
-    """Return the value (size,) of an expression of columns and keys, in file units; nan where one is missing."""
-    names = names_in(expression)
-    values = {name: columns[name] if name in columns else _key_values(loaded, name, columns) for name in names}
-    return np.broadcast_to(value_of(expression, values), (size,))
+def evaluated(loaded: LoadedStudy, expression: str, known: dict[str, Array], size: int) -> Array:
+    """Return the value (size,) of an expression in file units; nan where a column is missing.
+
+    known : factors and outputs, (n,) each, by name; derived outputs and keys that are used are added to them.
+    """
+    derived = {output.name: output.expression for output in loaded.study.output}
+    for name in names_in(expression):
+        if name not in known:
+            of = derived.get(name)
+            known[name] = _key_values(loaded, name, known) if of is None else evaluated(loaded, of, known, size)
+    return np.broadcast_to(value_of(expression, known), (size,))
 
 
 def _key_values(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) -> Array:

@@ -21,7 +21,6 @@ from flexfem.study.findings import (
     Caption,
     Cells,
     Chosen,
-    Indices,
     ParetoFront,
     Percentile,
     Scatter,
@@ -55,7 +54,7 @@ def front() -> ParetoFront:
 
 
 identified_slopes = MeasuredSlopes(kxx=35.4, kxx_sd=0.2, ktt=33e3, ktt_sd=200.0)
-indices = Indices(*map(np.array, ([0.5, 0.3], [0.05, 0.02], [0.6, 0.4], [0.04, 0.03])))
+share = Share(*map(np.array, ([0.5, 0.3], [0.05, 0.02], [0.6, 0.4], [0.04, 0.03])), Y)
 percentiles = [Percentile(p, p / 10, p / 11, p / 9) for p in (2.5, 50.0, 97.5)]
 plain = cache(lambda: flexfem.load(STAGE))  # each answered once
 pushed = cache(lambda: flexfem.experiment(plain(), FIXTURE, models="analytic"))
@@ -95,7 +94,7 @@ DRAWN: dict[str, Any] = {
     "plot_response": lambda made: (vibrating().fields.reduced, "theta", "load", "phase"),
     "plot_section": lambda made: (reached(),),
     "plot_sensitivity": lambda made: (recorded(), "envelope_mm"),
-    "plot_shares": lambda made: (Share(Y, indices), ["one", "two"]),
+    "plot_shares": lambda made: (share, ["one", "two"]),
     "plot_solid": lambda made: (reached(),),
     "plot_strokes": lambda made: (driven(),),
     "plot_thickness": lambda made: (thickness_review(), "rotation"),

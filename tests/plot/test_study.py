@@ -30,7 +30,6 @@ from flexfem.study.findings import (
     Cells,
     Chosen,
     Distribution,
-    Indices,
     ParetoFront,
     Percentile,
     Scatter,
@@ -198,9 +197,11 @@ def test_a_value_that_does_not_vary_is_one_bar_and_no_outlier_makes_more_than_si
 
 def test_bars_and_whiskers_are_the_indices_of_each_value_in_the_order_of_the_factors(made: Any) -> None:
     values = ([0.5, 0.1, 0.3], [0.05, 0.01, 0.02], [0.6, 0.15, 0.35], [0.04, 0.03, 0.015])
-    indices = [Indices(*(scale * np.array(v) for v in values)) for scale in (1.0, 0.7)]
+    indices = [Share(*(scale * np.array(v) for v in values)) for scale in (1.0, 0.7)]
     names, quantities = ["one $a$", "two", "three"], [output("kxx_n_per_mm"), output("range_y_um")]
-    figure = sensitivity_figure(Sensitivity(CAPTION, [*map(Share, quantities, indices)], names))
+    figure = sensitivity_figure(
+        Sensitivity(CAPTION, [each._replace(quantity=of) for each, of in zip(indices, quantities, strict=True)], names)
+    )
     for axes, found, sums in zip(figure.axes, indices, ("0.90", "0.63"), strict=True):
         assert [bar.get_width() for bar in axes.patches] == [*found.first, *found.total]
         middles = [round(bar.get_y() + bar.get_height() / 2) for bar in axes.patches]
@@ -305,14 +306,14 @@ def test_a_table_without_any_answer_is_refused(tmp_path: Path) -> None:
 
 
 def test_every_figure_says_what_is_assumed_as_long_as_something_is(tmp_path: Path) -> None:
-    indices = Indices(*(np.array([0.5]) for _ in range(4)))
+    share = Share(*(np.array([0.5]) for _ in range(4)), output("coupling_xy"))
     same = [Percentile(p, 0.5, 0.4, 0.6) for p in (2.5, 50.0, 97.5)]
     scatter = Scatter(output("coupling_xy"), np.linspace(0.0, 1.0, 9), same)
     for caption, said in ((CAPTION, True), (CAPTION._replace(assumed=[]), False)):
         for figure in (
             map_figure(shown_map()._replace(caption=caption)),
             distribution_figure(Distribution(caption, [scatter])),
-            sensitivity_figure(Sensitivity(caption, [Share(output("coupling_xy"), indices)], ["one"])),
+            sensitivity_figure(Sensitivity(caption, [share], ["one"])),
             pareto_figure(shown_front(tmp_path)._replace(caption=caption)),
         ):
             assert ("assumed dimensions" in texts(figure)) is said and "A title" in texts(figure)
