@@ -65,7 +65,6 @@ class Topology(NamedTuple):
     paths : joints of each path.   signs : (P, m), -1 where a path meets a joint's far body first, zero off the path.
     G : (3 P, 3 K), of the paths.   kept_loads : (K, bodies), loads on bodies that act on the kept ones.
     joint_loads : (m, bodies), loads on bodies that joints carry in addition to the wrench of their path.
-    is_star : whether every path leads from the ground to the output, the only kept body.
     """
 
     kept: tuple[int, ...]
@@ -74,7 +73,6 @@ class Topology(NamedTuple):
     G: Array
     kept_loads: Array
     joint_loads: Array
-    is_star: bool
 
 
 class OutputStiffness(NamedTuple):
@@ -136,8 +134,7 @@ def topology(bodies: int, output: int, joints: tuple[tuple[int, int], ...]) -> T
     if missing := {*range(bodies)} - reached:
         raise ValueError(f"bodies {sorted(missing)} are not joined to the output or the ground")
     G = np.asarray(np.kron(np.array(incidence), np.eye(3)), dtype=np.float64)
-    is_star = len(kept) == 1 and all(row == 1 for row in incidence)
-    return Topology(kept, tuple(paths), np.array(signs), G, kept_loads, joint_loads, is_star)
+    return Topology(kept, tuple(paths), np.array(signs), G, kept_loads, joint_loads)
 
 
 def freedom_motions(places: AnyArray, axes: AnyArray) -> Array:
@@ -193,7 +190,8 @@ def stiffness(mechanism: Network) -> OutputStiffness:
     nan for a design with a path that has no, or nearly no, compliance in some direction.
     """
     graph = topology(*mechanism[:3])
-    if graph.is_star and mechanism.coupling is None:  # matrices of 3 by 3 suffice, for many designs
+    if mechanism.coupling is None and np.array_equal(graph.G, np.tile(np.eye(3), (len(graph.paths), 1))):
+        # every path leads from the ground to the output: matrices of 3 by 3 suffice, for many designs
         wrenches = inverse(in_series(mechanism))
         K = np.sum(wrenches, axis=-3)
     else:

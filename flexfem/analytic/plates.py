@@ -7,7 +7,7 @@ motions of elastic bodies, relative to their mean motion, by loads on ports are 
 from __future__ import annotations
 
 import cmath
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from flexfem.analytic.network import GROUND, Dynamics, InternalMotions, Network,
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.bodies import inertia_of
 from flexfem.mechanism.layout import ElasticBody, End, Joint, Layout, Patch, Port
-from flexfem.mechanism.outlines import Segment, area_moments, integrals, polygon_points, polyline
+from flexfem.mechanism.outlines import area_moments, integrals, polygon_points, polyline
 from flexfem.mechanism.plate import components, cuts_of
 from flexfem.mechanism.profiles import Profile
 from flexfem.refused import BadInput, ComputationFailed
@@ -198,15 +198,14 @@ def body_moments(layout: Layout, body: int, hinges: bool = True) -> AnyArray:
     for part in shapely.get_parts(cut):
         if isinstance(part, shapely.Polygon) and part.area > SLIVER:
             part = shapely.orient_polygons(part)
-            total -= sum(area_moments(_ring(ring.coords)) for ring in (part.exterior, *part.interiors))
+            total -= sum(
+                area_moments(polyline(*shapely.get_coordinates(ring) @ [1, 1j]))
+                for ring in (part.exterior, *part.interiors)
+            )
     for joint in layout.joints if hinges else ():
         if body in joint.bodies:
             total += _half_moments(joint, joint.bodies.index(body))
     return np.asarray(total)
-
-
-def _ring(points: Iterable[tuple[float, ...]]) -> list[Segment]:
-    return polyline(*(complex(x, y) for x, y in points))
 
 
 def _half_moments(joint: Joint, end: int) -> AnyArray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -239,33 +238,23 @@ def register_formula(
         raise BadInput(f"hinge formula {name!r} is known already, expected another name")
     if not isinstance(source, str) or not source.strip() or not source.isprintable():
         raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
-    low, high = _checked_range(name, valid)
-    ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
-    for argument, value in (("function", function), ("axial", axial), ("bending", bending)):
-        if value is not None or argument == "function":
-            _check_function(f"hinge formula {name!r}: {argument}", value, ratio)
-    FORMULAS[name] = Formula(name, source, "registered by the user", (low, high), function, axial, bending)
-    return FORMULAS[name]
-
-
-def _checked_range(name: str, valid: Any) -> tuple[float, float]:
-    """Return the range of a user's formula. Raises BadInput when it is not a range."""
     try:
         low, high = map(float, valid)
     except (TypeError, ValueError):
         low = high = np.nan
     if not 0 < low < high < np.inf:
         raise BadInput(f"hinge formula {name!r}: valid = {shown(valid)}, expected 0 < smallest t/R < largest")
-    return low, high
-
-
-def _check_function(title: str, function: Any, ratio: Array) -> None:
-    """Refuse a user's function that is not callable or has no finite positive values at t/R (...)."""
-    if not callable(function):
-        raise BadInput(f"{title} = {shown(function)}, expected a function of t/R")
-    values = _values(title, function, ratio)
-    if not np.all(np.isfinite(values) & (values > 0)):
-        raise BadInput(f"{title} at t/R from {ratio.min():g} to {ratio.max():g}: {EXPECTED}")
+    ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
+    optional = {argument: value for argument, value in (("axial", axial), ("bending", bending)) if value is not None}
+    for argument, value in {"function": function, **optional}.items():
+        title = f"hinge formula {name!r}: {argument}"
+        if not callable(value):
+            raise BadInput(f"{title} = {shown(value)}, expected a function of t/R")
+        values = _values(title, value, ratio)
+        if not np.all(np.isfinite(values) & (values > 0)):
+            raise BadInput(f"{title} at t/R from {low:g} to {high:g}: {EXPECTED}")
+    FORMULAS[name] = Formula(name, source, "registered by the user", (low, high), function, axial, bending)
+    return FORMULAS[name]
 
 
 def _values(title: str, function: Callable[[Array], Array], ratio: Array) -> Array:

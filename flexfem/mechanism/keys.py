@@ -40,11 +40,6 @@ class Key(NamedTuple):
     element: int | None
     number: Limits
 
-    @property
-    def unit(self) -> float:
-        """Inside units per file unit; 1 for a parameter, which expressions use in the unit of its name."""
-        return self.number.factor
-
     def places_in(self, stage: Stage | Mechanism) -> list[tuple[str, tuple[int, ...]]]:
         """Return the fields of `designs.Designs` that the key sets, with indices; empty if no model uses the key.
 
@@ -108,7 +103,7 @@ class Key(NamedTuple):
         table = self.table_in(stage)
         value = table.get(self.attribute) if isinstance(table, Mapping) else getattr(table, self.attribute, None)
         value = value if self.element is None or value is None else value[self.element]
-        return None if value is None else float(value) / self.unit
+        return None if value is None else float(value) / self.number.factor
 
     def set_in(self, changes: dict[str, Any], stage: Stage | Mechanism, value: float) -> None:
         """Set the number, in file units, in changes as `replace` takes them; other elements are those of the stage."""

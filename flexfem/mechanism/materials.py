@@ -78,16 +78,17 @@ class Material(Table):
             data = data.model_dump(by_alias=info.context != INSIDE, exclude_none=True)
         elif isinstance(data, str) and info.context == INSIDE:
             data = {"name": data}
-        known = _known(data.get("name")) if isinstance(data, dict) else None
-        stated = {key for key in data if not key.startswith("expansion")} if isinstance(data, dict) else set()
-        if known is None and stated == {"name"} and isinstance(data["name"], str):
+        if not isinstance(data, dict):
+            return data
+        if (known := _known(data.get("name"))) is not None:
+            return known.numbers(by_alias=info.context != INSIDE) | data
+        stated = {key for key in data if not key.startswith("expansion")}
+        if stated == {"name"} and isinstance(data["name"], str):
             nearest = difflib.get_close_matches(data["name"], REGISTERED, n=NEAREST, cutoff=0.0)
             required = [Material.model_fields[name].is_required() for name in NUMBERS]
             others = ", ".join(compress(_keys(info), required))
             raise refusal(f"a registered material ({', '.join(nearest)}), or another name with {others}", "name")
-        if known is None:
-            return data
-        return known.numbers(by_alias=info.context != INSIDE) | data
+        return data
 
     @model_validator(mode="after")
     def _check_fatigue(self, info: ValidationInfo) -> Material:

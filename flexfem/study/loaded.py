@@ -404,7 +404,7 @@ def designs_of(loaded: LoadedStudy, values: Array) -> Designs:
     for key, column in _settings(loaded):
         for field, place in key.places_in(loaded.stage):
             index: tuple[slice | int, ...] = (slice(None), *place)
-            getattr(designs, field)[index] = key.unit * values[:, column]
+            getattr(designs, field)[index] = key.number.factor * values[:, column]
     return designs
 
 
@@ -501,4 +501,4 @@ def _key_values(loaded: LoadedStudy, path: str, columns: Mapping[str, Array]) ->
         return value_of(text, {name: _key_values(loaded, each, columns) for each, name in used.items()})
     designs = designs_of(loaded, np.column_stack([columns[column.name] for column in loaded.columns]))
     ((field, place),) = key.places_in(loaded.stage)
-    return np.asarray(getattr(designs, field)[:, *place] / key.unit)
+    return np.asarray(getattr(designs, field)[:, *place] / key.number.factor)
