@@ -28,7 +28,7 @@ NODES = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])  # of an element from -1 to 1:
 WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18  # per length of the element
 SHAPES = np.linalg.inv(np.vander(NODES, increasing=True))  # from nodal values to coefficients of powers
 CACHE_SIZE = 64  # bodies: many designs of a study have the same platform
-Path: TypeAlias = tuple[Segment, ...]
+Edge: TypeAlias = tuple[Segment, ...]
 LOG_UNIT = 10.0  # of length in the logarithm, per size of the body: no hole has the radius at which it is singular
 
 
@@ -206,19 +206,10 @@ def platform_compliance(stage: Stage, material: Elastic) -> Array:
 
 @lru_cache(CACHE_SIZE)
 def _lug_compliance(
-    left: Path, right: Path, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
+    left: Edge, right: Edge, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
 ) -> Array:
-    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of three such lugs; unit
-    Young's modulus and thickness."""
-    compliance = 2 * (1 + nu) * _platform_body(left, right, neck, hinge, width, platform, nu)
-    compliance[0] -= _half_hinge(hinge, width, nu)
-    return compliance
-
-
-def _platform_body(
-    left: Path, right: Path, neck: Pose, hinge: Hinge, width: float, platform: Platform, nu: float
-) -> Array:
-    """Compliance (3, 3, 3) of all necks to loads on one: moment, axial and transverse force; unit G, thickness."""
+    """Compliance (3, 3, 3) in excess of the hinge, at the necks of this and the next chains, of three equal lugs, by
+    moment, axial and transverse force on one neck; unit Young's modulus and thickness."""
     disc, hub = platform.radius, platform.hub_radius
     size, rotation = element_size(width, neck, hinge), cmath.exp(1j * CHAIN_TURN)
     rim, circle = Segment(right[-1].end, left[-1].end * rotation, 0j), Segment(hub + 0j, hub * rotation.conjugate(), 0j)
@@ -231,7 +222,9 @@ def _platform_body(
     boundary, part = joined(parts)
     on_hub = np.abs(boundary.nodes) < (hub + disc) / 2
     loads = beam_stress(neck, hinge.neck, boundary.nodes, part == 0)
-    return _compliance(boundary, loads, on_hub, nu, len(CHAINS))
+    compliance = 2 * (1 + nu) * _compliance(boundary, loads, on_hub, nu, len(CHAINS))
+    compliance[0] -= _half_hinge(hinge, width, nu)
+    return compliance
 
 
 def _half_hinge(hinge: Hinge, width: float, nu: float) -> Array:
