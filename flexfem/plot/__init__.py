@@ -12,7 +12,7 @@ from typing import Any
 
 _NAMES = {
     "design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
-    "drive": "plot_drive plot_forces plot_large plot_open_loop plot_section plot_solid plot_strokes",
+    "drive": "plot_drive plot_forces plot_large plot_section plot_solid plot_strokes",
     "errors": "plot_budget plot_convergence plot_errors",
     "experiment": "plot_life plot_push plot_region plot_remains",
     "fields": "plot_displacement plot_drift",

@@ -27,9 +27,8 @@ from flexfem.plot.text import minus, round_factor, significant
 from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
-from flexfem.questions.reach import KINDS, Reach
+from flexfem.questions.reach import KINDS, Reach, section_of
 from flexfem.refused import BadInput
-from flexfem.results import ANALYTIC
 from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
 
 WIDTH = 11.69  # in
@@ -45,32 +44,23 @@ VISIBLE = 0.06  # largest drawn displacement of the platform over the size of th
 
 @style.in_house_style
 def command_figure(found: Drive) -> Figure:
-    """Draw a driven stage at a pose: its stacks, their strokes and forces by criterion, and open-loop errors."""
-    errors = len(found.error) if "error" in found.values else 0
+    """Draw a driven stage at a pose: its stacks, and their strokes and forces by criterion."""
     heights = [min(max(0.27 * n + 0.75, 1.9), 9.0) for n in (len(found.command), len(found.stroke))]
-    heights = [heights[0], max(heights[1], 5.8 - heights[0]), *([0.4 * errors + 1.2] if errors else [])]
+    heights[1] = max(heights[1], 5.8 - heights[0])
     factor = f" Dashed: the platform at the pose, displacements × {significant(platform_factor(found), 1)}."
     load = f" under a load of {_numbers(found.load, FORCES)}" if np.any(found.load) else ""
     pose = f"Pose {_numbers(found.pose, COMMANDS)}{load}; strokes by {found.settings['strokes by']}."
     lines = [f"{pose}{factor if np.any(found.pose) else ''} Stacks are not drawn to scale."]
     lines += [warning for warning in found.warnings if "this pose" in warning]
     title = f"{found.about.name}: strokes and forces for a pose"
-    figure = style.below_header((WIDTH, sum(heights) + 0.9), title, lines, found.about)
-    rows = [sum(heights[:2]) + 0.6, *heights[2:]]
-    parts = figure.subfigures(len(rows), squeeze=False, height_ratios=rows)[:, 0]
-    ratios: dict[str, Any] = {"width_ratios": [1.5, 1.0], "height_ratios": heights[:2]}
-    axes: dict[str, Axes] = parts[0].subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], **ratios)
+    figure = style.below_header((WIDTH, sum(heights) + 1.2), title, lines, found.about)
+    ratios: dict[str, Any] = {"width_ratios": [1.5, 1.0], "height_ratios": heights}
+    axes: dict[str, Axes] = figure.subplot_mosaic([["stage", "strokes"], ["stage", "forces"]], **ratios)
     titled(plot_strokes(axes["strokes"], found), "b", "strokes of the actuators (numbers: stacks)")
     titled(plot_forces(axes["forces"], found), "c", "forces of the stacks")
     handles = style.handles_of([axes["strokes"], axes["forces"]])
     place: Any = {"loc": "upper center", "frameon": False, "bbox_to_anchor": (0.5, -0.14)}
     axes["forces"].legend(handles.values(), handles.keys(), ncols=3, **place)
-    if errors:
-        parts[1].suptitle("Error of the pose by finite elements, for the strokes by each model", size=10.5)
-    for letter, direction in zip("def", DIRECTIONS if errors else (), strict=False):
-        ax = axes[direction] = parts[1].add_subplot(1, 3, DIRECTIONS.index(direction) + 1)
-        titled(plot_open_loop(ax, found, direction), letter, NAMES[direction])
-        ax.tick_params(labelleft=direction == "x")
     figure.draw_without_rendering()  # determines the size of the axes, which the placement of labels needs
     titled(plot_drive(axes["stage"], found), "a", f"stage at the pose, strokes and forces of {CRITERIA[0]}")
     axes["stage"].legend(ncols=2, **place)
@@ -106,25 +96,6 @@ def plot_forces(ax: Axes, found: Drive) -> Axes:
     _label_rows(ax, [f"{k + 1}: {name}" for k, name in enumerate(found.axes["stack"])])
     ends = " to ".join(f"{value:.4g}" for value in dict.fromkeys((blocking[0], blocking[-1])))
     ax.set(xlabel=f"force ({FORCES[0]}); limits: 0 and blocking force {ends} {FORCES[0]}", xlim=limits)
-    return ax
-
-
-def plot_open_loop(ax: Axes, found: Drive, direction: Direction) -> Axes:
-    """Draw the finite-element error in one direction under the strokes of every model; return `ax`.
-
-    Raises BadInput for a direction other than x, y or theta, and for a record without finite elements.
-    """
-    if "error" not in found.values:
-        raise BadInput("this record has no open-loop errors: expected one with finite elements")
-    error = found.at("error", direction=direction)
-    error = np.where(np.abs(error) <= 1e-12 * np.max(np.abs(found.pose)), 0.0, error)  # as in the printed table
-    unit = unit_for(direction, float(np.max(np.abs(error))))
-    values, reach = unit.factor * error, unit.factor * float(np.max(np.abs(error))) or 1.0
-    bars = ax.barh(np.arange(len(error)), values, height=0.6, color=COLOURS[0], edgecolor=INK, linewidth=0.5)
-    ax.bar_label(bars, [significant(value, 3) for value in values.tolist()], padding=4, size=8.0)
-    prefix = f"{found.settings['strokes by']}, "
-    _label_rows(ax, [name.removeprefix(prefix) for name in found.axes["commanding model"]])
-    ax.set(xlabel=f"error ({unit})", xlim=(-1.5 * reach, 1.5 * reach))
     return ax
 
 
@@ -231,26 +202,16 @@ def reach_figure(found: Reach) -> Figure:
         f"with θ as l₃ θ, l₃ = {found.about.lever:g} {LENGTH}."
     ]
     title = f"{found.about.name}: reachable poses within all limits of the drive"
-    figure = style.below_header((WIDTH, 7.9), title, lines, found.about)
-    spatial: Any = {"b": {"projection": "3d"}}
-    axes = figure.subplot_mosaic([["a", "b"], ["c", "c"]], height_ratios=(3.4, 1.3), per_subplot_kw=spatial)
-    titled(plot_section(axes["a"], found), "a", "poses at θ = 0")
-    titled(plot_solid(axes["b"], found), "b", "all poses")
-    rows = [("axis", "end of the range", "limited by (other axes at zero)")]
-    for (others, direction, end), by in found.fields.stops.items():
-        if others == "zero":
-            value = float(found.at("ends", others=others, end=end, model=ANALYTIC, direction=direction))
-            unit = COMMANDS[DIRECTIONS.index(direction)]
-            limits = ". ".join(f"{kind}: {'; '.join(places)}" for kind, places in by.by_kind.items())
-            limits = limits.replace(", longest", " (longest)").replace(", shortest", " (shortest)")
-            rows.append((NAMES[direction], minus(f"{unit.factor * value:z.4g} {unit}"), limits))
-    style.table(axes["c"], rows, (0.6, 1.3, 9.0))
+    figure = style.below_header((WIDTH, 5.6), title, lines, found.about)
+    section, solid = (figure.add_subplot(1, 2, k, projection=projection) for k, projection in ((1, None), (2, "3d")))
+    titled(plot_section(section, found), "a", "poses at θ = 0")
+    titled(plot_solid(solid, found), "b", "all poses")
     return figure
 
 
 def plot_section(ax: Axes, found: Reach) -> Axes:
     """Draw the reachable poses at theta = 0, with edges by kind of limit; return `ax`."""
-    unit, section, rest = COMMANDS[0], found.fields.section, found.rest[:2]
+    unit, section, rest = COMMANDS[0], section_of(found.fields), found.rest[:2]
     ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
     ax.grid()
     ax.plot(*(unit.factor * rest), "+", color=INK, markersize=9.0)
@@ -285,7 +246,7 @@ def plot_solid(ax: Any, found: Reach) -> Any:
 
     The projection is orthographic; rotations are scaled by l3.
     """
-    solid, factors = found.fields.solid, np.array([unit.factor for unit in COMMANDS])
+    solid, factors = found.fields, np.array([unit.factor for unit in COMMANDS])
     corners, axes = factors * solid.vertices, zip((ax.xaxis, ax.yaxis, ax.zaxis), NAMES.values(), COMMANDS, strict=True)
     for axis, name, unit in axes:
         axis.set_label_text(f"{name} ({unit})")

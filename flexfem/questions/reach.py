@@ -83,20 +83,16 @@ class LimitNames(tuple[str, ...]):
     """Names of binding limits, each "kind of place"."""
 
     @property
-    def by_kind(self) -> dict[str, list[str]]:
-        """Places by the kind of limit, in the order of `KINDS`."""
-        parts = [name.split(" of ", 1) for name in self]
-        return {kind: places for kind in KINDS if (places := [place for other, place in parts if other == kind])}
-
-    @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of these limits, in the order of `KINDS`."""
-        return tuple(self.by_kind)
+        return tuple(kind for kind in KINDS if any(name.startswith(f"{kind} of ") for name in self))
 
     def __str__(self) -> str:
         """Return all names in a line, grouped by kind; 1+ and 1- are the longest and shortest stroke in chain 1."""
+        places = {kind: [name.removeprefix(f"{kind} of ") for name in self if name.startswith(f"{kind} of ")]
+                  for kind in self.kinds}  # fmt: skip
         short = {", chain ": " ", ", longest": "+", ", shortest": "-"}
-        found = "; ".join(f"{kind} of {', '.join(places)}" for kind, places in self.by_kind.items())
+        found = "; ".join(f"{kind} of {', '.join(of)}" for kind, of in places.items())
         return re.sub("|".join(short), lambda match: short[match[0]], found)
 
 
@@ -129,14 +125,6 @@ class PoseEdge(NamedTuple):
 
 
 Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", direction, "low" or "high")
-
-
-class ReachedPoses(NamedTuple):
-    """Bounds of the poses: faces of the solid, edges of the section, and limits at the ends of the ranges."""
-
-    solid: Polytope
-    section: list[PoseEdge]
-    stops: Stops
 
 
 @for_mechanisms(Reach, MechanismReach, not_for="load analytic", only_for="layers")
@@ -206,7 +194,7 @@ def reach(
     axes = {"actuator": drive.names, "vertex": [f"{k + 1}" for k in range(len(solid.vertices))]}
     return setup.answer(
         Reach, about(stage, drive=True), found, mesh, {"analytic model": model.name}, values, axes,
-        warnings=warnings, notes=notes, fields=ReachedPoses(solid, section_of(solid), stops),
+        warnings=warnings, notes=notes, fields=solid,
     )  # fmt: skip
 
 

@@ -87,7 +87,6 @@ DRAWN: dict[str, Any] = {
     "plot_mode": lambda made: (vibrating(), 2),
     "plot_model": lambda made: (made.model(),),
     "plot_neck": lambda made: (made.fields(), made.model().hinges[0]),
-    "plot_open_loop": lambda made: (driven(), "x"),
     "plot_push": lambda made: (pushed(), "theta"),
     "plot_region": lambda made: (identified(),),
     "plot_remains": lambda made: (pushed(), "y"),

@@ -15,7 +15,7 @@ from flexfem.fem.fields import driven_response
 from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.stage import Stage
-from flexfem.plot.drive import plot_drive, plot_forces, plot_open_loop, plot_strokes, stack_ends
+from flexfem.plot.drive import plot_drive, plot_forces, plot_strokes, stack_ends
 from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Driven
 
@@ -206,6 +206,4 @@ def test_the_figure_draws_the_numbers_of_the_result(drawn):
     np.testing.assert_allclose(along / np.abs(along).max(), push / np.abs(push).max(), atol=1e-9)
     with pytest.raises(flexfem.BadInput, match="expected one of: least energy"):
         plot_drive(sketch, drawn, "least force")
-    with pytest.raises(flexfem.BadInput, match="expected one with finite elements"):
-        plot_open_loop(sketch, drawn, "x")
     pyplot.close("all")

@@ -122,14 +122,14 @@ def test_strokes_alone_reach_a_zonotope(stage):
     np.testing.assert_allclose(moved_to, found.vertices, rtol=1e-9, atol=1e-15)
 
 
-def test_ranges_of_the_reference_stages(reached):
+def test_ranges_of_the_reference_stages(stage, reached):
     """With the others at zero X reaches less than Y."""
     found, both = reached, np.array([[-1.0, 1.0]])
     np.testing.assert_allclose(ends(found, "zero"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4)
     np.testing.assert_allclose(ends(found, "free"), both * [[28.675], [27.248], [1.0780]], rtol=1e-4)
     assert 1e3 * np.array([found.circle, found.ball]) == pytest.approx([23.807, 18.980], rel=1e-4)
     assert found.volume == pytest.approx(2.01660e-6, rel=1e-4)
-    assert list(found.fields.stops["zero", "x", "high"]) == [
+    assert list(poses_of(stage).ranges()[1]["zero", "x", "high"]) == [
         "stroke of elbow, chain 1, longest",
         "stroke of base, chain 3, longest",
         "stroke of base, chain 2, shortest",
@@ -159,7 +159,7 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     """Faces against the strokes within limits, another linear program: share 1 on every face, more 0.1 % beyond."""
     one = modelled(light)
     found = reach(light, LOAD)
-    V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields.solid
+    V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields
     normals, supports = solid.normals * SCALE, solid.supports
     assert {by.kinds for by in solid.by} == {("stroke",), ("stroke", "contact")}
     assert np.all(normals @ V.T <= supports[:, None] + 1e-12)
@@ -210,13 +210,13 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
     rest = one.system.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
-    edges = found.fields.section
+    edges = section_of(found.fields)
     section = np.array([edge.start for edge in edges])
     np.testing.assert_allclose(section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10)
     along = np.linspace(0.0, 1.0, 1001)[:, None, None]
     boundary = section + along * (np.roll(section, -1, axis=0) - section)
     assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(float(found.circle), rel=1e-4)
-    left = found.fields.solid.supports - found.fields.solid.normals @ (SCALE * rest)
+    left = found.fields.supports - found.fields.normals @ (SCALE * rest)
     assert np.min(left) == pytest.approx(float(found.ball)) and found.ball > 1e-3
 
 
@@ -244,8 +244,8 @@ def test_limits_that_allow_nothing_are_named(stage):
 
 def test_pairs_without_preload_do_not_move_and_say_so(stage):
     found = reach(with_actuators(stage, preload=0.0, ball_radius=None), NONE)
-    assert (found.fields.solid.dimension, found.volume, found.circle, found.ball) == (0, 0.0, 0.0, 0.0)
-    assert not ends(found, "free").any() and found.fields.section == [] and len(found.vertices) == 0
+    assert (found.fields.dimension, found.volume, found.circle, found.ball) == (0, 0.0, 0.0, 0.0)
+    assert not ends(found, "free").any() and section_of(found.fields) == [] and len(found.vertices) == 0
     assert found.warnings == ["the poses within the limits are not a solid: they are a single pose"]
 
 
@@ -253,7 +253,7 @@ def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
     """Single stacks turn the platform one way; a moment the other way takes it off zero."""
     found = reach(with_actuators(stage, {"pair": False, "preload": 4.0}), np.array([0.0, 0.0, 30.0]))
     assert np.isnan(ends(found, "zero")[0]).all() and ends(found, "free")[0, 1] > 20.0
-    assert found.fields.section == [] and found.circle == 0.0
+    assert section_of(found.fields) == [] and found.circle == 0.0
 
 
 def test_a_set_of_too_many_vertices_says_how_far_it_misses_poses(stage, monkeypatch):
@@ -275,7 +275,7 @@ def test_round_off_is_no_radius_about_rest(stage):
     single = stage.actuator[0].model_copy(update={"pair": False, "ball_radius": None, "preload": 3.0})
     for load in (NONE, LOAD, np.array([1.0, 0.0, 5.0])):
         found = reach(stage.replace(actuator=[single]), load)
-        assert found.fields.solid.dimension == 3 and found.ball == 0.0
+        assert found.fields.dimension == 3 and found.ball == 0.0
 
 
 def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
@@ -296,7 +296,7 @@ def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
     drawn = {each.get_label(): each for each in section.collections if isinstance(each, LineCollection)}
     assert set(drawn) == {"stroke", "stroke and contact"}
     for label, each in drawn.items():
-        wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
+        wanted = [[e.start, e.end] for e in section_of(found.fields) if " and ".join(e.by.kinds) == label]
         np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
-    of, ends = found.fields.solid, [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
+    of, ends = found.fields, [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
     np.testing.assert_allclose(ends, 1e3 * np.transpose([of.vertices.min(axis=0), of.vertices.max(axis=0)]))
