@@ -27,7 +27,7 @@ from flexfem.plot.text import minus, round_factor, significant
 from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
-from flexfem.questions.reach import KINDS, Reach, section_of
+from flexfem.questions.reach import KINDS, Reach
 from flexfem.refused import BadInput
 from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
 
@@ -211,7 +211,7 @@ def reach_figure(found: Reach) -> Figure:
 
 def plot_section(ax: Axes, found: Reach) -> Axes:
     """Draw the reachable poses at theta = 0, with edges by kind of limit; return `ax`."""
-    unit, section, rest = COMMANDS[0], section_of(found.fields), found.rest[:2]
+    unit, section, rest = COMMANDS[0], found.fields.section, found.rest[:2]
     ax.set(xlabel=f"X ({unit})", ylabel=f"Y ({unit})", aspect="equal")
     ax.grid()
     ax.plot(*(unit.factor * rest), "+", color=INK, markersize=9.0)

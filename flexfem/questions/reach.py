@@ -96,6 +96,14 @@ class LimitNames(tuple[str, ...]):
         return re.sub("|".join(short), lambda match: short[match[0]], found)
 
 
+class PoseEdge(NamedTuple):
+    """An edge of the section at theta = 0, from (x, y) to (x, y), mm, and the limits that bound it."""
+
+    start: Array
+    end: Array
+    by: LimitNames
+
+
 class Polytope(NamedTuple):
     """All poses y = (x, y, lever theta), mm, within the limits; without vertices and faces if they are not a solid.
 
@@ -115,13 +123,22 @@ class Polytope(NamedTuple):
     volume: float
     missed: float = 0.0
 
-
-class PoseEdge(NamedTuple):
-    """An edge of the section at theta = 0, from (x, y) to (x, y), mm, and the limits that bound it."""
-
-    start: Array
-    end: Array
-    by: LimitNames
+    @property
+    def section(self) -> list[PoseEdge]:
+        """Edges of the poses at theta = 0, counter-clockwise: the line of each face clipped by all other faces."""
+        size, edges = np.max(np.abs(self.supports), initial=0.0), []
+        normals, supports = self.normals[:, :2], self.supports
+        for normal, support, by in zip(normals, supports, self.by, strict=True):
+            length = np.linalg.norm(normal)
+            if length < FLAT:
+                continue
+            along, foot = np.array([-normal[1], normal[0]]) / length, support * normal / length**2
+            rate, slack = normals @ along, supports - normals @ foot  # rate t <= slack on the line foot + t along
+            start = np.max(slack[rate <= -FLAT] / rate[rate <= -FLAT], initial=-np.inf)
+            end = np.min(slack[rate >= FLAT] / rate[rate >= FLAT], initial=np.inf)
+            if np.all(slack[np.abs(rate) < FLAT] >= -EXACT * size) and end - start > ROUND_OFF * size:
+                edges.append(PoseEdge(foot + start * along, foot + end * along, by))
+        return sorted(edges, key=lambda edge: float(np.arctan2(*(edge.end - edge.start)[::-1])))
 
 
 Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", direction, "low" or "high")
@@ -349,24 +366,6 @@ def _corners_and_faces(Z: Array) -> tuple[Index, list[list[int]], float]:
     sets = {frozenset(np.flatnonzero(column).tolist()) for column in on_face[corners].T}
     faces = sorted(sorted(face) for face in sets if not any(face < other for other in sets))
     return corners, faces, float(hull.volume)
-
-
-def section_of(solid: Polytope) -> list[PoseEdge]:
-    """Return edges of the poses at theta = 0, counter-clockwise: the line of each face clipped by all other faces."""
-    size, edges = np.max(np.abs(solid.supports), initial=0.0), []
-    normals, supports = solid.normals[:, :2], solid.supports
-    for normal, support, by in zip(normals, supports, solid.by, strict=True):
-        length = np.linalg.norm(normal)
-        if length < FLAT:
-            continue
-        along, foot = np.array([-normal[1], normal[0]]) / length, support * normal / length**2
-        rate, slack = normals @ along, supports - normals @ foot  # rate t <= slack on the line foot + t along
-        parallel = np.abs(rate) < FLAT
-        start = np.max(slack[rate <= -FLAT] / rate[rate <= -FLAT], initial=-np.inf)
-        end = np.min(slack[rate >= FLAT] / rate[rate >= FLAT], initial=np.inf)
-        if np.all(slack[parallel] >= -EXACT * size) and end - start > ROUND_OFF * size:
-            edges.append(PoseEdge(foot + start * along, foot + end * along, by))
-    return sorted(edges, key=lambda edge: float(np.arctan2(*(edge.end - edge.start)[::-1])))
 
 
 def _radius(solid: Polytope, centre: Array, directions: int) -> float:

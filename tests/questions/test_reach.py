@@ -19,7 +19,7 @@ from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.plot.drive import reach_figure
 from flexfem.questions.drive import Commanding, commanding, driven_elements
 from flexfem.questions.driven import CommandLimits, Driven, drive_ranges, stress_along, stroke_limits
-from flexfem.questions.reach import PoseSet, Reach, pose_set, section_of
+from flexfem.questions.reach import PoseSet, Reach, pose_set
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
 
@@ -97,7 +97,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     assert {tuple(np.round(v, 9).tolist()) for v in found.vertices} == {(*c, z) for c in corners for z in (-1, 1)}
     assert found.volume == pytest.approx(2 * (4 - 0.125))
     assert sorted(found.by) == [("contact of 0",), *((f"stroke of {k}",) for k in range(6))]
-    section = section_of(found)
+    section = found.section
     starts = np.round([edge.start for edge in section], 9).tolist()
     assert starts == [[-1, 1], [-1, -1], [1, -1], [1, 0.5], [0.5, 1]]
     np.testing.assert_allclose([edge.end for edge in section], np.roll(starts, -1, axis=0), atol=1e-9)
@@ -210,7 +210,7 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
     rest = one.system.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
-    edges = section_of(found.fields)
+    edges = found.fields.section
     section = np.array([edge.start for edge in edges])
     np.testing.assert_allclose(section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10)
     along = np.linspace(0.0, 1.0, 1001)[:, None, None]
@@ -245,7 +245,7 @@ def test_limits_that_allow_nothing_are_named(stage):
 def test_pairs_without_preload_do_not_move_and_say_so(stage):
     found = reach(with_actuators(stage, preload=0.0, ball_radius=None), NONE)
     assert (found.fields.dimension, found.volume, found.circle, found.ball) == (0, 0.0, 0.0, 0.0)
-    assert not ends(found, "free").any() and section_of(found.fields) == [] and len(found.vertices) == 0
+    assert not ends(found, "free").any() and found.fields.section == [] and len(found.vertices) == 0
     assert found.warnings == ["the poses within the limits are not a solid: they are a single pose"]
 
 
@@ -253,7 +253,7 @@ def test_a_pose_that_others_at_zero_do_not_allow_is_none(stage):
     """Single stacks turn the platform one way; a moment the other way takes it off zero."""
     found = reach(with_actuators(stage, {"pair": False, "preload": 4.0}), np.array([0.0, 0.0, 30.0]))
     assert np.isnan(ends(found, "zero")[0]).all() and ends(found, "free")[0, 1] > 20.0
-    assert section_of(found.fields) == [] and found.circle == 0.0
+    assert found.fields.section == [] and found.circle == 0.0
 
 
 def test_a_set_of_too_many_vertices_says_how_far_it_misses_poses(stage, monkeypatch):
@@ -296,7 +296,7 @@ def test_the_figure_draws_the_section_and_the_faces_by_their_limits(light):
     drawn = {each.get_label(): each for each in section.collections if isinstance(each, LineCollection)}
     assert set(drawn) == {"stroke", "stroke and contact"}
     for label, each in drawn.items():
-        wanted = [[e.start, e.end] for e in section_of(found.fields) if " and ".join(e.by.kinds) == label]
+        wanted = [[e.start, e.end] for e in found.fields.section if " and ".join(e.by.kinds) == label]
         np.testing.assert_allclose(each.get_segments(), 1e3 * np.array(wanted))
     of, ends = found.fields, [solid.get_xlim(), solid.get_ylim(), solid.get_zlim()]
     np.testing.assert_allclose(ends, 1e3 * np.transpose([of.vertices.min(axis=0), of.vertices.max(axis=0)]))
