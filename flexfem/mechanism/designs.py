@@ -78,12 +78,6 @@ class Designs:
         """Ratio (n,) of the out-of-plane normal stress to the sum of the in-plane ones: nu in plane strain, else 0."""
         return self.poissons_ratio * (self.plane == "plane_strain")
 
-    @property
-    def alike(self) -> bool:
-        """Whether the three chains of every design are identical, so that every design is three-fold symmetric."""
-        per_hinge = (self.prismatic[None], self.radius, self.neck, np.nan_to_num(self.axis, nan=np.inf))
-        return all(bool(np.all(values == values[:, :1])) for values in per_hinge)
-
     def repeated(self, count: int) -> Designs:
         """Return `count` copies of the first design, as arrays that may be changed in place."""
         return self.chosen(np.zeros(count, dtype=np.int64))
