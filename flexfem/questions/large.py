@@ -3,6 +3,8 @@
 The load that holds the platform at a pose is computed by integrating the stiffness (16) of the displaced stage along
 the path, without and with its second-order terms, by exact equilibrium of the pseudo-rigid stage, and by nonlinear
 finite elements. Each is compared with its own linear solution, so that the error of the hinge formulas cancels.
+
+A mechanism is under growing dead loads, with finite rotations: analytic network and plane finite elements.
 """
 
 from __future__ import annotations
@@ -12,34 +14,37 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from flexfem import arguments
+from flexfem.analytic.finite import displaced
 from flexfem.analytic.large import at_pose, axis_poses, linear_errors, outwards, summed_loads
 from flexfem.analytic.model import DEFAULT_FORMULA, analyse, assemble
 from flexfem.analytic.paper import PaperModel, stiffness
+from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
 from flexfem.fem.fields import neck_stresses
-from flexfem.fem.nonlinear import equilibrium, imposed
+from flexfem.fem.nonlinear import equilibria, equilibrium, imposed
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import plate_of
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.questions import large_mechanism
 from flexfem.questions import warnings as warning
-from flexfem.questions.bands import percentages
-from flexfem.questions.large_mechanism import MechanismLarge
-from flexfem.questions.setup import about, for_mechanisms, mesh_of, meshed, solved
-from flexfem.results import Gate, Progress, Quantity, Result
+from flexfem.questions.bands import corner_bands, levels, percentages
+from flexfem.questions.plates import ON_MESHES, PEAK, model_of
+from flexfem.questions.setup import Mesh, about, answer, for_mechanisms, mesh_of, meshed, on_meshes, solved
+from flexfem.results import SOLVED, Gate, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES
 
 AMPLITUDE = 0.5  # mm: ten times the workspace that examples/claims.py assumes
 ROTATION = 0.02  # rad of rotation per mm of translation: 10 mrad with 500 um
 RESOLUTION = 4  # with 8, compliances change by up to 0.09 % and the percentages here by 2.2e-4 points
 STEPS = 20  # commands on either side of rest
-SOLVED = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # steps at which finite elements are solved
+ELEMENT_STEPS = np.array([-20, -14, -8, -2, 0, 2, 8, 14, 20])  # steps at which finite elements are solved
 STATED = np.array([-20, -2, 2, 20])  # steps at which numbers are stated: a tenth of the amplitude and all of it
 SLOPE_STEP = 1e-3  # of the amplitude, for central differences of the exact load
 AMPLITUDES = (1e-9, 1e3)  # mm: below there is only round-off; warnings report a stage that does not bear the largest
 WITHOUT, TANGENT, EXACT, HELD, LOADED = range(5)  # positions on the axis "theory"
 THEORIES = ("(16) without second-order terms", "(16)", "exact", "finite elements", "finite elements, same load")
+SHARES = (0.25, 0.5, 0.75, 1.0)  # of the load on a mechanism
+MECHANISM_THEORIES = ("linear", "beams", "finite elements")
 PERCENT = Gate(1e-9, absolute=2e-3)  # percentage points by which finite elements change with their mesh
 
 
@@ -80,6 +85,27 @@ class Large(Result):
     strain = Quantity("largest strain of finite elements", "", ("direction", "share"), Gate(5e-3), "all", shown=False)
 
 
+class MechanismLarge(Result):
+    """Displacement of the output under growing dead loads: linear, and with finite rotations by both models."""
+
+    title = "large displacements"
+    main = ("pose", {"load": "100 %"})
+    labels: ClassVar = {"load": tuple(f"{100 * share:g} %" for share in SHARES)}
+    reading = (
+        "linear: the analytic network with rigid bodies; beams: the same with hinges as co-rotational beams; finite "
+        "elements: plane, with finite rotations and elastic bodies",
+        "the rotation is that of the rigid motion nearest to the motion of the contact",
+    )
+    force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
+    pose = Quantity(
+        "displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose", prefixed=True
+    )
+    stiffness = Quantity(
+        "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
+    )
+    strain = Quantity("largest strain of finite elements", "", ("load",), PEAK, "all", shown=False)
+
+
 @for_mechanisms(Large, MechanismLarge, only_for="force")
 def large(
     stage: Stage | Mechanism,
@@ -113,7 +139,7 @@ def large(
     """
     mesh = mesh_of(models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
     if isinstance(stage, Mechanism):
-        return large_mechanism.large(stage, force, amplitude, mesh, progress)
+        return _of_mechanism(stage, force, amplitude, mesh, progress)
     largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])
     model, paper, lever = analyse(stage), assemble(stage), stage.chain.link_lengths[2]
     elements = None if mesh is None else solved(stage, mesh.resolution)
@@ -146,6 +172,52 @@ def large(
     return Large(about(stage), values, None, None, settings, list(dict.fromkeys(warnings)))
 
 
+def _of_mechanism(
+    mechanism: Mechanism,
+    force: tuple[float, float, float] | None,
+    amplitude: float,
+    mesh: Mesh | None,
+    progress: Progress | None,
+) -> MechanismLarge:
+    """Return the displacements under a load, or under one along the softest translation that moves by an amplitude."""
+    layout = mechanism.layout
+    C = respond(layout).compliance
+    if force is None:
+        size = arguments.between("amplitude", amplitude, 1e-6, 1e4, " mm")
+        softest = int(np.argmax(np.diag(C)[:2]))
+        load = np.zeros(3)
+        load[softest] = size / C[softest, softest]
+    else:
+        load = arguments.forces("force", force, 1)
+    loads = np.zeros((len(SHARES), len(C)))
+    loads[:, :3] = np.outer(SHARES, load)
+    found = displaced(layout, loads)
+    poses = [loads @ C[:, :3], found.motions[:, :3]]
+    tangents = [np.broadcast_to(C, found.compliance.shape), found.compliance]
+    values, bands = {"force": loads[:, :3]}, dict[str, Array]()
+    if mesh is not None:
+        steps = levels(mesh.resolution)
+        each = on_meshes(steps, lambda level: equilibria(model_of(mechanism, level), loads), progress)
+        poses.append(each[-1].pose[:, :3])
+        tangents.append(each[-1].compliance)
+        values["strain"] = each[-1].strain
+        sizes = np.array(steps, dtype=float)
+        alike = {"pose": [one.pose[:, :3] for one in each], "stiffness": [_along(one.compliance) for one in each]}
+        for name, parts in alike.items():
+            bands[name] = np.full((len(SHARES), len(MECHANISM_THEORIES), 3), np.nan)
+            bands[name][:, -1] = corner_bands(sizes, np.array(parts))
+    values |= {"pose": np.stack(poses, axis=1), "stiffness": np.stack([_along(one) for one in tangents], axis=1)}
+    stable = np.all(found.stable) and np.linalg.eigvalsh(tangents[-1])[:, 0].min() > 0
+    warnings = [] if stable else ["an equilibrium is not stable under dead loads"]
+    labels = {"theory": MECHANISM_THEORIES[: len(poses)]}
+    return answer(MechanismLarge, mechanism, {}, mesh, {}, values, labels, bands, warnings=warnings)
+
+
+def _along(compliance: Array) -> Array:
+    """Stiffness (s, 3) along every direction of the output, the others free."""
+    return np.asarray(1 / np.diagonal(compliance, axis1=1, axis2=2)[:, :3])
+
+
 def _path(stage: Stage, paper: PaperModel, elements: Response | None, axis: int, end: float) -> dict[str, Array]:
     """Return `tangent`, `errors`, `load` and `strain` of `Large` along an axis, other directions held at zero."""
     direction, lever = DIRECTIONS[axis], stage.chain.link_lengths[2]
@@ -171,9 +243,13 @@ def _path(stage: Stage, paper: PaperModel, elements: Response | None, axis: int,
     loads[:, EXACT] = exact.load
     if elements is None:
         return values
-    plate, C, places = plate_of(stage), elements.compliance, STEPS + SOLVED
-    held_load, compliance, strain = np.zeros((len(SOLVED), 3)), np.tile(C, (len(SOLVED), 1, 1)), np.zeros(len(SOLVED))
-    for side in outwards(SOLVED):
+    plate, C, places = plate_of(stage), elements.compliance, STEPS + ELEMENT_STEPS
+    held_load, compliance, strain = (
+        np.zeros((len(ELEMENT_STEPS), 3)),
+        np.tile(C, (len(ELEMENT_STEPS), 1, 1)),
+        np.zeros(len(ELEMENT_STEPS)),
+    )
+    for side in outwards(ELEMENT_STEPS):
         solution = imposed(elements.mesh, plate, axis_poses(commanded[places[side]], axis))
         held_load[side], compliance[side], strain[side] = solution.load, solution.compliance, solution.strain
     exact_load, pose = exact.load[STEPS + STATED], np.zeros((len(STATED), 3))

@@ -36,7 +36,6 @@ from flexfem.mechanism.stage_file import counted
 from flexfem.questions import plates
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import CAUTIOUS, ORDER, SAFETY, Convergence, grid_convergence
-from flexfem.questions.plates import ON_MESHES
 from flexfem.questions.setup import (
     LIFTED,
     Mesh,
@@ -45,8 +44,8 @@ from flexfem.questions.setup import (
     Models,
     about,
     answer,
-    for_mechanisms,
     mesh_of,
+    options,
     question,
     sectors_of,
 )
@@ -81,6 +80,7 @@ AT_ITS_PLACE = (
     "payload: its centre of mass is at the platform's centre, in the mid-plane; a payload above the mid-plane couples "
     "motion in and out of the plane, which is neglected"
 )
+MOTION = Gate(1e-3, absolute=1e-4)
 KILOGRAM, INERTIA = UNITS["kg"].factor, UNITS["kg_mm2"].factor
 
 
@@ -89,29 +89,32 @@ class NaturalModes(Result):
 
     title = "natural modes"
     main = ("frequency", {})
-    columns = ("model", "base")
+    columns: ClassVar[tuple[str, ...]] = ("model", "base")
     figure = "modes.figures"
     drawn_from_fields = True
-    reading = ("effective modal mass: share of the whole mass or moment of inertia, for a motion of the base",)
+    reading: ClassVar[tuple[str, ...]] = (
+        "effective modal mass: share of the whole mass or moment of inertia, for a motion of the base",
+    )
     frequency = Quantity("natural frequency", "hz", ("mode", "model"), Gate(FRESH.relative, 0.2))
     share = Quantity("effective modal mass", "percent", ("mode", "base"), Gate(1e-3, absolute=1e-6), "all")
-    band_plane = Quantity("band by the mesh in the plane", "hz", ("mode",), Gate(0.2), shown=False)
-    band_thickness = Quantity("band by the layers", "hz", ("mode",), Gate(0.2), shown=False)
-    mass = Quantity("mass, including pads, hub and payload", "kg")
-    inertia = Quantity("moment of inertia about the platform's centre", "kg_mm2")
-    tilting_inertia = Quantity("moments of inertia about x and y", "kg_mm2", ("tilt",), FRESH)
-    meshed_mass = Quantity("mass by the finite elements", "kg", gate=FRESH, shown=False)
-    hub_mass = Quantity("mass of the hub", "kg")
-    first_out_of_plane = Quantity("first natural frequency out of the plane", "hz", gate=Gate(FRESH.relative, 0.2))
+    band_plane = Quantity("band by the mesh in the plane", "hz", ("mode",), Gate(0.2), shown=False, only="stage")
+    band_thickness = Quantity("band by the layers", "hz", ("mode",), Gate(0.2), shown=False, only="stage")
+    mass = Quantity("mass, including pads, hub and payload", "kg", only="stage")
+    inertia = Quantity("moment of inertia about the platform's centre", "kg_mm2", only="stage")
+    tilting_inertia = Quantity("moments of inertia about x and y", "kg_mm2", ("tilt",), FRESH, only="stage")
+    meshed_mass = Quantity("mass by the finite elements", "kg", gate=FRESH, shown=False, only="stage")
+    hub_mass = Quantity("mass of the hub", "kg", only="stage")
+    first_out_of_plane = Quantity(
+        "first natural frequency out of the plane", "hz", gate=Gate(FRESH.relative, 0.2), only="stage"
+    )
     labels: ClassVar = {"base": DIRECTIONS, "tilt": ("x", "y")}
 
 
-class MechanismModes(Result):
+class MechanismModes(NaturalModes, mechanism=True):
     """Natural frequencies of a mechanism with payload and actuators, and the motion of its output in every mode."""
 
-    title = "natural modes"
-    main = ("frequency", {})
     columns = ("model", "direction", "motion")
+    figure = ""
     reading = (
         "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
         "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
@@ -120,12 +123,11 @@ class MechanismModes(Result):
         "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
         "modes differ from those of finite elements",
     )
-    frequency = Quantity("natural frequency", "hz", ("mode", "model"), ON_MESHES)
     share = Quantity(
-        "motion of the output by finite elements", "percents", ("mode", "direction"), Gate(1e-3, absolute=1e-4), "all"
+        "motion of the output by finite elements", "percents", ("mode", "direction"), MOTION, "all", uneven=MOTION
     )
     tilt = Quantity(
-        "motion of the output out of the plane", "percents", ("mode", "motion"), Gate(1e-3, absolute=1e-4), "all"
+        "motion of the output out of the plane", "percents", ("mode", "motion"), MOTION, "all", uneven=MOTION
     )
     labels: ClassVar = {"motion": LIFTED}
 
@@ -262,7 +264,7 @@ class Vibration(NamedTuple):
         return paths
 
 
-@for_mechanisms(NaturalModes, MechanismModes, not_for="payload tilting damping")
+@options(not_for="payload tilting damping")
 def modes(
     stage: Stage | Mechanism,
     *,
@@ -275,7 +277,7 @@ def modes(
     resolution: int | None = None,
     layers: int | None = None,
     progress: Progress | None = None,
-) -> NaturalModes | MechanismModes:
+) -> NaturalModes:
     """Natural frequencies and modes of a stage or mechanism with a payload, in the plane or in three dimensions.
 
     Parameters
@@ -346,7 +348,7 @@ def modes(
 
 def _of_mechanism(
     mechanism: Mechanism, count: int, drives: Drives, mesh: Mesh | None, models: Models, progress: Progress | None
-) -> MechanismModes:
+) -> NaturalModes:
     layout, engaged = mechanism.layout, drives == "engaged"
     if engaged and not layout.actuators:
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
@@ -381,7 +383,7 @@ def _of_mechanism(
             plate = plates.meshed(mechanism, mesh.resolution)
             fields = MeshFields(plate, lambda: {f"mode {k + 1}": shapes[0].field(k) for k in range(count)})
     settings = {"actuators": drives} if layout.actuators else {}
-    return answer(MechanismModes, mechanism, answers, mesh, settings, values, {"mode": names}, fields=fields)
+    return answer(NaturalModes, mechanism, answers, mesh, settings, values, {"mode": names}, fields=fields)
 
 
 def _shares_of_motion(frequencies: Array, motion: Array) -> Array:

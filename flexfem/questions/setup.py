@@ -137,17 +137,9 @@ class OfBoth(Protocol[Options, OfStage, OfMechanism]):
 
 def for_mechanisms(
     of_stage: type[OfStage], of_mechanism: type[OfMechanism], not_for: str = "", only_for: str = ""
-) -> Callable[
-    [Callable[Concatenate[Stage | Mechanism, Options], OfStage | OfMechanism]], OfBoth[Options, OfStage, OfMechanism]
-]:
-    """Declare the kinds of result of a `question` about stages and mechanisms, and options for one of the two."""
-
-    def decorate(
-        function: Callable[Concatenate[Stage | Mechanism, Options], OfStage | OfMechanism],
-    ) -> OfBoth[Options, OfStage, OfMechanism]:
-        return cast(OfBoth[Options, OfStage, OfMechanism], question(function, not_for, only_for))
-
-    return decorate
+) -> Callable[[Callable[Concatenate[Stage | Mechanism, Options], Any]], OfBoth[Options, OfStage, OfMechanism]]:
+    """Declare the kinds of result of `options` about stages and mechanisms, where they are different quantities."""
+    return lambda function: cast(Any, question(function, not_for, only_for))
 
 
 class Analytic(NamedTuple):
