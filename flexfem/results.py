@@ -83,8 +83,6 @@ class Quantity:
     gate : the change that `regression` accepts.
     scale : reference size of a change: the value; the largest value along the last axis or of all; the largest
         component of a pose or wrench, with rotations times the lever or moments divided by it; or the matrix diagonal.
-    largest : axes over which tables show only the largest value.
-    prefixed : whether tables choose a prefix for every number (um, nm, mrad).
     shown : whether tables include it; JSON always does.
     note : an explanation that is printed below the tables.
     only : the plates that have it, by default both; the others have no such key.
@@ -96,8 +94,6 @@ class Quantity:
     over: tuple[str, ...] = ()
     gate: Gate = EXACT
     scale: Scale = "value"
-    largest: tuple[str, ...] = ()
-    prefixed: bool = False
     shown: bool = True
     note: str = ""
     only: Literal["", "stage", "mechanism"] = ""
@@ -113,8 +109,7 @@ class Quantity:
         gate, absent = self.gate, "chain" if mechanism else "point"
         if mechanism and (self.uneven or gate.relative >= FRESH.relative):
             gate = self.uneven or Gate(max(gate.relative, COARSER.relative), MAGNITUDE, gate.absolute)
-        over, largest = (tuple(axis for axis in axes if axis != absent) for axes in (self.over, self.largest))
-        found = replace(self, over=over, largest=largest, gate=gate)
+        found = replace(self, over=tuple(axis for axis in self.over if axis != absent), gate=gate)
         object.__setattr__(found, "name", self.name)
         return found
 
@@ -129,6 +124,16 @@ class Quantity:
             return instance.values[self.name]
         except KeyError:
             raise AttributeError(f"{owner.__name__} has no {self.name!r}: {self.meaning} was not computed") from None
+
+    @property
+    def largest(self) -> tuple[str, ...]:
+        """Axes over which tables show only the largest value: those of the hinges."""
+        return tuple(axis for axis in self.over if axis in ("chain", "hinge"))
+
+    @property
+    def prefixed(self) -> bool:
+        """Whether tables choose a prefix for every number (um, nm, mrad): for lengths and angles by direction."""
+        return isinstance(self.unit, tuple) and {"mm", "rad"}.issuperset(np.ravel(self.unit))
 
     def unit_at(self, place: tuple[int, ...]) -> Unit:
         """Return the unit of the value at an index of the array."""

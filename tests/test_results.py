@@ -24,10 +24,8 @@ class Trial(Result):
     main = ("pose", {})
     labels: ClassVar = {"case": ("cold", "very hot"), "model": ("analytic", "finite elements")}
     mass = Quantity("mass", "kg")
-    pose = Quantity(
-        "displacement", ("mm", "mm", "rad"), ("case", "model", "direction"), Gate(1e-3), "pose", prefixed=True
-    )
-    stress = Quantity("stress", "mpa", ("case", "model", "hinge"), Gate(0.1), largest=("hinge",))
+    pose = Quantity("displacement", ("mm", "mm", "rad"), ("case", "model", "direction"), Gate(1e-3), "pose")
+    stress = Quantity("stress", "mpa", ("case", "model", "hinge"), Gate(0.1))
 
 
 POSE = [[[0.01, 0.02, 4e-10], [0.0125, 0.02, 1e-8]], [[0.0, 0.0, 2e-3], [np.nan, 0.0, 1e-3]]]
@@ -162,7 +160,7 @@ class Bent(Result):
     """A result of both plates."""
 
     title = "bending"
-    stress = Quantity("stress", "mpa", ("point", "chain", "hinge"), Gate(1.5e-5), "all", largest=("chain", "hinge"))
+    stress = Quantity("stress", "mpa", ("point", "chain", "hinge"), Gate(1.5e-5), "all")
     mass = Quantity("mass", "kg", only="stage")
     input = Quantity("input", "n", gate=Gate(1e-9), only="mechanism")
 

@@ -56,12 +56,9 @@ class Budget(Result):
         "shares are % of the commanded motion; a share is the error change by one model refinement",
     )
     share = Quantity(
-        "share of the error in the commanded direction",
-        "percents",
-        ("share", "direction"),
-        POINTS,
+        "share of the error in the commanded direction", "percents", ("share", "direction"), POINTS,
         uneven=plates.POINTS,
-    )
+    )  # fmt: skip
     solid = Quantity("not in the planar total", "percents", ("outside", "direction"), POINTS, only="stage")
     across = Quantity(
         "share of the error, by commanded direction", "percents", ("share", "commanded", "direction"), POINTS,

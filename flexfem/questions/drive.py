@@ -64,7 +64,7 @@ class Drive(Result):
         "strokes and rotations are relative to rest; forces and stress include the preloads; the other directions are "
         "held unless a stiffness states otherwise",
     )
-    pose = Quantity("pose of the platform", "motion", ("direction",), prefixed=True)
+    pose = Quantity("pose of the platform", "motion", ("direction",))
     load = Quantity("load on the platform", "wrench", ("direction",))
     stroke = Quantity("stroke", "um", ("stack", "criterion"), SOLVED, "all")
     force = Quantity("force", "n", ("stack", "criterion"), SOLVED, "all")
@@ -76,27 +76,19 @@ class Drive(Result):
     share = Quantity("share of the limit", "percent", ("limit", "criterion"), SOLVED)
     energy = Quantity("strain energy of the stage", "n_mm", ("criterion",), SOLVED, "all")
     stack_energy = Quantity("strain energy of stacks and contacts", "n_mm", ("criterion",), SOLVED, "all")
-    rotation = Quantity(
-        "largest hinge rotation", "mrad", ("chain", "hinge", "criterion"), SOLVED, "all", largest=("chain", "hinge")
-    )
-    stress = Quantity(
-        "highest neck stress", "mpa", ("model", "chain", "hinge", "criterion"), STRESS, "all",
-        largest=("chain", "hinge"),
-    )  # fmt: skip
+    rotation = Quantity("largest hinge rotation", "mrad", ("chain", "hinge", "criterion"), SOLVED, "all")
+    stress = Quantity("highest neck stress", "mpa", ("model", "chain", "hinge", "criterion"), STRESS, "all")
     friction = Quantity(
-        "largest pose uncertainty by friction (±)", "motion", ("strokes by", "model", "direction"), FRESH, "pose",
-        prefixed=True,
-    )  # fmt: skip
+        "largest pose uncertainty by friction (±)", "motion", ("strokes by", "model", "direction"), FRESH, "pose"
+    )
     stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
     change = Quantity(
-        "change of engaged stiffness by stack forces (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8),
-        "all",
-    )  # fmt: skip
+        "change of engaged stiffness by stack forces (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8), "all"
+    )
     push_spread = Quantity("spread of the engaged stiffness (±)", "stiffness", ("direction",), SOLVED)
     error = Quantity(
-        "error of finite elements with the strokes", "motion", ("commanding model", "direction"), COARSER, "all",
-        prefixed=True,
-    )  # fmt: skip
+        "error of finite elements with the strokes", "motion", ("commanding model", "direction"), COARSER, "all"
+    )
     calibration = Quantity(
         "pose command for a unit pose", UNIT_POSES, ("component", "direction"), COARSER, "matrix", shown=False
     )
@@ -109,9 +101,8 @@ class MechanismDrive(Result):
     main = ("motion", {})
     reading = ("all actuators are in place with their stiffness; a motion is that for the free stroke of one actuator",)
     motion = Quantity(
-        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), ON_MESHES, "all",
-        prefixed=True,
-    )  # fmt: skip
+        "motion for the full free stroke", "motion", ("actuator", "point", "model", "direction"), ON_MESHES, "all"
+    )
     transmission = Quantity(
         "output motion per free stroke", ("", "", "rad_per_mm"), ("actuator", "model", "direction"), ON_MESHES, "all"
     )
@@ -120,8 +111,8 @@ class MechanismDrive(Result):
         note="the rest of the stroke is lost to the elasticity of the actuator",
     )  # fmt: skip
     coupling = Quantity(
-        "opening of the other actuators over the free stroke", "percent", ("actuator", "other", "model"),
-        ON_MESHES, "all",
+        "opening of the other actuators over the free stroke", "percent", ("actuator", "other", "model"), ON_MESHES,
+        "all",
     )  # fmt: skip
     cross = Quantity(
         "cross motion of the output over its main translation", "percent", ("actuator", "model"),
@@ -132,9 +123,7 @@ class MechanismDrive(Result):
         ON_MESHES._replace(absolute=1e-6), "all",
     )  # fmt: skip
     force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), ON_MESHES)
-    stress = Quantity(
-        "highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), PEAK, "all", largest=("hinge",)
-    )
+    stress = Quantity("highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), PEAK, "all")
     engaged = Quantity(
         "stiffness of the output with all actuators", "stiffness", ("model", "direction"),
         ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts

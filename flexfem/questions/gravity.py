@@ -44,14 +44,12 @@ class Gravity(Result):
     main = ("pose", {})
     labels: ClassVar = {"out of plane": LIFTED}
     columns = ("direction", "out of plane")
-    pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose", prefixed=True)
+    pose = Quantity("displacement", "motion", ("model", "point", "direction"), FRESH, "pose")
     sag = Quantity(
         "displacement out of the plane of a horizontal plate", ("mm", "rad", "rad"), ("model", "out of plane"), FRESH,
-        "all", prefixed=True,
+        "all",
     )  # fmt: skip
-    stress = Quantity(
-        "highest hinge stress", "mpa", ("model", "chain", "hinge"), STRESS, "all", largest=("chain", "hinge")
-    )
+    stress = Quantity("highest hinge stress", "mpa", ("model", "chain", "hinge"), STRESS, "all")
     mass = Quantity("mass, including pads, hub and payload", "kg", only="stage")
 
 

@@ -66,7 +66,7 @@ class Large(Result):
         "holds the stage at the command, minus the command, in % of the command; across: the larger error of the "
         "other two directions, rotations multiplied by the lever; at: command in % of the amplitude",
     )
-    amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",), prefixed=True)
+    amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",))
     stiffness = Quantity("change of the tangent stiffness (%)", "", ("direction", "at", "theory"), PERCENT)
     error = Quantity("error of the linear position along (%)", "", ("direction", "at", "theory"), PERCENT)
     aside = Quantity("error of the linear position across (%)", "", ("direction", "at", "theory"), PERCENT, "all")
@@ -97,9 +97,7 @@ class MechanismLarge(Result):
         "the rotation is that of the rigid motion nearest to the motion of the contact",
     )
     force = Quantity("load on the output", "wrench", ("load", "direction"), SOLVED, "wrench")
-    pose = Quantity(
-        "displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose", prefixed=True
-    )
+    pose = Quantity("displacement of the output", "motion", ("load", "theory", "direction"), ON_MESHES, "pose")
     stiffness = Quantity(
         "tangent stiffness, other directions free", "stiffness", ("load", "theory", "direction"), ON_MESHES
     )

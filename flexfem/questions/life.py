@@ -173,12 +173,12 @@ class Life(Result):
     safety = Quantity("yield strength over the highest stress", "", ("model",), STRESS)
     factor = Quantity("factor on the amplitude for the wanted life", "", ("model",), STRESS)
     peak_at_largest = Quantity("highest stress at that amplitude", "mpa", ("model",), STRESS)
-    equivalent = Quantity("equivalent fully reversed stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
-    peak = Quantity("largest magnitude of the stress", "mpa", NECK, STRESS, "all", largest=("chain", "hinge"))
+    equivalent = Quantity("equivalent fully reversed stress", "mpa", NECK, STRESS, "all")
+    peak = Quantity("largest magnitude of the stress", "mpa", NECK, STRESS, "all")
     amplitude = Quantity("amplitude of the stress", "mpa", NECK, STRESS, "all", shown=False)
     mean = Quantity("mean of the stress", "mpa", NECK, STRESS, "all", shown=False)
     cycles = Quantity("cycles to failure of each neck", "", NECK, Gate(0.05), shown=False)
-    largest = Quantity("amplitude for the wanted life", "motion", ("model", "direction"), STRESS, prefixed=True)
+    largest = Quantity("amplitude for the wanted life", "motion", ("model", "direction"), STRESS)
     law: Basquin  # for figures, as is the yield strength, MPa
     yield_strength: float
 

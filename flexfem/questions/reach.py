@@ -48,10 +48,10 @@ class Reach(Result):
     )
     load = Quantity("load on the platform", "wrench", ("direction",), shown=False, only="stage")
     ends = Quantity(
-        "ends of the ranges, other directions zero or free", "motion", ("others", "end", "model", "direction"),
-        FRESH, "pose", prefixed=True,
+        "ends of the ranges, other directions zero or free", "motion", ("others", "end", "model", "direction"), FRESH,
+        "pose",
     )  # fmt: skip
-    rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose", prefixed=True, only="stage")
+    rest = Quantity("pose at zero commands", "motion", ("direction",), SOLVED, "pose", only="stage")
     circle = Quantity("radius of the largest circle about rest at theta 0", "um", (), SOLVED, only="stage")
     ball = Quantity("radius of the largest ball about rest, theta times lever", "um", (), SOLVED, only="stage")
     volume = Quantity("volume of all poses", "um2_mrad", (), SOLVED, only="stage")

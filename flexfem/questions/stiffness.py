@@ -46,13 +46,12 @@ class Stiffness(Result):
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
     free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), COARSER)
     stress = Quantity(
-        "highest hinge stress per displacement, other directions held", "stress per motion",
-        (*NECKS, "direction"), STRESS, "all", largest=HINGE,
+        "highest hinge stress per displacement, other directions held", "stress per motion", (*NECKS, "direction"),
+        STRESS, "all",
     )  # fmt: skip
     yield_range = Quantity(
-        "displacement at which the first hinge yields, other directions held", "motion", ("model", "direction"), STRESS,
-        prefixed=True,
-    )  # fmt: skip
+        "displacement at which the first hinge yields, other directions held", "motion", ("model", "direction"), STRESS
+    )
     yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), STRESS)
     input_stiffness = Quantity(
         "stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), COARSER, only="mechanism"
@@ -63,13 +62,11 @@ class Stiffness(Result):
     )  # fmt: skip
     thickness = Quantity("change of stiffness in three dimensions", "percents", ("direction",), only="stage")
     force = Quantity("load on the output", "wrench", ("model", "direction"), COARSER, "wrench")
-    pose = Quantity(
-        "displacement under the load", "motion", ("model", "point", "direction"), COARSER, "pose", prefixed=True
-    )
+    pose = Quantity("displacement under the load", "motion", ("model", "point", "direction"), COARSER, "pose")
     reaction = Quantity("reaction of the ground", "wrench", ("model", "direction"), COARSER, "wrench", only="stage")
     energy = Quantity("strain energy", "n_mm", ("model",), COARSER)
-    neck_stress = Quantity("neck stress under the load", "mpa", NECKS, STRESS, "all", largest=HINGE, only="stage")
-    hinge_stress = Quantity("hinge stress under the load", "mpa", NECKS, STRESS, "all", largest=HINGE, only="mechanism")
+    neck_stress = Quantity("neck stress under the load", "mpa", NECKS, STRESS, "all", only="stage")
+    hinge_stress = Quantity("hinge stress under the load", "mpa", NECKS, STRESS, "all", only="mechanism")
     neck_height = Quantity("distance of the highest stress from the mid-plane", "mm", NECKS, shown=False, only="stage")
     band_plane = Quantity(
         "band of the compliance by the mesh in the plane", "compliance matrix", MATRIX, shown=False, only="stage"
@@ -100,16 +97,14 @@ class Summary(Result):
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
     free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
-    yield_range = Quantity("range at yield, ±", "motion", BY_DIRECTION, STRESS, prefixed=True)
+    yield_range = Quantity("range at yield, ±", "motion", BY_DIRECTION, STRESS)
     yield_force = Quantity("force at yield", "wrench", BY_DIRECTION, STRESS)
-    stress = Quantity(
-        "hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all", largest=HINGE
-    )
+    stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
     thickness = Quantity("change of stiffness in 3D", "percent", ("direction",), only="stage")
-    held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED, prefixed=True)
-    held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED, prefixed=True)
-    free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED, prefixed=True)
-    free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED, prefixed=True)
+    held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED)
+    held_high = Quantity("drive max, others held", "motion", ("direction",), SOLVED)
+    free_low = Quantity("drive min, others free", "motion", ("direction",), SOLVED)
+    free_high = Quantity("drive max, others free", "motion", ("direction",), SOLVED)
     amplification = Quantity(
         "output motion per actuator opening", ("", "", "rad_per_mm"), BY_DIRECTION, COARSER, "all", only="mechanism"
     )

@@ -25,7 +25,7 @@ SUM, SLOPE = 1e-7, 1e-7  # percentage points: Gauss's sums, central differences
 def found(stage) -> Large:
     """Finite elements are solved at two commands on either side of rest, not at four."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "SOLVED", np.array([-20, -2, 0, 2, 20]))
+        patch.setattr(module, "ELEMENT_STEPS", np.array([-20, -2, 0, 2, 20]))
         return flexfem.large(stage, resolution=COARSE)
 
 
