@@ -208,9 +208,9 @@ def drive(
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     if isinstance(stage, Mechanism):
-        mesh = mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
+        mesh = mesh_of(stage, models, resolution, layers)
         return _of_mechanism(stage, mesh, models)
-    mesh = mesh_of(models, resolution, None, 2)
+    mesh = mesh_of(stage, models, resolution, None, 2)
     if pose is None:
         raise BadInput("pose is missing, expected the pose of the platform (option --pose): mm, mm, rad")
     target = arguments.vectors("pose", pose, 1, LARGEST_POSE)

@@ -125,7 +125,7 @@ def experiment(
     array([37.5, 37.5,  2.2])
     """
     check_feasible(stage)
-    mesh = mesh_of(models, resolution, None, least=2)
+    mesh = mesh_of(stage, models, resolution, None, least=2)
     set_up, others = fixture_of(fixture), {} if measured is None else {"measured": measured_of(measured)}
     warnings = [*warning.of_stage(stage), *warning.of_thickness(stage)]
     paper = analyse(stage, analytic.mobility, analytic.formula or DEFAULT_FORMULA, analytic.links)

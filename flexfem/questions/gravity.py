@@ -89,7 +89,7 @@ def gravity(
     >>> (1e3 * found.pose[0, :2]).round(2) + 0.0  # um: upright, the platform sinks
     array([ -0.46, -13.85])
     """
-    mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
+    mesh = setup.mesh_of(stage, models, resolution, layers)
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     settings: dict[str, Any] = {"gravity": f"at {angle:g} degrees"}

@@ -149,7 +149,7 @@ def drift(
     5.5
     """
     least = LEAST_SOLID if layers and isinstance(stage, Stage) else 4
-    mesh = setup.mesh_of(models, resolution, layers, least, usual_solid=setup.usual_solid(stage))
+    mesh = setup.mesh_of(stage, models, resolution, layers, least)
     with located(stage):
         require_expansion(stage)
     warnings, drawn, lever, rates = _frame_warnings(stage), list[Drawn](), setup.lever_of(stage), _coefficients(stage)

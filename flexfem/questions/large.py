@@ -135,7 +135,7 @@ def large(
     >>> round(float(found.at("error", direction="x", at="+100 %", theory="exact")), 3)  # per cent
     0.36
     """
-    mesh = mesh_of(models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
+    mesh = mesh_of(stage, models, resolution, None, 4 if isinstance(stage, Mechanism) else 2, usual=RESOLUTION)
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, force, amplitude, mesh, progress)
     largest = arguments.between("amplitude", amplitude, *AMPLITUDES) * np.array([1.0, 1.0, ROTATION])

@@ -312,7 +312,7 @@ def life(
     >>> f"{float(found.life[0]):.3g}"
     '1.03e+10'
     """
-    mesh = setup.mesh_of(models, resolution, None)
+    mesh = setup.mesh_of(stage, models, resolution, None)
     pose, about = checked_amplitude(amplitude), None
     if mean is not None:
         about = arguments.vectors("mean", mean, 1, LARGEST_POSE)

@@ -304,7 +304,7 @@ def modes(
     >>> (found.frequency[:, 0] / 6.283185).round()  # Hz, of rad/s
     array([131., 131., 194.])
     """
-    mesh, solid = mesh_of(models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
+    mesh, solid = mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, arguments.integer("count", count, MOST), drives, mesh, models, progress)
     count = arguments.integer("count", count, MOST_SOLID if solid else MOST)

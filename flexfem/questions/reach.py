@@ -176,8 +176,8 @@ def reach(
     [24.0, 28.6]
     """
     if isinstance(stage, Mechanism):
-        return of_mechanism(stage, mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage)), models)
-    mesh, F = mesh_of(models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
+        return of_mechanism(stage, mesh_of(stage, models, resolution, layers), models)
+    mesh, F = mesh_of(stage, models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))
     poses = pose_set(commanded, commanded.system, F)

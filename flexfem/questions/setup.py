@@ -186,6 +186,7 @@ class Mesh(NamedTuple):
 
 
 def mesh_of(
+    plate: Stage | Mechanism,
     models: Models,
     resolution: int | None,
     layers: int | None,
@@ -203,13 +204,9 @@ def mesh_of(
                 raise BadInput(f"{name} {value} with models 'analytic', expected models with finite elements")
         return None
     if layers is not None:
-        usual, layers = usual_solid, arguments.layers(layers, 3)
+        layers = arguments.layers(layers, 3)
+        usual = PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else usual_solid
     return Mesh(arguments.resolution(usual if resolution is None else resolution, least), layers or 0)
-
-
-def usual_solid(plate: Stage | Mechanism) -> int:
-    """Return the usual resolution in three dimensions; that of mechanisms is within 0.05 % of the compliance."""
-    return PLATE_SOLID_RESOLUTION if isinstance(plate, Mechanism) else SOLID_RESOLUTION
 
 
 def lever_of(plate: Stage | Mechanism) -> float:

@@ -151,7 +151,7 @@ def stiffness(
     >>> round(float(found.at("yield_range", direction="x")[0]), 3)  # mm
     0.641
     """
-    mesh = setup.mesh_of(models, resolution, layers, usual_solid=setup.usual_solid(stage))
+    mesh = setup.mesh_of(stage, models, resolution, layers)
     if force is not None and displacement is not None:
         raise BadInput("force and displacement, expected one of the two")
     load = None if force is None else arguments.forces("force", force, 1)
@@ -389,7 +389,7 @@ def summary(
                 target["amplification"] = source["amplification"][0].T
                 target["input_stiffness"] = source["input_stiffness"][0]
         if stage.layout.actuators:
-            reached = of_mechanism(stage, setup.mesh_of(**mesh, usual_solid=setup.usual_solid(stage)), models)
+            reached = of_mechanism(stage, setup.mesh_of(stage, **mesh), models)
             drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
             notes.append(f"{drive}; first frequency: without the actuators")
     else:
