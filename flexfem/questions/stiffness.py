@@ -299,7 +299,8 @@ def _fields(plate: Stage | Mechanism, mesh: Mesh, force: Array) -> MeshFields:
     size, ratio = mesh, out_of_plane_ratio_of(plate) if isinstance(plate, Stage) else plate.layout.out_of_plane
     if isinstance(plate, Mechanism) and mesh.layers:
         size = Mesh(levels(mesh.resolution)[0], mesh.layers)
-    meshed, layers = plates.meshed(plate, size.resolution), plates.layers_of(plate, size.layers)
+    layers = plates.layers_of(plate, size.layers)
+    meshed = plates.meshed(plate, size.resolution) if isinstance(plate, Mechanism) else plates.solved(plate, *size).mesh
 
     def made() -> dict[str, Array]:
         whole = plates.solved(plate, *size).whole
