@@ -201,10 +201,6 @@ class Fields(NamedTuple):
     stress: AnyArray  # (n,), von Mises, MPa
 
 
-class PlateFields(Fields):
-    """The same of a mechanism, which has no hub; `bodies` are indices of its bodies, then of its hinges."""
-
-
 class Result:
     """Quantities with labelled axes, their bands, and their subject.
 

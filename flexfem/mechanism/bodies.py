@@ -20,7 +20,7 @@ import numpy as np
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.files.tables import once
-from flexfem.mechanism.designs import lower, stage_frames
+from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
 from flexfem.mechanism.outlines import (
@@ -269,17 +269,11 @@ def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
         key = key_of(stage, chain + 1, name, "radius_mm").removesuffix(".radius_mm")
         profile = Circular(hinge.neck, hinge.radius)
         joints.append(Joint(f"{name} hinge of chain {chain + 1}", joined, place, heading, profile, 0.0, key))
-    plane = lower(stage)
     return Layout(
         bodies=tuple(bodies),
         joints=tuple(joints),
-        thickness=stage.thickness,
-        youngs_modulus=float(plane.elastic.youngs_modulus[0]),
-        poissons_ratio=float(plane.elastic.poissons_ratio[0]),
-        density=DENSITY * stage.material.density,
-        yield_strength=stage.material.yield_strength,
         points=(("output", Patch(len(bodies) - 1, 0j)),),
-        out_of_plane=float(plane.out_of_plane[0]),
+        **stage.plane_problem,
     )
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from flexfem.arrays import AnyArray
+from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.outlines import Segment, area, circle_of, offset, polygon_points
 from flexfem.mechanism.plate import extent, plate_polygon
@@ -173,12 +173,12 @@ def dimensions_of(stage: Stage, layout: Layout) -> Dimensions:
     plate = plate_polygon(layout)
     height, spans = TEXT * extent(plate), spans_of(stage, layout, plate)
     obstacles: list[Any] = [plate.boundary, *(_line(*span.line) for span in spans)]
-    texts, labels = [_middle(span) for span in spans], list[Label]()
+    labels, reaches = list[Label](), height * np.array([4.0, 6.0, 8.0, 11.0])
     for text, anchor in labels_of(stage, layout):
         half = 0.5 * height * complex(LETTER * len(text) + 1, 2)
-        labels.append(Label(text, anchor, _clear_place(anchor, half.real, height, obstacles, texts), half))
-        texts.append(_line(labels[-1].place - half.real, labels[-1].place + half.real))
-        obstacles += [texts[-1], _line(*labels[-1].line)]
+        place, box = clearest(anchor, half, reaches, obstacles, 1.5 * height)
+        labels.append(Label(text, anchor, place, half))
+        obstacles += [box, _line(*labels[-1].line)]
     return Dimensions(spans, labels, height)
 
 
@@ -226,20 +226,23 @@ def _rightwards(span: Span) -> Span:
     return Span(span.name, span.end, span.start, -span.away)
 
 
-def _clear_place(anchor: complex, half: float, height: float, obstacles: list[Any], texts: list[Any]) -> complex:
-    """Return the clearest place for a text with its leader line, and the nearest of equally clear places."""
-    places = np.concatenate([anchor + reach * height * DIRECTIONS for reach in (4.0, 6.0, 8.0, 11.0)])
-    baselines = shapely.linestrings(np.stack([_points(places - half), _points(places + half)], axis=1))
-    leaders = shapely.linestrings(np.stack([_points(np.full_like(places, anchor)), _points(places)], axis=1))
-    of_text = shapely.distance(baselines, shapely.union_all(obstacles))
-    of_leader = shapely.distance(leaders, shapely.union_all(texts))
-    clearance = np.minimum(np.minimum(of_text, of_leader), 1.5 * height)
-    return complex(places[int(np.argmax(np.round(clearance, 6)))])
+def clearest(
+    anchor: complex, half: complex, reaches: Array, obstacles: list[Any], most: float, window: Any = None
+) -> tuple[complex, Any]:
+    """Return the clearest place of a text of a half width and half height at some reaches from an anchor, and its box.
+
+    The clearance from the obstacles counts up to `most`; of equally clear places the nearest is chosen. All lengths in
+    mm. window : polygon that contains the box, where one does.
+    """
+    places = np.asarray(anchor + np.outer(reaches, DIRECTIONS)).ravel()
+    low, high = places - half, places + half
+    boxes = shapely.box(low.real, low.imag, high.real, high.imag)
+    clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(obstacles)), most)
+    if window is not None:
+        clearance = np.where(shapely.covers(window, boxes), clearance, -1.0)
+    best = int(np.argmax(np.round(clearance, 9)))
+    return complex(places[best]), boxes[best]
 
 
 def _line(start: complex, end: complex) -> shapely.LineString:
-    return shapely.LineString(_points(np.array([start, end])))
-
-
-def _points(z: AnyArray) -> AnyArray:
-    return np.stack([z.real, z.imag], axis=-1)
+    return shapely.LineString([(z.real, z.imag) for z in (start, end)])

@@ -36,7 +36,6 @@ from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import Frame
 from flexfem.refused import BadInput
-from flexfem.units import DENSITY
 
 PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 GROUND = "ground"  # carries actuators, also where no body has this name
@@ -211,21 +210,14 @@ def _layout(mechanism: Mechanism) -> Layout:
         actuators.append(
             LinearActuator(part.name, (near, far), direction, mass=part.table.mass, key=part.key, **rating)
         )
-    load, material = mechanism.payload, mechanism.material
-    E, nu = material.youngs_modulus, material.poissons_ratio
-    strain = mechanism.model == "plane_strain"
+    load = mechanism.payload
     return Layout(
         bodies=bodies,
         joints=tuple(joints),
-        thickness=float(mechanism.thickness),
-        youngs_modulus=E / (1 - nu**2) if strain else E,
-        poissons_ratio=nu / (1 - nu) if strain else nu,
-        density=DENSITY * material.density,
-        yield_strength=material.yield_strength,
         points=tuple(points),
         actuators=tuple(actuators),
         payloads=() if load is None else (PayloadMass(points[0][1], load.mass, load.inertia),),
-        out_of_plane=nu if strain else 0.0,
+        **mechanism.plane_problem,
     )
 
 

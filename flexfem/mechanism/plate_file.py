@@ -20,6 +20,7 @@ from flexfem.files.writing import canonical, check_file, digest, toml_text, writ
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.materials import Material, sources_of, with_changes, with_material_of_file
 from flexfem.refused import BadInput
+from flexfem.units import DENSITY
 
 INCH = 25.4  # mm
 
@@ -45,6 +46,8 @@ class PlateFile(Sourced):
 
     if TYPE_CHECKING:
         name: str
+        model: str
+        thickness: float
         material: Material
 
     units: Annotated[str, AfterValidator(_in_file), WithJsonSchema({"enum": ["mm", "in"]})] = "mm"
@@ -89,6 +92,19 @@ class PlateFile(Sourced):
     def layout(self) -> Layout:
         """The plate with all its parts in place. Raises BadInput for parts that cannot be drawn."""
         raise NotImplementedError
+
+    @property
+    def plane_problem(self) -> dict[str, Any]:
+        """Thickness and material of the `Layout`: plane strain is plane stress with other elastic constants."""
+        E, nu, strain = self.material.youngs_modulus, self.material.poissons_ratio, self.model == "plane_strain"
+        return {
+            "thickness": float(self.thickness),
+            "youngs_modulus": E / (1 - nu**2) if strain else E,
+            "poissons_ratio": nu / (1 - nu) if strain else nu,
+            "density": DENSITY * self.material.density,
+            "yield_strength": self.material.yield_strength,
+            "out_of_plane": nu if strain else 0.0,
+        }
 
     def _digest(self, excluded: set[str], more: Mapping[str, Any] | None = None, **options: Any) -> str:
         """Return the SHA-256 of `model_dump` with `options`, without names, sources, expansions and excluded keys."""

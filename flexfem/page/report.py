@@ -368,8 +368,7 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
         held = tuple(STRESS_AMPLITUDES[axis] * np.eye(3)[axis])
         found, unit = stiffness(subject, models="elements", displacement=held), COMMANDS[axis]
         name = f"{SYMBOLS[axis]} = {held[axis] * unit.factor:g} {unit}"
-        fields = plane_fields(found.fields)
-        drawn[name] = Fields(*fields) if stage else fields
+        drawn[name] = plane_fields(found.fields)
         stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=ELEMENTS))
     labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]] if stage else found.axes["hinge"]
     rows = [[label, *map(significant, row)] for label, *row in zip(labels, *stresses.values(), strict=True)]

@@ -14,14 +14,14 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.plot.stage import QUARTERS, arrow, boundary_of, draw_boundary, draw_hub, fit
+from flexfem.plot.stage import QUARTERS, arrow, boundary_of, draw_boundary, fit
 from flexfem.plot.style import INK, NAMES, NOTE_COLOUR, in_house_style, new_axes, panels, titled, wrapped
 from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.questions.setup import MeshFields
 from flexfem.refused import BadInput
-from flexfem.results import ELEMENTS, Fields, PlateFields
+from flexfem.results import ELEMENTS, Fields
 from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
 
 VISIBLE = 0.05  # largest drawn displacement over the size of the stage, less where parts would cross
@@ -62,25 +62,22 @@ def plot_displacement(
     ax, fields = ax or new_axes(), plane_fields(fields) if isinstance(fields, MeshFields) else fields
     factor, norm = factor or exaggeration(fields), norm or stress_scale(fields)
     moved, triangles = fields.nodes + factor * fields.displacement, fields.triangles
-    if isinstance(fields, PlateFields):
-        elastic = np.any(fields.stress[triangles] > 0, axis=1)
+    elastic = np.any(fields.stress[triangles] > 0, axis=1)
+    if not elastic.all():
         _shade(ax, fields.nodes, triangles[~elastic], 0 * fields.stress, 1, cmap=ListedColormap([RIGID]))
         draw_boundary(ax, fields.nodes, boundary_of(triangles[~elastic]), INK, 0.5)
-        triangles = triangles[elastic]
-    else:
-        draw_hub(ax, fields.nodes, moved)
-    draw_field(ax, fields.nodes, triangles, moved, np.clip(fields.stress, norm.vmin, None), norm)
+    draw_field(ax, fields.nodes, triangles[elastic], moved, np.clip(fields.stress, norm.vmin, None), norm)
     fit(ax, np.concatenate([fields.nodes, moved]), 0.03)
     return ax
 
 
-def plane_fields(fields: MeshFields) -> PlateFields:
+def plane_fields(fields: MeshFields) -> Fields:
     """Return the fields of a figure, in three dimensions as those of a stage."""
     mesh, made = fields.mesh, fields.made()
     field, stress = made["displacement"], made["von_mises"]
     if fields.heights is not None:
         field, stress = field[:, 0, :2], stress.max(axis=1)
-    return PlateFields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
+    return Fields(mesh.nodes, mesh.triangles, mesh.bodies, field, stress)
 
 
 def exaggeration(*fields: Fields, signs: tuple[float, ...] = (1.0,)) -> float:

@@ -22,7 +22,7 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.files.writing import replacing
 from flexfem.plot import style
 from flexfem.plot.fields import VISIBLE, draw_field, draw_scale, exaggeration
-from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, draw_hub, fit
+from flexfem.plot.stage import QUARTERS, boundary_of, draw_boundary, fit
 from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import scientific
 from flexfem.plot.write import write_beside
@@ -121,7 +121,6 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
         sizes = np.linalg.norm(field[:, :2], axis=1)
         moved, values = mesh.nodes + math.sin(phase) * _exaggerated(mesh, field[:, :2]), sizes / sizes.max()
     draw_field(ax, mesh.nodes, mesh.triangles, moved, values, SHARE)
-    draw_hub(ax, mesh.nodes, moved)
     fit(ax, mesh.nodes, VISIBLE + 0.01)
     return ax
 

@@ -17,6 +17,7 @@ from matplotlib.path import Path
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.files.refusals import shown
+from flexfem.mechanism.drawing import clearest
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.stage import CHAINS, Stage
 from flexfem.plot.style import GREY, INK, LETTER, NOTE_COLOUR, PALE, in_house_style, page, panels, wrapped
@@ -66,16 +67,12 @@ def place_label(axes: Axes, anchor: Array, text: str, obstacles: list[Any], dist
     spans, pixels = np.ptp([axes.get_xlim(), axes.get_ylim()], axis=1), np.array(axes.get_window_extent().size)
     inch = axes.figure.dpi * float(np.max(spans / pixels))  # in data coordinates
     half = style.get("size", 9.0) / 144 * inch * np.array([LETTER["normal"] * max(map(len, lines)), 1.2 * len(lines)])
-    radii = distance * np.array([1.0, 1.35, 1.7, 2.0, 2.5])
-    offsets = np.outer(radii, np.exp(2j * np.pi * np.arange(24) / 24)).ravel()
-    centres = anchor + np.column_stack([offsets.real, offsets.imag])
-    boxes = shapely.box(*(centres - half).T, *(centres + half).T)
     window = shapely.box(*np.transpose([axes.get_xlim(), axes.get_ylim()]).ravel())
-    clearance = np.minimum(shapely.distance(boxes, shapely.GeometryCollection(obstacles)), 0.6 * distance)
-    best = int(np.argmax(np.round(np.where(shapely.covers(window, boxes), clearance, -1.0), 9)))
-    obstacles.append(boxes[best])
-    write(axes, centres[best], text, **style)
-    return np.asarray(centres[best])
+    reaches = distance * np.array([1.0, 1.35, 1.7, 2.0, 2.5])
+    place, box = clearest(complex(*anchor), complex(*half), reaches, obstacles, 0.6 * distance, window)
+    obstacles.append(box)
+    write(axes, xy(place), text, **style)
+    return np.array(xy(place))
 
 
 def boundary_of(triangles: AnyArray) -> Index:
@@ -91,14 +88,6 @@ def draw_boundary(axes: Axes, nodes: Array, edges: Index, colour: str, width: fl
     path = Path(points, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO], len(edges)))
     look: dict[str, Any] = {"facecolors": "none", "edgecolors": colour, "linewidths": width, "zorder": zorder}
     axes.add_collection(PathCollection([path], **look), autolim=False)
-
-
-def draw_hub(axes: Axes, nodes: Array, moved: Array) -> None:
-    """Fill the displaced hub; its rim consists of the nodes nearest to the origin."""
-    distance = np.hypot(*nodes.T)
-    rim = np.flatnonzero(distance < 1.01 * distance.min())
-    order = rim[np.argsort(np.arctan2(nodes[rim, 1], nodes[rim, 0]))]
-    axes.add_patch(Polygon(list(moved[order]), facecolor="#D0D0D0", edgecolor=INK, linewidth=0.5, zorder=2.5))
 
 
 def draw_mesh(axes: Axes, nodes: Array, triangles: AnyArray, width: float) -> None:
