@@ -17,13 +17,12 @@ from flexfem.fem.mesher import PlateSolid, run_mesher
 from flexfem.fem.plate_mesh import plate_contours, regions_of
 from flexfem.files.refusals import checked_path, one_line, place_of
 from flexfem.files.writing import check_file, replacing, write_atomically
-from flexfem.mechanism.drawing import LETTER, TEXT, Dimensions, Part, cut_path, dimensions_of
+from flexfem.mechanism.drawing import LETTER, Dimensions, Part, cut_path, dimensions_of
 from flexfem.mechanism.feasibility import check_feasible
-from flexfem.mechanism.layout import Body, Layout
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.outlines import Segment, area, circle_of, disc, reverse
-from flexfem.mechanism.plate import extent, plate_polygon
-from flexfem.mechanism.plate_file import located, of_stage
+from flexfem.mechanism.plate_file import of_stage
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import assumptions_said
 from flexfem.refused import BadInput, ComputationFailed
@@ -45,6 +44,7 @@ COLOURS = {  # of each layer, dark on white
     SIZES: "#007A58",
     WIRE: "#CC3399",
 }
+LIMITS = ("the models clamp only the back edges of the pads and fill the hub hole with a rigid disc",)  # of a stage
 LONGEST = 100  # characters of a name on a drawing
 LINE = 0.1  # mm, line width in an SVG
 HEAD = 3.0  # length over width of an arrow head
@@ -107,9 +107,9 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     holes = None if holes is None else arguments.between("mounting holes", holes, SMALLEST, LARGEST_HOLE, " mm")
     check_file(target, *([] if stage.origin.path is None else [Path(stage.origin.path)]))
     check_feasible(stage)
-    layout, warnings = _layout_and_limits(stage, holes)
-    with located(stage):
-        part = _part_of(layout)
+    layout = stage.layout if holes is None else _with_holes(stage, holes)
+    part, warnings = Part(plate_contours(layout)), [*LIMITS] if isinstance(stage, Stage) else list[str]()
+    warnings += ["the models do not include the mounting holes, which make the pads softer"] * (holes is not None)
     wire = None if kerf is None else cut_path(part, kerf)
     if kerf is not None:
         warnings.append(f"the wire cuts sharp inner corners with a radius of {kerf / 2:g} mm")
@@ -120,12 +120,7 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
         notes = [*_notes(stage), *warnings]
         if kerf is not None:
             notes.append(f"{WIRE}: centre line of a cut {kerf:.6g} mm wide, the wire plus its spark gap")
-        sizes = (
-            dimensions_of(stage, layout)
-            if isinstance(stage, Stage)
-            else Dimensions([], [], TEXT * extent(plate_polygon(layout)))
-        )
-        sheet = sheet_of(layout, part, wire, sizes, notes)
+        sheet = sheet_of(layout, part, wire, dimensions_of(stage, layout), notes)
         text = svg_text(sheet) if target.suffix == ".svg" else dxf_text(sheet)
         write_atomically(target, lambda file: file.write(text.encode()))
         layers = [*sheet.paths]
@@ -145,34 +140,18 @@ def export(stage: Plate, output: Path, *, kerf: float | None = None, holes: floa
     )
 
 
-def _layout_and_limits(plate: Plate, holes: float | None) -> tuple[Layout, list[str]]:
-    """Return the layout, with mounting holes in the pads of a stage, and what the models do not include."""
-    layout = plate.layout
+def _with_holes(plate: Plate, diameter: float) -> Layout:
+    """Return the layout of a stage with a hole in the middle of every pad."""
     if isinstance(plate, Mechanism):
-        if holes is not None:
-            raise BadInput(f"mounting holes of {holes:g} mm: expected a stage file; a mechanism states holes of bodies")
-        return layout, []
-    limits = ["the models clamp only the back edges of the pads and fill the hub hole with a rigid disc"]
-    if holes is None:
-        return layout, limits
-    if not holes < (width := plate.chain.link_width):
-        raise BadInput(
-            f"mounting holes of {holes:g} mm, expected less than the pad width: chain.link_width_mm = {width:g}"
-        )
-    bodies = list[Body]()
-    for body in layout.bodies:
+        raise BadInput(f"mounting holes of {diameter:g} mm: expected a stage file; a mechanism states holes of bodies")
+    if not diameter < (width := plate.chain.link_width):
+        most = f"the pad width: chain.link_width_mm = {width:g}"
+        raise BadInput(f"mounting holes of {diameter:g} mm, expected less than {most}")
+    bodies = list(plate.layout.bodies)
+    for k, body in enumerate(bodies):
         middle = sum(segment.start for segment in body.outline) / len(body.outline)
-        bodies.append(body._replace(holes=(tuple(reverse(disc(middle, holes / 2).loop)),)) if body.clamped else body)
-    return layout._replace(bodies=tuple(bodies)), [
-        *limits,
-        "the models do not include the mounting holes, which make the pads softer",
-    ]
-
-
-def _part_of(layout: Layout) -> Part:
-    ground = [[*body.outline] for body in layout.bodies if body.fixed]
-    ground += [[body.outline[k]] for body in layout.bodies if not body.fixed for k in body.clamped]
-    return Part(plate_contours(layout), ground)
+        bodies[k] = body._replace(holes=(tuple(reverse(disc(middle, diameter / 2).loop)),)) if body.clamped else body
+    return plate.layout._replace(bodies=tuple(bodies))
 
 
 def write_step(name: str, layout: Layout, part: Part, path: Path) -> None:
@@ -218,6 +197,8 @@ def sheet_of(layout: Layout, part: Part, wire: Part | None, sizes: Dimensions, n
     """Return the drawing of a part, with the path of a `wire` if there is one, its dimensions, and notes below."""
     holes = [loop for loop in part.loops if circle_of(loop) and area(loop) < 0]
     metal = [loop for loop in part.loops if loop not in holes]
+    ground = [[*body.outline] for body in layout.bodies if body.fixed]
+    ground += [[body.outline[k]] for body in layout.bodies if not body.fixed for k in body.clamped]
     centres = [joint.place for joint in layout.joints] + [circle[0] for circle in map(circle_of, holes) if circle]
     corners = [segment.start for loop in metal for segment in loop]
     lowest = min(z.imag for z in [*corners, *(label.place for label in sizes.labels)])
@@ -227,7 +208,7 @@ def sheet_of(layout: Layout, part: Part, wire: Part | None, sizes: Dimensions, n
     paths = {
         METAL: metal,
         HOLES: holes,
-        GROUND: part.ground,
+        GROUND: ground,
         MARKS: [[Segment(z - half, z + half)] for z in centres for half in (sizes.height / 2, 0.5j * sizes.height)],
         SIZES: [[Segment(*label.line)] for label in sizes.labels],
         WIRE: wire.loops if wire else [],

@@ -1,4 +1,4 @@
-"""A plate as a single part: contours, the wire's path, and the dimensions of a stage."""
+"""A plate as a single part: contours, the wire's path, and dimensions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from flexfem.arrays import Array
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.outlines import Segment, area, circle_of, offset, polygon_points
 from flexfem.mechanism.plate import extent, plate_polygon
-from flexfem.mechanism.profiles import Circular
+from flexfem.mechanism.plate_file import PlateFile
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
@@ -27,11 +27,9 @@ class Part(NamedTuple):
     """Contours of a plate, mm.
 
     loops : closed loops, counter-clockwise around separate pieces and clockwise around holes, the outer one first.
-    ground : outlines of fixed bodies, and clamped edges.
     """
 
     loops: list[list[Segment]]
-    ground: list[list[Segment]]
 
     @property
     def area(self) -> float:
@@ -63,7 +61,7 @@ def cut_path(part: Part, kerf: float) -> Part:
     for one, other in combinations([polygon.exterior for polygon in drawn], 2):
         if not (shared := shapely.intersection(one, other)).is_empty:
             raise _too_wide(kerf, *shapely.get_coordinates(shared)[0].tolist())
-    return part._replace(loops=loops)
+    return Part(loops)
 
 
 def _too_wide(kerf: float, x: float, y: float) -> BadInput:
@@ -165,16 +163,16 @@ class Dimensions(NamedTuple):
     height: float
 
 
-def dimensions_of(stage: Stage, layout: Layout) -> Dimensions:
-    """Return the dimensions of a stage, placed clear of each other and of its parts where there is room.
+def dimensions_of(plate: PlateFile, layout: Layout) -> Dimensions:
+    """Return the dimensions of a plate, placed clear of each other and of its parts.
 
-    layout : of the stage, perhaps with mounting holes in its pads.
+    layout : of the plate, perhaps with mounting holes in the pads of a stage.
     """
-    plate = plate_polygon(layout)
-    height, spans = TEXT * extent(plate), spans_of(stage, layout, plate)
-    obstacles: list[Any] = [plate.boundary, *(_line(*span.line) for span in spans)]
+    shape = plate_polygon(layout)
+    height, spans = TEXT * extent(shape), spans_of(plate, layout, shape)
+    obstacles: list[Any] = [shape.boundary, *(_line(*span.line) for span in spans)]
     labels, reaches = list[Label](), height * np.array([4.0, 6.0, 8.0, 11.0])
-    for text, anchor in labels_of(stage, layout):
+    for text, anchor in labels_of(plate, layout):
         half = 0.5 * height * complex(LETTER * len(text) + 1, 2)
         place, box = clearest(anchor, half, reaches, obstacles, 1.5 * height)
         labels.append(Label(text, anchor, place, half))
@@ -182,32 +180,36 @@ def dimensions_of(stage: Stage, layout: Layout) -> Dimensions:
     return Dimensions(spans, labels, height)
 
 
-def spans_of(stage: Stage, layout: Layout, plate: Any) -> list[Span]:
-    """Return the lengths of chain 1 and the width of its pad, with dimension lines beside the polygon of the plate.
+def spans_of(plate: PlateFile, layout: Layout, shape: Any) -> list[Span]:
+    """Return the lengths of chain 1 of a stage and the width of its pad, with dimension lines beside its polygon.
 
     A dimension line is the nearest one with a third of the link width as clearance, or the clearest one.
     """
-    width, ends = stage.chain.link_width, [*(joint.place for joint in layout.joints[:3]), 0j]
-    spans = [Span("w", *layout.bodies[0].outline[0][:2], -2.5 * TEXT * extent(plate))]
+    if not isinstance(plate, Stage):
+        return []
+    width, ends = plate.chain.link_width, [*(joint.place for joint in layout.joints[:3]), 0j]
+    spans = [Span("w", *layout.bodies[0].outline[0][:2], -2.5 * TEXT * extent(shape))]
     for k in range(3):
         distances = [side * reach * width for reach in (1.0, 1.5, 2.0) for side in (1, -1)]
         candidates = [Span(f"l{k + 1}", ends[k], ends[k + 1], away) for away in distances]
-        spans.append(max(candidates, key=lambda span: min(plate.distance(_middle(span)), width / 3)))
+        spans.append(max(candidates, key=lambda span: min(shape.distance(_middle(span)), width / 3)))
     return list(map(_rightwards, spans))
 
 
-def labels_of(stage: Stage, layout: Layout) -> Iterator[tuple[str, complex]]:
-    """Yield the texts of the labels of a stage and their anchors.
+def labels_of(plate: PlateFile, layout: Layout) -> Iterator[tuple[str, complex]]:
+    """Yield the texts of the labels of a plate and their anchors.
 
-    Hinges are labelled on chain 1 if all chains are identical, otherwise on every chain.
+    Hinges of a stage are labelled on chain 1 if all chains are identical, otherwise on every chain.
     """
-    for joint in layout.joints[: 3 if stage.chains_alike else 9]:
-        assert isinstance(joint.profile, Circular)
-        yield f"R {joint.profile.radius:.6g}, t {joint.profile.neck:.6g}", joint.place
+    if not isinstance(plate, Stage):
+        yield from ((f"{joint.name} t {joint.profile.neck:.6g}", joint.place) for joint in layout.joints)
+        return
+    for joint in layout.joints[: 3 if plate.chains_alike else 9]:
+        yield f"R {joint.profile.root_radius:.6g}, t {joint.profile.neck:.6g}", joint.place
     rims = [complex(segment.at(0.5)) for segment in layout.bodies[-1].outline if segment.centre == 0]
     rim = max(rims, key=lambda point: abs(point - layout.joints[2].place))
-    yield f"platform R {stage.platform.radius:.6g}", rim
-    yield f"hub R {stage.platform.hub_radius:.6g}", stage.platform.hub_radius * rim / abs(rim)
+    yield f"platform R {plate.platform.radius:.6g}", rim
+    yield f"hub R {plate.platform.hub_radius:.6g}", plate.platform.hub_radius * rim / abs(rim)
     for centre, radius in filter(None, map(circle_of, layout.bodies[0].holes)):
         yield f"3 holes R {radius:.6g}", centre
 

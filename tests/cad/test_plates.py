@@ -72,7 +72,7 @@ def test_a_drawing_has_the_area_of_the_parts_and_true_arcs(nod, folder):
 
 def test_the_wire_stays_at_half_the_kerf_from_every_contour(nod):
     outer, *others = plate_contours(nod.layout)
-    wire = cut_path(Part([outer, *others], []), 0.5)
+    wire = cut_path(Part([outer, *others]), 0.5)
     metal = shapely.Polygon(polygon_points(outer, 1e-3), [polygon_points(loop, 1e-3) for loop in others])
     points = np.concatenate([segment.at(np.linspace(0, 1, 40)) for loop in wire.loops for segment in loop])
     assert shapely.distance(metal, shapely.points(points.real, points.imag)) == pytest.approx(0.25, abs=1e-3)
@@ -81,7 +81,7 @@ def test_the_wire_stays_at_half_the_kerf_from_every_contour(nod):
 def test_a_solid_has_the_volume_of_the_plate_and_no_other_is_kept(nod, folder):
     assert api.export(nod, folder / "nod.step").volume == pytest.approx(4.3 * AREA, rel=2e-6)
     with pytest.raises(api.ComputationFailed, match=r"expected 1 of 812\.7 mm\^3"):
-        write_step(nod.name, nod.layout, Part([[*nod.layout.bodies[0].outline]], []), folder / "other.step")
+        write_step(nod.name, nod.layout, Part([[*nod.layout.bodies[0].outline]]), folder / "other.step")
     assert not (folder / "other.step").exists()
 
 

@@ -36,7 +36,7 @@ def gap(loop: list[Segment]) -> float:
 
 
 def part_of(stage: Stage) -> Part:
-    return Part(plate_contours(stage.layout), [])
+    return Part(plate_contours(stage.layout))
 
 
 def test_the_part_is_closed_and_as_large_as_what_is_meshed(stage) -> None:
