@@ -12,7 +12,7 @@ from flexfem.arrays import Array, Index
 from flexfem.fem.elements import Plate, integration, nodal_stress, von_mises
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.response import Response, clamped_nodes, factorised_whole, resultants_of
-from flexfem.fem.stage_mesh import out_of_plane_ratio_of, plate_of
+from flexfem.fem.stage_mesh import plate_of
 from flexfem.fem.structure import NONE, Structure, structure
 from flexfem.fem.symmetry import chain_values
 from flexfem.mechanism.actuators import HINGE_NAMES
@@ -30,7 +30,7 @@ LARGEST = 4_000_000  # stress components computed at once
 
 def plane_stress(stage: Stage, mesh: StageMesh, field: Array) -> Array:
     """Von Mises stress (n,), MPa, at all nodes for a plane displacement field (n, 2), mm."""
-    return von_mises(nodal_stress(mesh, plate_of(stage), field), out_of_plane_ratio_of(stage))
+    return von_mises(nodal_stress(mesh, plate_of(stage), field), stage.layout.out_of_plane)
 
 
 def neck_maxima(stage: Stage, mesh: StageMesh, values: Array) -> Array:
@@ -56,7 +56,7 @@ def neck_stresses(stage: Stage, response: Response, loads: Array) -> NeckStress:
 
     Stress is averaged at the nodes, and the largest within a notch radius of the neck is taken.
     """
-    ratio, heights = out_of_plane_ratio_of(stage), response.structure.line.heights
+    ratio, heights = stage.layout.out_of_plane, response.structure.line.heights
     each = [highest_stress(stress, turned, ratio) for turned, stress in _notches(stage, response, loads)]
     by_height = np.reshape(each, (3, 3, len(loads), len(heights)))
     highest, height = by_height.max(axis=-1), heights[by_height.argmax(axis=-1)]

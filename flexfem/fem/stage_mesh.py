@@ -28,7 +28,6 @@ from flexfem.fem.mesh import (
 from flexfem.fem.mesher import FaceMesh, Grading, Limit, NamedArrays, run_jobs
 from flexfem.mechanism.actuators import HINGE_NAMES
 from flexfem.mechanism.bodies import draw_sector, necks
-from flexfem.mechanism.designs import lower
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.outlines import Face, area
@@ -152,11 +151,6 @@ def plate_of(stage: Stage) -> Plate:
 def sheet_of(stage: Stage) -> Plate:
     """Return the material and thickness of a stage for a problem in three dimensions."""
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
-
-
-def out_of_plane_ratio_of(stage: Stage) -> float:
-    """Ratio of the stress zz to the sum xx + yy, as `elements.von_mises` takes it."""
-    return float(lower(stage).out_of_plane[0])
 
 
 def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:

@@ -20,7 +20,7 @@ from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import neck_maxima
 from flexfem.fem.ports import hinge_stress
 from flexfem.fem.response import factorised_whole
-from flexfem.fem.stage_mesh import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
+from flexfem.fem.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.bodies import Payload, carried, carried_out_of_plane, drawn_inertia
 from flexfem.mechanism.mechanism import Mechanism
@@ -148,6 +148,6 @@ def _of_stage(stage: Stage, load: Payload, g: Array, level: int, layers: int) ->
     whole = structure(mesh, plate, in_depth)
     mass = mass_of(whole, stage.material.density * DENSITY, (carried_out_of_plane if solid else carried)(stage, load))
     response = factorised_whole(whole).weighed(mass, np.array([[-GRAVITY]]) if solid else g[None])
-    stress = von_mises(nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), out_of_plane_ratio_of(stage))
+    stress = von_mises(nodal_stress(mesh, plate, response.nodal[0], layers=in_depth), stage.layout.out_of_plane)
     highest = neck_maxima(stage, mesh, stress.max(axis=1) if solid else stress)
     return {"sag" if solid else "pose": response.motions[:, 0], "stress": highest}

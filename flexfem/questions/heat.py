@@ -25,7 +25,7 @@ from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima,
 from flexfem.fem.mesh import nodes_on
 from flexfem.fem.ports import hinge_stress, warmed
 from flexfem.fem.response import HEAT_CASES, Response, factorised_stage, free_displacement, heat_response
-from flexfem.fem.stage_mesh import layers_of, out_of_plane_ratio_of, plate_of, sheet_of
+from flexfem.fem.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
 from flexfem.hinges.strength import von_mises_along
 from flexfem.mechanism.designs import lower, stage_frames
@@ -258,7 +258,7 @@ def _in_plane(stage: Stage, resolution: int, expansion: Expansion) -> tuple[Valu
     mesh, plate = plates.meshed(stage, resolution), plate_of(stage)
     response = heat_response(mesh, plate, expansion.stage, expansion.frame)
     temperature = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
-    ratio, nodal = out_of_plane_ratio_of(stage), nodal_stress(mesh, plate, response.nodal)
+    ratio, nodal = stage.layout.out_of_plane, nodal_stress(mesh, plate, response.nodal)
     stresses = [von_mises(nodal[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
     values = {
         "pose": response.motions.T,

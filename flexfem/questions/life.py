@@ -19,7 +19,6 @@ from flexfem.arrays import Array, Index, is_largest
 from flexfem.fem.elements import von_mises
 from flexfem.fem.fields import notch_fields
 from flexfem.fem.response import Response
-from flexfem.fem.stage_mesh import out_of_plane_ratio_of
 from flexfem.files.refusals import one_line, place_of
 from flexfem.files.toml import read_csv
 from flexfem.hinges import strength
@@ -114,7 +113,7 @@ def by_model(stage: Stage, result: AnalyticResult, motion: CyclicMotion) -> Stre
 
 def by_elements(stage: Stage, response: Response, motion: CyclicMotion) -> StressCycles:
     """Return the stress at the nodes of every notch by plane finite elements."""
-    out_of_plane, stiffness, design = out_of_plane_ratio_of(stage), np.linalg.inv(response.compliance), lower(stage)
+    out_of_plane, stiffness, design = stage.layout.out_of_plane, np.linalg.inv(response.compliance), lower(stage)
     shares = strength.fatigue_fraction(design.neck[0] / design.radius[0], motion.sensitivity)
     loads = np.array([motion.amplitude, motion.mean]) @ stiffness.T
     notches = []

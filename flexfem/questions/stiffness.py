@@ -14,7 +14,7 @@ from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.response import Response, unit_response
-from flexfem.fem.stage_mesh import out_of_plane_ratio_of, sheet_of
+from flexfem.fem.stage_mesh import sheet_of
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -296,7 +296,7 @@ def _fields(plate: Stage | Mechanism, mesh: Mesh, force: Array) -> MeshFields:
 
     Those of a mechanism in three dimensions are on the coarsest mesh.
     """
-    size, ratio = mesh, out_of_plane_ratio_of(plate) if isinstance(plate, Stage) else plate.layout.out_of_plane
+    size, ratio = mesh, plate.layout.out_of_plane
     if isinstance(plate, Mechanism) and mesh.layers:
         size = Mesh(levels(mesh.resolution)[0], mesh.layers)
     layers = plates.layers_of(plate, size.layers)
