@@ -31,7 +31,7 @@ from flexfem.mechanism.bodies import draw_sector, necks
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.frames import CHAIN_TURN, turned
 from flexfem.mechanism.outlines import Face, area
-from flexfem.mechanism.plate_file import located
+from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage import Stage
 from flexfem.mechanism.stage_file import Hinge
 from flexfem.refused import BadInput, ComputationFailed
@@ -153,7 +153,9 @@ def sheet_of(stage: Stage) -> Plate:
     return Plate(stage.material.youngs_modulus, stage.material.poissons_ratio, stage.thickness)
 
 
-def layers_of(stage: Stage, number: int, antisymmetric: bool = False) -> Layers:
+def layers_of(plate: PlateFile, number: int, antisymmetric: bool = False) -> Layers:
     """Return layers graded for the narrowest neck, for motion in the plane or, antisymmetric, out of it."""
-    layers = mirrored(stage.thickness, number, float(stage.array("neck").min()))
+    thickness = plate.layout.thickness
+    necks = (joint.profile.neck for joint in plate.layout.joints)
+    layers = mirrored(thickness, number, min(necks, default=thickness))
     return layers.antisymmetric if antisymmetric else layers

@@ -14,14 +14,14 @@ import numpy as np
 
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
-from flexfem.fem.elements import Layers, mirrored
+from flexfem.fem.elements import Layers
 from flexfem.fem.fields import neck_stresses
 from flexfem.fem.mesh import RESOLUTION, StageMesh, welded
 from flexfem.fem.plate_bodies import body_compliances, hinge_compliances
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
 from flexfem.fem.response import Response
-from flexfem.fem.stage_mesh import layers_of as layers_of_stage
+from flexfem.fem.stage_mesh import layers_of as layers_of_plate
 from flexfem.files.tables import once
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -77,13 +77,7 @@ def meshed(plate: Stage | Mechanism, resolution: int) -> StageMesh:
 
 def layers_of(plate: Stage | Mechanism, number: int) -> Layers | None:
     """Return layers graded for the narrowest neck; None for number 0, in the plane."""
-    if not number:
-        return None
-    if isinstance(plate, Stage):
-        return layers_of_stage(plate, number)
-    layout = plate.layout
-    necks = min((joint.profile.neck for joint in layout.joints), default=layout.thickness)
-    return mirrored(layout.thickness, number, necks)
+    return layers_of_plate(plate, number) if number else None
 
 
 @once
