@@ -20,7 +20,6 @@ from flexfem.fem.fields import neck_maxima, plane_stress
 from flexfem.fem.mesh import StageMesh
 from flexfem.fem.nonlinear import equilibrium
 from flexfem.fem.stage_mesh import plate_of, sheet_of
-from flexfem.fem.structure import structure
 from flexfem.files.provenance import assumptions
 from flexfem.files.refusals import checked_path, shown
 from flexfem.files.toml import bad_key, kind_of, read_toml
@@ -464,13 +463,13 @@ def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) ->
     """Solve three meshes with the rotations or strokes that a model computes for the commands."""
     joints, lever = imposed(stage, model, case.drive), stage.chain.link_lengths[2]
     hinges = commanded_hinges(model.mobility) if case.drive == "joints" else ()
-    meshes = [elements(stage, n, hinges) for n in levels(case.resolution)]
+    responses = [elements(stage, n, hinges) for n in levels(case.resolution)]
     commands, at_full = np.outer(case.commanded, joints.per_command[:, case.axis]), []
-    for mesh, response in meshes:
+    for response in responses:
         driven = joints.on(response.compliance)
         force = driven.per_command @ commands[-1]
-        at_full.append((mesh, driven.C[:3, 3:] @ force, np.tensordot(force, response.fields[3:], axes=1)))
-    C, limits = np.array([response.compliance for _, response in meshes]), list[str]()
+        at_full.append((response.mesh, driven.C[:3, 3:] @ force, np.tensordot(force, response.fields[3:], axes=1)))
+    C, limits = np.array([response.compliance for response in responses]), list[str]()
     if joints.model is not None:  # the limits at both ends of the commands
         for x in (commands[0], commands[-1]):
             limits += limit_warnings(joints.model, x, np.zeros(3), "least energy")
@@ -482,7 +481,7 @@ def _solve_imposed(stage: Stage, _: Curve, model: AnalyticResult, case: Case) ->
         force=np.zeros((case.points, 3)),
         bands=imposed_bands(joints, C, case, lever),
         compliance=C[-1, :3, :3],
-        unknowns=structure(meshes[-1].mesh, plate_of(stage)).size,
+        unknowns=responses[-1].structure.size,
         joints=joints.drive.names,
         imposed=commands,
         warnings=tuple(dict.fromkeys(limits)),

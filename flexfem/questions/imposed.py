@@ -15,7 +15,6 @@ from flexfem.analytic.model import AnalyticResult
 from flexfem.analytic.responses import driven_model
 from flexfem.arrays import Array, inverse
 from flexfem.fem.fields import driven_response
-from flexfem.fem.mesh import StageMesh
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import build_mesh, plate_of
 from flexfem.files.tables import once
@@ -50,13 +49,6 @@ class Imposed(NamedTuple):
         return np.asarray(self.on(compliance).poses @ self.per_command)
 
 
-class ImposedElements(NamedTuple):
-    """Response of finite elements to unit loads of platform and stacks, with their mesh."""
-
-    mesh: StageMesh
-    response: Response
-
-
 def commanded_hinges(mobility: int) -> tuple[int, ...]:
     """Return the positions of the hinges whose rotations are commanded, the independent joints of the paper."""
     return (0,) if mobility == 3 else (0, 1)
@@ -83,14 +75,13 @@ def imposed(stage: Stage, model: AnalyticResult, inputs: Drive) -> Imposed:
 
 
 @once
-def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> ImposedElements:
+def elements(stage: Stage, resolution: int, hinges: tuple[int, ...]) -> Response:
     """Return finite elements loaded at the platform and at the hinges of given positions, or at the stacks if none.
 
     Raises BadInput, ComputationFailed.
     """
-    plate, mesh = plate_of(stage), build_mesh(stage, resolution)
     stacks = tuple(hinge_couples(stage, hinges).values()) if hinges else drive_of(stage).stacks
-    return ImposedElements(mesh, driven_response(mesh, plate, stacks))
+    return driven_response(build_mesh(stage, resolution), plate_of(stage), stacks)
 
 
 def imposed_bands(joints: Imposed, compliances: Array, case: Case, lever: float) -> tuple[Convergence, ...]:

@@ -339,11 +339,12 @@ def life(
             values = asked.values(by_model(chosen.stage, analyse(*chosen), motion), 3, 3)
             found[ANALYTIC] = ModelAnswer(values | asked.within(values, *error))
         if mesh is not None:
-
-            def of_size(level: int, _: int) -> dict[str, Any]:
-                return asked.values(by_elements(stage, setup.solved(stage, level), motion), 3, 3)
-
-            values, bands = plates.by_elements(mesh, of_size, progress, _highest_bands)[ELEMENTS]
+            values, bands = plates.by_elements(
+                mesh,
+                lambda level, _: asked.values(by_elements(stage, setup.solved(stage, level), motion), 3, 3),
+                progress,
+                _highest_bands,
+            )[ELEMENTS]
             share = np.nanmax(bands["equivalent"]) / np.max(values["equivalent"])
             found[ELEMENTS] = ModelAnswer(values | asked.within(values, -share, share), bands)
         farthest = np.abs(motion.mean) + np.abs(motion.amplitude)
