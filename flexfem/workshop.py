@@ -198,9 +198,10 @@ def mesh(stage: Stage | Mechanism, output: Path, *, resolution: int | None = Non
 
 @brief
 class HingeFormulas(NamedTuple):
-    """Sources, freedoms and ranges of all formulas by name, and the figures written."""
+    """Sources, freedoms and ranges of all formulas by name, of closed forms by hinge shape, and the figures written."""
 
     formulas: dict[str, Any]
+    shapes: dict[str, Any]
     written: list[str]
 
 
@@ -212,7 +213,7 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
     output : path, optional
         Folder of the figures.
     """
-    from flexfem.questions.check import hinge_review, known_formulas, thickness_review
+    from flexfem.questions.check import hinge_review, known_formulas, known_shapes, thickness_review
 
     written = list[Path]()
     if output is not None:
@@ -225,4 +226,4 @@ def hinge_formulas(*, output: Path | None = None) -> HingeFormulas:
             output / "hinge-thickness.json": lambda: thickness_figure(thickness_review()),
         }
         written = write_each(figures)
-    return HingeFormulas(known_formulas(), [str(path) for path in written])
+    return HingeFormulas(known_formulas(), known_shapes(), [str(path) for path in written])

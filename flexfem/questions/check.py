@@ -14,6 +14,7 @@ from flexfem.arrays import Array, brief
 from flexfem.files.refusals import key_path
 from flexfem.hinges.chart import thickness_chart, thickness_factors
 from flexfem.hinges.formulas import FORMULAS, formula
+from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
@@ -318,6 +319,18 @@ class KnownFormula(NamedTuple):
     status: str
 
 
+class KnownShape(NamedTuple):
+    """Published closed form of a hinge shape; r in `t_over_r` is the notch depth, fillet radius or, of a leaf, length.
+
+    The models integrate the profile of any shape numerically and use no closed form.
+    """
+
+    freedoms: tuple[str, ...]
+    t_over_r: Ends
+    source: str
+    status: str
+
+
 class FormulaCurve(NamedTuple):
     """Ratios (n,) of the compliances of a formula, valid for t/R in `valid`, to finite elements; None if not stated."""
 
@@ -358,6 +371,11 @@ class ThicknessReview(NamedTuple):
 def known_formulas() -> dict[str, KnownFormula]:
     """Return freedoms, range of t/R and source of every hinge formula by name, including the user's own."""
     return {name: KnownFormula(f.freedoms, Ends(f.valid), f.source, f.status) for name, f in FORMULAS.items()}
+
+
+def known_shapes() -> dict[str, KnownShape]:
+    """Return freedoms, range and source of the closed form of every hinge shape that has one, by shape."""
+    return {shape: KnownShape(f.freedoms, Ends(f.valid), f.source, f.status) for shape, f in SHAPE_FORMULAS.items()}
 
 
 def hinge_review(height: float = 3.0, poissons_ratio: float = 0.3) -> HingeReview:

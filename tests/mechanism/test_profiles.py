@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from flexfem.hinges.formulas import formula
+from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.profiles import (
     SHAPES,
     BadDimension,
@@ -23,8 +24,6 @@ from flexfem.mechanism.profiles import (
     profile_of,
     shoulder,
 )
-
-from .closed_forms import SHAPE_FORMULAS
 
 TAPER = ((2.0, 1.0), (6.0, 1.8), (12.0, 3.0))  # a straight edge: h = 2 + 0.2 x from the middle of the table
 EACH = (

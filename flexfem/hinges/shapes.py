@@ -1,4 +1,8 @@
-"""Published closed forms of hinge shapes other than the circle: integrals of a beam without shear."""
+"""Published closed forms of hinge shapes other than the circle, which `Profile.compliance` integrates numerically.
+
+All are integrals of a beam without shear, and agree with the quadrature to round-off: they say what the literature
+computes with.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +19,21 @@ from flexfem.mechanism.profiles import Elliptical, Leaf, Parabolic
 class ShapeFormula(NamedTuple):
     """A closed form of a hinge shape, with its origin.
 
-    valid : smallest and largest neck over notch depth, fillet radius or, for a leaf, length, for which it is tested.
+    source, status : as in `formulas.Formula`.
+    valid : smallest and largest neck over notch depth, fillet radius or, for a leaf, length.
     functions : by freedom, of a profile: `E b` times the rotation (1/mm^2), axial and bending part of the transverse
         compliance (1) for loads at the centre.
     """
 
     source: str
+    status: str
     valid: tuple[float, float]
     functions: dict[str, Callable[[Any], float]]
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """The freedoms whose compliance the source states."""
+        return tuple(self.functions)
 
 
 def _elliptical(function: Callable[..., Any], power: int, of_depth: int) -> Callable[[Elliptical], float]:
@@ -63,9 +74,12 @@ def _parabolic_shear(p: Parabolic) -> float:
     return 3 * (p.length / p.neck) ** 3 * (second - third) / q
 
 
+TESTED = "; the range is where the algebra is tested, none is published"
+
 SHAPE_FORMULAS = {
     "elliptical": ShapeFormula(
         "S. T. Smith, V. G. Badami, J. S. Dale, Y. Xu, Elliptical flexure hinges, Rev. Sci. Instrum. 68, 1474 (1997)",
+        f"cited from memory: the integrals of the circle, scaled, by the eccentric angle; shear derived here{TESTED}",
         (1e-3, 2.0),
         {
             "rotation": _elliptical(chart.rotation_paros_weisbord, 1, 2),
@@ -76,11 +90,13 @@ SHAPE_FORMULAS = {
     "filleted": ShapeFormula(
         "N. Lobontiu, J. S. N. Paine, E. Garcia, M. Goldfarb, Corner-filleted flexure hinges, J. Mech. Des. 123, 346"
         " (2001)",
+        f"cited from memory{TESTED}",
         (1e-3, 2.0),
         {"rotation": _filleted_rotation, "axial": _filleted_axial},
     ),
     "leaf": ShapeFormula(
         "uniform beam, any textbook",
+        "exact for a beam; its ends yield in real bodies. The range is our choice",
         (1e-4, 0.2),
         {
             "rotation": lambda p: 12 * p.length / p.neck**3,
@@ -91,6 +107,7 @@ SHAPE_FORMULAS = {
     "parabolic": ShapeFormula(
         "N. Lobontiu, J. S. N. Paine, E. O'Malley, M. Samuelson, Parabolic and hyperbolic flexure hinges, Precis. Eng."
         " 26, 183 (2002)",
+        f"not checked in the paper: its integrals, derived here{TESTED}",
         (1e-3, 2.0),
         {
             "rotation": lambda p: 12 * p.length / p.neck**3 * _parabolic(p)[3],
