@@ -28,15 +28,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, levels, solve_solid
-from flexfem.questions.setup import (
-    ELASTIC,
-    Mesh,
-    ModelAnswer,
-    Models,
-    answer,
-    on_meshes,
-    sectors_of,
-)
+from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, Models, answer, on_meshes, sectors_of
 from flexfem.questions.setup import solved as solved_stage
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, MAGNITUDE, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS

@@ -22,7 +22,7 @@ from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
 from flexfem.questions.drive import LARGEST_LOAD, Commanding, commanding, driven_elements, stack_names
 from flexfem.questions.driven import LIMITS, MULTIPLIER, SINGULAR, CommandLimits, Driven, command_limits, stroke_limits
-from flexfem.questions.setup import DEFAULT, Analytic, about, for_mechanisms, mesh_of
+from flexfem.questions.setup import DEFAULT, Analytic, about, mesh_of, options
 from flexfem.refused import ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, FRESH, SOLVED, Quantity, Result
 from flexfem.units import DIRECTIONS, STRESS
@@ -144,7 +144,7 @@ class Polytope(NamedTuple):
 Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", direction, "low" or "high")
 
 
-@for_mechanisms(Reach, MechanismReach, not_for="load analytic", only_for="layers")
+@options(not_for="load analytic", only_for="layers")
 def reach(
     stage: Stage | Mechanism,
     *,
@@ -153,7 +153,7 @@ def reach(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
-) -> Reach | MechanismReach:
+) -> Reach:
     """Poses that the drive of a stage reaches within all limits, or that a mechanism reaches within its strokes.
 
     Parameters

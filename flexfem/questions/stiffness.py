@@ -376,26 +376,22 @@ def summary(
     reached: Result | None = None
     values, bands = parts
     for target, source in zip(parts, (found.values, found.bands), strict=True):
-        for name in source.keys() & {"free", "yield_range", "yield_force", "stress"}:
-            target[name] = np.moveaxis(source[name], -1, 0)
+        names = source.keys() & {"free", "yield_range", "yield_force", "stress", "thickness"}
+        target |= {name: np.moveaxis(source[name], -1, 0) for name in names}
         if "stiffness" in source:
             target["stiffness"] = np.diagonal(source["stiffness"], axis1=1, axis2=2).T
+        if isinstance(stage, Mechanism) and len(stage.layout.actuators) == 1 and "amplification" in source:
+            target |= {"amplification": source["amplification"][0].T, "input_stiffness": source["input_stiffness"][0]}
     if isinstance(stage, Mechanism):
         first = modes(stage, count=1, **mesh)
-        sources = (found.values, found.bands), (first.values, first.bands)
-        for target, source, lowest in zip(parts, *sources, strict=True):
-            if "frequency" in lowest:
-                target["frequency"] = lowest["frequency"][0]
-            if len(stage.layout.actuators) == 1 and "amplification" in source:
-                target["amplification"] = source["amplification"][0].T
-                target["input_stiffness"] = source["input_stiffness"][0]
+        values["frequency"] = first.frequency[0]
+        bands |= {name: band[0] for name, band in first.bands.items() if name == "frequency"}
         if stage.layout.actuators:
             reached = of_mechanism(stage, setup.mesh_of(stage, **mesh), models)
             drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
             notes.append(f"{drive}; first frequency: without the actuators")
     else:
         settings = {"mobility": stage.mobility} | settings
-        values |= {name: found.values[name] for name in ("thickness",) if name in found.values}
         try:
             reached = reach(stage, models="analytic", analytic=analytic) if stage.actuator else None
         except ComputationFailed as failure:
