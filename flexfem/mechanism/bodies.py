@@ -12,7 +12,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise, product
+from itertools import product
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -235,9 +235,11 @@ def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
         except BadInput as refusal:
             if refuse:
                 raise
-            poses, radius = necks(stage, chain), stage.hinge(chain, "base").radius
-            places = [poses[0].ahead(-radius - width).point, *(pose.point for pose in poses)]
-            lines, faults = [polyline(*ends) for ends in pairwise(places)], [*faults, refusal.reason]
+            poses, radii = necks(stage, chain), [stage.hinge(chain, at).radius for at in HINGE_NAMES]
+            starts = [poses[0].ahead(-radii[0] - width), *map(Pose.ahead, poses, radii)]
+            faces = [pose.ahead(-radius) for pose, radius in zip(poses, radii, strict=True)]
+            lines = [polyline(start.point, face.point) for start, face in zip(starts, faces, strict=False)]
+            faults.append(refusal.reason)
         for name, line in zip(BODIES, lines, strict=False):
             left, right = (turn(offset(line, side * width / 2), chain) for side in (1, -1))
             ends = Segment(left[0].start, right[0].start), Segment(right[-1].end, left[-1].end)
@@ -247,7 +249,8 @@ def stage_layout(stage: StageContent, refuse: bool = True) -> Layout:
     except BadInput as refusal:
         if refuse:
             raise
-        drawn["platform"], faults = disc(0j, stage.platform.radius).loop, [*faults, refusal.reason]
+        drawn["platform"] = disc(0j, stage.platform.radius).loop
+        faults.append(refusal.reason)
     given = f"chain.link_lengths_mm = {list(stage.chain.link_lengths)} at {given_angles(stage)}"
     given += f", chain.link_width_mm = {width:g}, platform.radius_mm = {stage.platform.radius:g}"
     bodies = [

@@ -138,19 +138,16 @@ def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
 
 
 def clashes(layout: Layout, refusal: BadInput) -> list[Any]:
-    """Return the polygons of the overlaps of all parts, or else of the parts whose key a refusal begins with."""
+    """Return the polygons of what a refusal is about: a part with it as key, all overlaps, or parts that it names."""
     bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
-    outlines = [*bodies, *map(joint_polygon, layout.joints)]
+    outlines = np.array([*bodies, *map(joint_polygon, layout.joints)])
     keys = [*map(_key, layout.bodies), *map(_key, layout.joints)]
-    i, j = shapely.STRtree(outlines).query(np.array(outlines), predicate="intersects")
-    shared = [
-        shapely.intersection(outlines[a], outlines[b], grid_size=ROUNDED) for a, b in zip(i, j, strict=True) if a < b
-    ]
-    named = [
-        each for each, key in zip(outlines, keys, strict=True) if re.match(f"{re.escape(key)}([:.]|$)", refusal.reason)
-    ]
-    overlaps = [piece for piece in shapely.get_parts(shared) if piece.area > SLIVER]
-    return overlaps or list(shapely.get_parts(named))
+    i, j = shapely.STRtree(outlines).query(outlines, predicate="intersects")
+    shared = shapely.get_parts(shapely.intersection(outlines[i[i < j]], outlines[j[i < j]], grid_size=ROUNDED))
+    undrawn = outlines[[key == refusal.reason for key in keys]]
+    named = outlines[[re.match(f"{re.escape(key)}[:.]", refusal.reason) is not None for key in keys]]
+    found = (undrawn, shared[shapely.area(shared) > SLIVER], named)
+    return list(shapely.get_parts(next(filter(len, found), named)))
 
 
 def body_polygon(layout: Layout, index: int, refuse: bool = True) -> Any:
