@@ -197,9 +197,7 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
             if reached is not None:
                 q, done, share = reached, done + share, 2 * share
             elif (share := share / 4) < SMALLEST:
-                raise ComputationFailed(
-                    f"no equilibrium beyond load {number + done:.3g} of {len(loads)}: smaller loads are needed"
-                )
+                raise ComputationFailed(f"no equilibrium beyond load {number + done:.3g} of {len(loads)}: reduce it")
         f, at = target, plate.state(q, target)
         found.append((at.motions, at.P.T @ np.linalg.solve(at.K, at.P), bool(np.linalg.eigvalsh(at.K)[0] > 0)))
     return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))

@@ -117,14 +117,17 @@ def by_radius(nodes: Array, edges: Index) -> Index:
     return np.asarray(on_edges[np.argsort(np.hypot(*nodes[on_edges].T))])
 
 
+def check_count(triangles: float, subject: str) -> None:
+    """Raise ComputationFailed for too many triangles."""
+    if triangles > MOST_TRIANGLES:
+        remedy = "a coarser resolution or thicker necks are needed"
+        raise ComputationFailed(f"{subject} {triangles:.3g} triangles, expected at most {MOST_TRIANGLES:.2g}: {remedy}")
+
+
 def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
     """Raise ComputationFailed unless the mesh has the drawn area, mm^2, the expected pieces, and good triangles."""
     n = len(mesh.nodes)
-    if len(mesh.triangles) > MOST_TRIANGLES:
-        raise ComputationFailed(
-            f"mesh of {len(mesh.triangles)} triangles, expected at most {MOST_TRIANGLES:.2g}: "
-            "a coarser resolution or thicker necks are needed"
-        )
+    check_count(len(mesh.triangles), "mesh of")
     if not np.array_equal(np.unique(mesh.triangles), np.arange(n)):
         raise ComputationFailed("mesh has nodes that belong to no triangle")
     corners = mesh.triangles[:, [0, 1, 2, 0]]
@@ -139,10 +142,8 @@ def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
     quality = scaled_jacobians(determinants)
     if quality.min() < LEAST_JACOBIAN:
         x, y = mesh.nodes[mesh.triangles[np.argmin(quality), :3]].mean(axis=0)
-        raise ComputationFailed(
-            f"mesh has a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > "
-            f"{LEAST_JACOBIAN:g}: two corners of the outline nearly coincide there, or a finer resolution is needed"
-        )
+        bad = f"a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > {LEAST_JACOBIAN:g}"
+        raise ComputationFailed(f"mesh has {bad}: do two corners of an outline nearly coincide there?")
 
 
 def jacobians(mesh: StageMesh) -> Array:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from scipy.sparse.linalg import LinearOperator
 
 MISMATCH = 1e-5  # relative difference between eigenvalues of ARPACK and Rayleigh quotients
-LEAST_BASIS = 30  # vectors of ARPACK; with 20, plates with many leaf springs take half as many solutions more
+BASIS = 30  # vectors of ARPACK; with 20, plates with many leaf springs take half as many solutions more
 TOLERANCE = 1e-11  # of eigenvalues, relative
 DEGENERATE = 1e-6  # relative difference of squared frequencies equal by symmetry: far above round-off
 
@@ -165,14 +165,14 @@ def lowest(solve: Solve, mass: LinearOperator, count: int) -> tuple[Array, Any]:
     """Lowest eigenvalues (count,) and vectors (m, count) of `K phi = lambda M phi` by ARPACK; `solve` is K^-1."""
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
-    size, basis = mass.shape[0], max(2 * count + 1, LEAST_BASIS)
+    size = mass.shape[0]
     if count >= size:
         raise ComputationFailed(f"{count} modes of {size} unknowns, expected fewer")
     inverse = LinearOperator((size, size), matvec=lambda b: solve(b.reshape(-1, 1))[:, 0], dtype=mass.dtype)
     start = np.random.default_rng(0).standard_normal(size)  # reproducible
     try:
-        options = {"v0": start, "ncv": min(basis, size), "tol": TOLERANCE}
-        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, **options)  # argument 1 is not used
+        arnoldi = {"v0": start, "ncv": min(size, max(2 * count + 1, BASIS)), "tol": TOLERANCE}
+        values, vectors = eigsh(mass, count, M=mass, sigma=0.0, OPinv=inverse, **arnoldi)  # argument 1 is not used
     except ArpackError as failure:
         raise ComputationFailed(f"eigenvalues: {failure}") from None
     order = np.argsort(values)

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from flexfem.arrays import AnyArray
-from flexfem.fem.mesh import MOST_TRIANGLES, StageMesh, check_triangles, jacobians, mesh_of, ordered
+from flexfem.fem.mesh import StageMesh, check_count, check_triangles, jacobians, mesh_of, ordered
 from flexfem.fem.mesher import DIVIDING, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
 from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT
 from flexfem.mechanism.layout import Body, Layout, Move
@@ -75,12 +75,13 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
     it takes too long.
     """
     check_layout(layout)
-    fine = max(resolution, 2)  # a single triangle across an arc would degenerate
-    _check_slender(layout, fine)
     moves = symmetry_of(layout)
+    fine = max(resolution, 2)  # a single triangle across an arc would degenerate
     necks, lines, divisions = list[Line](), list[Line](), dict[str, int]()
     gradings: dict[tuple[float, float], list[complex]] = {}
     for index, joint in enumerate(layout.joints):
+        x, weights = joint.profile.quadrature
+        check_count(2 * fine**2 * float(np.sum(weights / joint.profile.height(x))), f"{joint.name} needs about")
         necks.append(Line(f"neck {index}", neck_line(joint), len(layout.bodies) + index))
         for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
             ends = end_lines(joint, side)
@@ -118,18 +119,6 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh without symmetry, then
             return _checked(layout, run_mesher(symmetric, TIME_LIMIT), divisions)
     return _checked(layout, run_mesher(job, TIME_LIMIT), divisions)
-
-
-def _check_slender(layout: Layout, resolution: int) -> None:
-    """Raise ComputationFailed for a hinge whose length per height, integrated, needs too many triangles."""
-    for joint in layout.joints:
-        x, weights = joint.profile.quadrature
-        count = 2 * resolution**2 * float(np.sum(weights / joint.profile.height(x)))
-        if count > MOST_TRIANGLES:
-            raise ComputationFailed(
-                f"{joint.name} needs about {count:.2g} triangles, expected at most {MOST_TRIANGLES:.2g}: "
-                "a coarser resolution or thicker necks are needed"
-            )
 
 
 def symmetry_of(layout: Layout) -> list[Move]:

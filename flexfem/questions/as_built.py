@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar, TypeAlias
@@ -12,11 +12,13 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
+from flexfem import arguments
 from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array, inverse
 from flexfem.fem.plate_mesh import mesh_layout
+from flexfem.fem.ports import plate_response
 from flexfem.files import refusals
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import Neck, NeckDeviation
@@ -28,11 +30,12 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import located
 from flexfem.mechanism.stage import CHAINS, HINGE_NAMES, Stage
+from flexfem.questions import plates, setup
 from flexfem.questions import warnings as warning
-from flexfem.questions.plates import PART_RESOLUTION, ElasticParts, parts_in, parts_of
-from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, about, kind_of, options
+from flexfem.questions.plates import PART_RESOLUTION, ElasticParts
+from flexfem.questions.setup import DEFAULT, ELASTIC, ELASTIC_READ, Analytic, Mesh, ModelAnswer
 from flexfem.refused import BadInput
-from flexfem.results import EXACT, SOLVED, Quantity, Result
+from flexfem.results import EXACT, SOLID, SOLVED, Progress, Quantity, Result
 from flexfem.units import MICROMETRE
 
 DRAWS, LEAST_DRAWS, SEED = 4000, 400, 2003
@@ -182,57 +185,75 @@ def _number(cell: str) -> int | float | str:
 
 def _answer(
     plate: Stage | Mechanism,
+    model: str,
     measured: Necks,
     necks: tuple[Array, Array],
-    stiffness: tuple[Array, Array],
+    stiffness: Mapping[str, Array],
     diagonals: Callable[[Array], Array],
+    mesh: Mesh | None,
+    in_depth: ModelAnswer,
     notes: Sequence[str] = (),
     **texts: Any,
 ) -> AsBuilt:
     """Return the result from necks and deviations (hinges,), and from the stiffness (3, 3) as drawn and as made.
 
     diagonals : stiffness diagonals (draws, 3) with necks thicker by (draws, hinges), mm.
+    in_depth : stiffness in three dimensions, which the scatter follows in proportion; or empty.
     """
-    (neck, sd), (drawn, made) = necks, stiffness
-    count = int(np.clip(WORK / len(neck) ** 3, LEAST_DRAWS, DRAWS)) if np.any(sd) else 2
-    scatter = sd * np.random.default_rng(SEED).normal(size=(count, len(neck)))
-    blocks = np.array_split(scatter, -(-9 * scatter.size * len(neck) // IN_MEMORY))
-    draws = np.concatenate([diagonals(block) for block in blocks])
-    solved = draws[np.all(np.isfinite(draws), axis=1)]
-    low, high = np.quantile(solved, QUANTILES, axis=0)
-    left_out = count - len(solved)
-    accuracy = (
-        f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; {count} draws: the "
-        f"standard error of the standard deviation is {100 / np.sqrt(2 * len(solved)):.2g} % of it, that of each limit "
-        f"{100 * OF_LIMITS / np.sqrt(len(solved)):.2g} % of it"
-    )
+    neck, sd = necks
     by_hinge = (3, 3) if isinstance(plate, Stage) else (len(neck),)
-    values = {
-        "stiffness": made,
-        "drawn": drawn,
-        "deviation": 100 * (np.diag(made) / np.diag(drawn) - 1),
-        "spread": np.std(solved, axis=0, ddof=1),
-        "low": low,
-        "high": high,
-        "necks": neck.reshape(by_hinge),
-        "sd": sd.reshape(by_hinge),
-        "unanswered": left_out,
-    }
-    texts["notes"] = [
-        *notes,
-        accuracy if np.any(sd) else "no standard deviation is given: the scatter is not known",
-        *[f"{left_out} draws have no solution and are excluded"] * (left_out > 0),
-    ]
-    return kind_of(AsBuilt, plate)(about(plate, files={"necks": measured}), values, **texts)
+    values = {"necks": neck.reshape(by_hinge), "sd": sd.reshape(by_hinge), **stiffness, **in_depth.values}
+    made = np.diag(values["stiffness"])
+    values["deviation"] = 100 * (made / np.diag(values["drawn"]) - 1)
+    texts["notes"] = [*notes, *["no standard deviation is given: the scatter is not known"] * (not np.any(sd))]
+    if np.any(sd):
+        count = int(np.clip(WORK / len(neck) ** 3, LEAST_DRAWS, DRAWS))
+        scatter = sd * np.random.default_rng(SEED).normal(size=(count, len(neck)))
+        blocks = np.array_split(scatter, -(-9 * scatter.size * len(neck) // IN_MEMORY))
+        draws = np.concatenate([diagonals(block) for block in blocks])
+        draws = draws[np.all(np.isfinite(draws), axis=1)] * (made / np.diag(stiffness["stiffness"]))
+        low, high = np.quantile(draws, QUANTILES, axis=0)
+        left_out = count - len(draws)
+        values |= {"spread": np.std(draws, axis=0, ddof=1), "low": low, "high": high, "unanswered": left_out}
+        texts["notes"] += [
+            f"standard deviation of each neck at most {MICROMETRE.factor * np.max(sd):.3g} um; {count} draws: the "
+            f"standard error of the standard deviation is {100 / np.sqrt(2 * len(draws)):.2g} % of it, that of each "
+            f"limit {100 * OF_LIMITS / np.sqrt(len(draws)):.2g} % of it",
+            *[f"{left_out} draws have no solution and are excluded"] * (left_out > 0),
+        ]
+    axes = {} if isinstance(plate, Stage) else {"hinge": [joint.name for joint in plate.layout.joints]}
+    kind, subject = setup.kind_of(AsBuilt, plate), setup.about(plate, files={"necks": measured})
+    settings = {"analytic model": model, **setup.meshed(mesh)}
+    return kind(subject, values, dict(in_depth.bands), axes, settings, **texts)
 
 
-def _of_mechanism(mechanism: Mechanism, necks: Path) -> AsBuilt:
+def _in_depth(
+    plate: Stage | Mechanism, mesh: Mesh | None, drawn: Stage | Layout, made: Stage | Layout, progress: Progress | None
+) -> ModelAnswer:
+    """Return the stiffness as drawn and as made in three dimensions; nothing without a mesh."""
+    if mesh is None:
+        return ModelAnswer({})
+    mesh_once = cache(mesh_layout)
+
+    def stiffness(part: Stage | Layout, resolution: int, layers: int) -> Array:
+        if isinstance(part, Stage):
+            return inverse(plates.solved(part, resolution, layers).compliance)
+        through = plates.layers_of(plate, layers)
+        return inverse(plate_response(part, mesh_once(part, resolution), through).compliance[:3, :3])
+
+    def solve(*size: int) -> dict[str, Array]:
+        return {"drawn": stiffness(drawn, *size), "stiffness": stiffness(made, *size)}
+
+    return plates.by_elements(mesh, solve, progress, whole=isinstance(plate, Stage))[SOLID]
+
+
+def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress: Progress | None) -> AsBuilt:
     layout = mechanism.layout
     drawn: dict[HingePlace, float] = {(None, joint.name): joint.profile.neck for joint in layout.joints}
     measured = read_necks(necks, drawn)
     neck, sd = measured.over(drawn)
     made = _with_necks(mechanism, neck)
-    parts = parts_in(made, mesh_layout(made, PART_RESOLUTION))
+    parts = plates.parts_in(made, mesh_layout(made, PART_RESOLUTION))
     material = made.youngs_modulus, made.poissons_ratio, made.thickness
 
     def freedoms(added: Array) -> Array:
@@ -255,9 +276,9 @@ def _of_mechanism(mechanism: Mechanism, necks: Path) -> AsBuilt:
         *[f"{unlisted} of {len(drawn)} hinges are not listed: they have the drawn neck, without deviation"]
         * (unlisted > 0),
     ]
-    stiffness = _stiffness(layout, parts_of(mechanism)), _stiffness(made, parts)
-    axes, settings = {"hinge": [joint.name for joint in layout.joints]}, {"analytic model": ELASTIC}
-    return _answer(mechanism, measured, (neck, sd), stiffness, diagonals, notes, axes=axes, settings=settings)
+    stiffness = {"drawn": _stiffness(layout, plates.parts_of(mechanism)), "stiffness": _stiffness(made, parts)}
+    deep = _in_depth(mechanism, mesh, layout, made, progress)
+    return _answer(mechanism, ELASTIC, measured, (neck, sd), stiffness, diagonals, mesh, deep, notes)
 
 
 def _stiffness(layout: Layout, parts: ElasticParts) -> Array:
@@ -277,8 +298,15 @@ def _with_necks(mechanism: Mechanism, necks: Array) -> Layout:
     return made
 
 
-@options(not_for="analytic")
-def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFAULT) -> AsBuilt:
+@setup.options(not_for="analytic")
+def as_built(
+    stage: Stage | Mechanism,
+    necks: Path,
+    *,
+    analytic: Analytic = DEFAULT,
+    layers: int | None = None,
+    progress: Progress | None = None,
+) -> AsBuilt:
     """Stiffness of a stage or mechanism with its measured necks, and its scatter due to the measurement uncertainty.
 
     Parameters
@@ -288,8 +316,9 @@ def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFA
         [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has the drawn neck.
     {shared}
     """
+    mesh = None if layers is None else Mesh(setup.usual_solid(stage), arguments.layers(layers, 3))
     if isinstance(stage, Mechanism):
-        return _of_mechanism(stage, necks)
+        return _of_mechanism(stage, necks, mesh, progress)
     warnings, hinges = list[str](), list(product(CHAINS, HINGE_NAMES))
     drawn: dict[HingePlace, float] = {hinge: stage.hinge(*hinge).neck for hinge in hinges}
     measured = read_necks(necks, drawn)
@@ -306,5 +335,6 @@ def as_built(stage: Stage | Mechanism, necks: Path, *, analytic: Analytic = DEFA
         return np.diagonal(K, axis1=1, axis2=2)
 
     warnings += warning.of_result(made, model)
-    settings, stiffness = {"analytic model": model.name}, (as_drawn.stiffness, model.stiffness)
-    return _answer(stage, measured, (neck, sd), stiffness, diagonals, settings=settings, warnings=warnings)
+    stiffness = {"drawn": as_drawn.stiffness, "stiffness": model.stiffness}
+    deep = _in_depth(stage, mesh, chosen.stage, made, progress)
+    return _answer(stage, model.name, measured, (neck, sd), stiffness, diagonals, mesh, deep, warnings=warnings)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -29,7 +29,6 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, COARSER, FRESH, SHEET, SOLVED, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS, PLANES, without_unit
 
-FLEXIBLE = 1.0  # compliance of bodies per compliance of hinges above which results warn of it
 HELD = "plane strain"  # label of the stiffer of the plane problems that bound three dimensions
 MATRIX, NECKS, BY_DIRECTION = ("model", "component", "direction"), ("model", "chain", "hinge"), ("direction", "model")
 HINGE = ("chain", "hinge")
@@ -193,7 +192,9 @@ def stiffness(
     found = plates.by_models(stage, mesh, models, of_network, of_size, progress, partial(_bands, stage))
     if mesh is not None and isinstance(stage, Stage):
         found = _with_bounds(stage, mesh, found)
-    warnings += _flexible_bodies(found)
+    if ELASTIC in found:
+        rigid, elastic = (found[model].values["free"] for model in (ANALYTIC, ELASTIC))
+        warnings += warning.of_bodies(rigid / elastic)
     last, fields = list(found.values())[-1].values, None
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
@@ -263,18 +264,6 @@ def _bands(plate: Stage | Mechanism, sizes: Array, each: list[Values], ends: Seq
         "stress": np.where(is_largest(stresses[-1], (0, 1)), band, np.nan),
         "yield_range": each[-1]["yield_range"] * band / highest[-1],
     }
-
-
-def _flexible_bodies(found: Mapping[str, ModelAnswer]) -> list[str]:
-    """Warn of bodies that are more compliant than the hinges, since no result has the stress of bodies."""
-    if not {ANALYTIC, ELASTIC} <= found.keys():
-        return []
-    ratio = found[ANALYTIC].values["free"] / found[ELASTIC].values["free"] - 1
-    axes = ", ".join(axis for axis, more in zip(DIRECTIONS, ratio, strict=True) if more > FLEXIBLE)
-    return [
-        f"in {axes}, bodies are more compliant than hinges: highest stress and range at yield are those of hinges and "
-        "leave out the stress of bodies; describe slender parts as hinges"
-    ] * bool(axes)
 
 
 def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dict[str, ModelAnswer]:
