@@ -12,7 +12,6 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
-from flexfem import arguments
 from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
@@ -316,7 +315,7 @@ def as_built(
         [[neck]]. A stage needs all nine necks; an unlisted hinge of a mechanism has the drawn neck.
     {shared}
     """
-    mesh = None if layers is None else Mesh(setup.usual_solid(stage), arguments.layers(layers, 3))
+    mesh = None if layers is None else setup.mesh_of(stage, "both", None, layers)
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, necks, mesh, progress)
     warnings, hinges = list[str](), list(product(CHAINS, HINGE_NAMES))
