@@ -724,7 +724,7 @@ def number(value: float, band: float = np.nan) -> str:
     digits = places + int(np.floor(np.log10(abs(value)))) + 1 if value else 0
     if digits > MOST_DIGITS + 2:  # the band is less than half of the last printed digit
         return short(value, f".{MOST_DIGITS}g")
-    if abs(value) >= 1e7 or places > (9 if value else 6) or digits > MOST_DIGITS:
+    if abs(value) >= 1e7 or (places > 6 and abs(value) < 1e-4) or digits > MOST_DIGITS:
         return f"{short(value, f'.{min(max(digits, 1), MOST_DIGITS)}g')} ± {short(band, '.2g')}"
     if places < 0:
         value, band, places = round(value, places), round(band, places), 0

@@ -6,16 +6,20 @@ import importlib.metadata
 import json
 import os
 import re
+from io import StringIO
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pytest
+from rich.console import Console
 
 from flexfem import sources
 from flexfem.commands import cli
+from flexfem.commands.console import print_tables
 from flexfem.mechanism.stage import load_feasible
 from flexfem.questions.case import LoadedCase
+from flexfem.results import TextTable
 
 from .conftest import COMMAND_OF
 
@@ -291,3 +295,13 @@ def test_no_command_writes_over_a_file_that_it_has_read(flexfem, monkeypatch, co
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert target in err and "which is an input of this command, expected another file" in err
     assert {path: path.read_bytes() for path in Path.cwd().rglob("*") if path.is_file()} == before
+
+
+def test_a_table_that_is_too_wide_has_narrow_gaps_or_parts_of_equal_size():
+    out = Console(file=StringIO(), width=200, color_system=None)
+    for cell, count in ((18, 3), (24, 4)):
+        rows = [["x", *["9" * cell] * count]]
+        print_tables(out, [TextTable(["row", *"abcde"[:count]], rows, 1)], 60)
+    said = [line.split() for line in out.file.getvalue().splitlines() if line]
+    assert [row for row in said if row[0] == "row"] == [["row", "a", "b", "c"], ["row", "a", "b"], ["row", "c", "d"]]
+    assert max(map(len, out.file.getvalue().splitlines())) <= 60

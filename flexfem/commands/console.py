@@ -90,14 +90,14 @@ def _print(found: Any) -> None:
         if answer := getattr(found, "answer", str)():
             out.print(answer)
         out.print(found.heading())
-        _print_tables(out, found.tables(), out.width)
+        print_tables(out, found.tables(), out.width)
         for text in found.sentences():
             out.print(text)
     elif hasattr(found, "_asdict"):
         facts, tables = record_parts(found)
         for title, text in facts:
             out.print(f"{title}:{text}" if text.startswith("\n") else f"{title}: {text}")
-        _print_tables(out, tables, out.width)
+        print_tables(out, tables, out.width)
     else:
         out.print(str(found))
     assumptions = getattr(found, "about", found)
@@ -108,7 +108,7 @@ def _print(found: Any) -> None:
         out.print(f"{text}: --json lists them")
 
 
-def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None:
+def print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None:
     """Print tables without rules, each below its caption; those wider than `width` in parts with the same rows."""
     from rich.table import Table
 
@@ -116,35 +116,32 @@ def _print_tables(out: Console, tables: Iterable[TextTable], width: int) -> None
 
     for content in tables:
         columns = [list(column) for column in zip(content.head, *content.rows, strict=True)]
-        if sum(map(_width, columns)) - GAP > width:
+        if not _fits(columns, GAP, width):
             for column in columns:
                 words = re.sub(r" (?=[^(]*\)$)", SPACE, column[0])  # a unit stays in one line
-                column[0] = fill(words, max(_width(column[1:]) - GAP, NARROWEST), break_long_words=False)
-            columns[0] = [
-                fill(cell, LONGEST, break_long_words=False) if "\n" not in cell else cell for cell in columns[0]
-            ]
+                column[0] = fill(words, max(_width(column[1:]), NARROWEST), break_long_words=False)
+            columns[0] = [fill(cell, LONGEST) if "\n" not in cell else cell for cell in columns[0]]
         names = min(content.names, len(columns) - 1) or 1
-        parts = [columns[:names]]
-        for column in columns[names:]:
-            if len(parts[-1]) > names and sum(map(_width, parts[-1])) + _width(column) - GAP > width:
-                parts.append(columns[:names])
-            parts[-1] = [*parts[-1], column]
+        for gap, count in ((GAP, 1), (1, 1), *((GAP, count) for count in range(2, len(columns)))):
+            size = -(-(len(columns) - names) // count) or 1
+            parts = [columns[:names] + columns[k : k + size] for k in range(names, len(columns), size)] or [columns]
+            if size == 1 or all(_fits(part, gap, width) for part in parts):
+                break
         out.print()
         if content.caption:
             out.print(f"{content.caption}:")
         for part in parts:
-            table = Table(
-                *(column[0] for column in part),
-                box=None,
-                padding=(0, GAP, 0, 0),
-                pad_edge=False,
-                show_header=any(content.head),
-            )
+            look: dict[str, Any] = {"box": None, "padding": (0, gap, 0, 0), "pad_edge": False}
+            table = Table(*(column[0] for column in part), **look, show_header=any(content.head))
             for row in zip(*(column[1:] for column in part), strict=True):
                 table.add_row(*row)
             out.print(table)
     out.print()
 
 
+def _fits(columns: Sequence[Sequence[str]], gap: int, width: int) -> bool:
+    return sum(_width(column) + gap for column in columns) - gap <= width
+
+
 def _width(column: Sequence[str]) -> int:
-    return max((len(line) for cell in column for line in cell.split("\n")), default=0) + GAP
+    return max((len(line) for cell in column for line in cell.split("\n")), default=0)
