@@ -14,13 +14,14 @@ from flexfem.fem.mesh import StageMesh
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.page.section import moving_svg, parts
+from flexfem.plot.style import NAMES
 from flexfem.questions.budget import budget
-from flexfem.questions.drive import drive
+from flexfem.questions.drive import DrivenElements, drive, driven_elements
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness
 from flexfem.results import ANALYTIC, ELEMENTS, SPACE, Result, TextTable, number
-from flexfem.units import DIRECTIONS, PLANES
+from flexfem.units import DIRECTIONS, PLANES, Direction
 
 Ask: TypeAlias = Callable[[Callable[..., Any]], Any]  # answers a question about the subject of a page, once
 ENDS = partial(reach, models="analytic")
@@ -32,6 +33,7 @@ AT_REST = {
     "yield_force": "force at yield",
     "stress": "highest stress per displacement",
 }
+COARSE = 2  # triangles across a neck, for the motions by actuators, which are only drawn
 MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to stop or start it."
 
 
@@ -61,6 +63,11 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
             ends = [ask(ENDS).texts("ends", others="zero", end=end, model=ANALYTIC) for end in ("low", "high")]
             cells = map(" to ".join, zip(*ends, strict=True))
             rows.append(["range of the drive, others at zero, by the analytic model", *cells])
+            if meshed:
+                elements = driven_elements(subject, COARSE)
+                for axis in DIRECTIONS:
+                    caption, field = f"Motion in {NAMES[axis]} by the actuators.", driven_field(elements, axis)
+                    figures.append(_moving(axis, caption, elements.mesh, field, True))
     elif actuators := at_rest.axes.get("actuator", ()):
         driven, output = ask(drive), subject.layout.points[0][0]
         for name in actuators:
@@ -103,6 +110,13 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
         named = analytic if label == ANALYTIC else label
         rows.append([f"error of the stiffness, others held, by the analytic model ({named})", *errors])
     return rows
+
+
+def driven_field(elements: DrivenElements, direction: Direction) -> Array:
+    """Return the displacements (n, 2), mm, for a unit pose along a direction by the strokes of least energy."""
+    system, lever, load = elements.system, elements.stage.chain.link_lengths[2], np.zeros(3)
+    strokes = system.commands(np.eye(3)[DIRECTIONS.index(direction)], load, lever, "least energy")
+    return np.asarray(np.tensordot(system.moved(strokes, load).force, elements.fields[3:], axes=1))
 
 
 def _moving(name: str, caption: str, mesh: StageMesh, field: Array, swings: bool) -> Markup:

@@ -355,7 +355,7 @@ def _drawing_section(
     pairs = [pair for pair in pairs if not (pair[0] == "sources" and pair[1].startswith("\n"))]  # in another section
     kind = type(subject).__name__.lower()
     figure = shown_figure(
-        "drawing", partial(drawing_figure, subject), f"Drawing to scale of {subject.name}", table(tables[0])
+        "drawing", partial(drawing_figure, subject, small=True), f"Drawing to scale of {subject.name}", table(tables[0])
     )
     listed = folded("Dimensions, material and parts", facts(pairs), *map(table, tables[1:]))
     return section(kind, f"The {kind}", opened(figure), notes(checked.warnings), listed)

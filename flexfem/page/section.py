@@ -141,9 +141,7 @@ def inline_svg(figure: Figure, name: str) -> Markup:
     text = COLOUR.sub(r"var(--c\1, #\1)", text)
     (left, low), (right, high) = drawn_box(figure) * POINTS
     box = left - PAD, figure.get_figheight() * POINTS - high - PAD, right - left + 2 * PAD, high - low + 2 * PAD
-    opening = (
-        f'<svg class="drawn" style="max-width: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'
-    )
+    opening = f'<svg class="drawn" style="--wide: {box[2] / 0.75:.0f}px" viewBox="{" ".join(f"{x:.1f}" for x in box)}"'
     text = re.sub(r'<svg\b|\s(width|height|viewBox)="[^"]*"', lambda m: "" if m[1] else opening, text, count=4)
     rect = Markup('<rect x="{:.2f}" y="{:.2f}" width="{:.2f}" height="{:.2f}"><title>{}</title></rect>').format
     targets = [rect(*low, *(high - low), text) for low, high, text in _targets(figure) if np.isfinite(high + low).all()]

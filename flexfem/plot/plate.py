@@ -48,6 +48,7 @@ HATCH = "#9AA2AB"
 CROSS = 0.07  # length of the axes at the output relative to the size
 MANY = 40  # labels above which they are small
 WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
+SMALLEST, LABEL_AREA = 5.2, 1.5  # width of a small drawing, in, and its area for each label, in^2
 COLUMNS, CELL_HEIGHT = 4, 1.5  # drawings per row below a front, height of each, in
 
 
@@ -179,8 +180,11 @@ def _path(shape: Any) -> Path:
 
 
 @in_house_style
-def drawing_figure(plate: Stage | Mechanism, layout: Layout | None = None) -> Figure:
-    """Draw a page as `plot_plate`, and in its header data of the plate and the meaning of the marks."""
+def drawing_figure(plate: Stage | Mechanism, layout: Layout | None = None, small: bool = False) -> Figure:
+    """Draw a page as `plot_plate`, and in its header data of the plate and the meaning of the marks.
+
+    small : as small as the labels allow, so that they are legible on narrow screens.
+    """
     drawn = layout or plate.layout
     facts = [f"thickness {drawn.thickness:.6g} {LENGTH}", plate.material.name]
     marks = {
@@ -200,11 +204,14 @@ def drawing_figure(plate: Stage | Mechanism, layout: Layout | None = None) -> Fi
         elif plate.chains_alike:
             key += "; hinges are labelled on chain 1: chains 2 and 3 are the same, turned by 120 and 240 degrees"
     wide, high = np.ptp(np.reshape(shapely.total_bounds(plate_polygon(drawn)), (2, 2)), axis=0)
-    room = 0.14 * max(wide, high)
-    height = float(np.clip((WIDTH - 0.6) * (high + room) / (wide + room), LOWEST, HIGHEST)) + 0.5
+    room, width = 0.14 * max(wide, high), WIDTH
+    if small:
+        parts = 0 if isinstance(plate, Stage) else len([*_marks(drawn)])
+        width = float(np.clip(np.sqrt(LABEL_AREA * parts * wide / high), SMALLEST, WIDTH))
+    height = float(np.clip((width - 0.6) * (high + room) / (wide + room), LOWEST * width / WIDTH, HIGHEST)) + 0.5
     plot = partial(plot_plate, plate=plate, layout=layout)
     lines = [f"{text[:1].upper()}{text[1:]}." for text in ("; ".join(facts), key)]
-    return page((WIDTH, height), f"{plate.name}: drawing", lines, plot, plate)
+    return page((width, height), f"{plate.name}: drawing", lines, plot, plate)
 
 
 def front_page(

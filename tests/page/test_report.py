@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 import flexfem
 from flexfem.page import report as page_of_files
-from flexfem.page.key import rows_at_rest
+from flexfem.page.key import driven_field, rows_at_rest
 from flexfem.page.report import SECTIONS, STANDARD, command_line, report
 from flexfem.page.section import (
     PageSection,
@@ -30,9 +30,11 @@ from flexfem.page.section import (
     table,
 )
 from flexfem.plot.style import house_style
+from flexfem.questions.drive import driven_elements
 from flexfem.questions.stiffness import Stiffness
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, About, TextTable
+from flexfem.units import DIRECTIONS
 
 from ..conftest import ROOT
 from ..design.recorded import recorded
@@ -314,6 +316,17 @@ def test_a_moving_outline_has_the_points_of_the_mesh_at_both_ends():
     across = [560 * (0.8 + x) / 11.6 for x in (0.0, 10.0, 10.7, 9.3)]
     assert {f"{across[0]:.1f},{across[1]:.1f}", f"{across[2]:.1f},{across[0]:.1f}"} <= right and len(right) == 8
     assert f"{across[3]:.1f},{across[0]:.1f}" in left and f"{across[1]:.1f},{across[1]:.1f}" not in left
+
+
+@pytest.mark.parametrize("direction", DIRECTIONS)
+def test_the_motion_by_the_actuators_of_a_stage_is_that_of_the_platform_in_one_direction(direction):
+    elements = driven_elements(flexfem.load(STAGE), 2)
+    nodes, field = elements.mesh.nodes, driven_field(elements, direction)
+    hub = np.hypot(*nodes.T) < 8.0 + 1e-6
+    x, y = nodes[hub].T
+    expected = {"x": [1 + 0 * x, 0 * x], "y": [0 * x, 1 + 0 * x], "theta": [-y, x]}[direction]
+    assert np.count_nonzero(hub) >= 12
+    np.testing.assert_allclose(field[hub], np.transpose(expected), atol=1e-6 * np.max(np.abs(expected)))
 
 
 def test_key_results_are_those_of_finite_elements_with_errors_of_the_analytic_model():

@@ -23,7 +23,7 @@ def test_every_unit_has_its_size() -> None:
     for unit in UNITS.values():
         assert unit.factor == pytest.approx(1 / SIZES[unit.name], rel=1e-15), unit
     for path, key in keys().items():
-        assert key.unit == pytest.approx(SIZES[unit_of(path).name], rel=1e-15), path
+        assert key.number.factor == pytest.approx(SIZES[unit_of(path).name], rel=1e-15), path
 
 
 def test_the_unit_of_a_column_or_key_is_what_its_name_ends_in() -> None:
