@@ -34,7 +34,7 @@ from flexfem.questions.bands import stress_bands
 from flexfem.questions.setup import DEFAULT, Analytic, ModelAnswer, Models, for_mechanisms
 from flexfem.refused import BadInput
 from flexfem.results import ANALYTIC, ELEMENTS, STRESS, Gate, Progress, Quantity, Result
-from flexfem.units import COMMANDS, Unit, short
+from flexfem.units import COMMANDS, short
 
 LARGEST_FACTOR = 1e9  # largest multiple of the amplitude in the search for a life
 LARGEST_POSE = 1e2  # mm, rad
@@ -144,9 +144,8 @@ def lives(cycles: StressCycles, fatigue: Array, yield_strength: Array, motion: C
 
 def preload_warnings(stage: Stage) -> list[str]:
     """Warn that lives exclude preloads which stress the necks, those of single stacks."""
-    if all(actuator.pair or not actuator.preload for actuator in stage.actuator):
-        return []
-    return ["this life excludes the mean stress by preloads of single stacks"]
+    unbalanced = any(actuator.preload and not actuator.pair for actuator in stage.actuator)
+    return ["this life excludes the mean stress by preloads of single stacks"] * unbalanced
 
 
 def factor_at(stress: StressCycles, law: Basquin, life: float, proportional: bool) -> float:
@@ -200,7 +199,12 @@ class Fatigue(NamedTuple):
     def settings(self) -> dict[str, str]:
         """Material and motion as settings of a result."""
         poses = {"amplitude": self.motion.amplitude, "about": self.motion.mean}
-        texts = {name: ", ".join(map(_with_unit, pose, COMMANDS)) for name, pose in poses.items()}
+        texts = {
+            name: ", ".join(
+                f"{value * unit.factor:z.5g} {unit.plain}" for value, unit in zip(pose, COMMANDS, strict=True)
+            )
+            for name, pose in poses.items()
+        }
         return {"material": self.material.name, **texts, "wanted cycles": short(self.motion.cycles)}
 
     def values(self, stress: StressCycles, *shape: int) -> dict[str, Any]:
@@ -395,10 +399,6 @@ def _law(stage: Stage | Mechanism, fit: Path | None, law: Basquin | BasquinFit |
 
 def _of_cycles(ends: tuple[float, float]) -> str:
     return f"{short(ends[0], '.4g')} to {short(ends[1], '.4g')} cycles"
-
-
-def _with_unit(value: float, unit: Unit) -> str:
-    return f"{value * unit.factor:z.5g} {unit.plain}"
 
 
 def _described_fit(law: BasquinFit) -> str:

@@ -8,6 +8,7 @@ these programs bound it. Once every plane of the hull is a supporting plane, hul
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
@@ -73,6 +74,7 @@ class MechanismReach(Reach, mechanism=True):
         "motion relative to zero strokes; others: the other two directions, free, or held at zero by at least three "
         "actuators",
     )
+    ends = replace(Reach.ends, scale="all")  # all components of an end may be round-off
 
 
 class NothingAllowed(Exception):  # noqa: N818
