@@ -45,6 +45,7 @@ from flexfem.units import DEGREE, LENGTH, STRESS
 
 HINGE, DRIVE, MASS = "#C25500", "#0072B2", "#007A58"
 HATCH = "#9AA2AB"
+COARSE = 2e-4  # deviation of a drawn polygon, per extent
 CROSS = 0.07  # length of the axes at the output relative to the size
 MANY = 40  # labels above which they are small
 WIDTH, LOWEST, HIGHEST = 8.27, 3.0, 9.0  # in, of a page and of the drawing on it
@@ -174,8 +175,9 @@ def _fill(ax: Axes, polygon: Any, colour: str, hatch: str = "") -> None:
 
 
 def _path(shape: Any) -> Path:
-    """Path of one or several polygons with holes."""
-    rings = [ring for part in shapely.get_parts(shape) for ring in (part.exterior, *part.interiors)]
+    """Path of one or several polygons with holes, with few points, to keep vector files small."""
+    parts = shapely.get_parts(shapely.simplify(shape, COARSE * extent(shape)))
+    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
     return Path.make_compound_path(*(Path(ring.coords, closed=True) for ring in rings))
 
 
