@@ -344,7 +344,7 @@ class Asked(Sourced):
     """Requests the range of a drive"""
     frequencies: Frequencies | None = None
     """Requests natural frequencies in the plane, with or without a payload; the table may be empty. Factors can then
-    set `material.density_kg_m3`. Every design is drawn, some 5 ms each. Not with `three_dimensional`"""
+    set `material.density_kg_m3`. Every design is drawn, some 10 ms each. Not with `three_dimensional`"""
     life: LifeTable | None = None
     """Requests fatigue lives at an amplitude of the pose. The material needs fatigue constants, which factors can then
     set. Not with `three_dimensional`"""
