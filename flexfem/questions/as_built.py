@@ -227,23 +227,23 @@ def _answer(
 
 
 def _in_depth(
-    plate: Stage | Mechanism, mesh: Mesh | None, drawn: Stage | Layout, made: Stage | Layout, progress: Progress | None
+    plate: Stage | Mechanism, mesh: Mesh | None, pair: tuple[Stage | Layout, Stage | Layout], progress: Progress | None
 ) -> ModelAnswer:
     """Return the stiffness as drawn and as made in three dimensions; nothing without a mesh."""
-    if mesh is None:
-        return ModelAnswer({})
     mesh_once = cache(mesh_layout)
 
-    def stiffness(part: Stage | Layout, resolution: int, layers: int) -> Array:
-        if isinstance(part, Stage):
-            return inverse(plates.solved(part, resolution, layers).compliance)
-        through = plates.layers_of(plate, layers)
-        return inverse(plate_response(part, mesh_once(part, resolution), through).compliance[:3, :3])
+    def solve(resolution: int, layers: int) -> dict[str, Array]:
+        solutions = (  # one after the other, because of their memory
+            plates.solved(part, resolution, layers)
+            if isinstance(part, Stage)
+            else plate_response(part, mesh_once(part, resolution), plates.layers_of(plate, layers))
+            for part in pair
+        )
+        drawn, made = (inverse(solution.compliance[:3, :3]) for solution in solutions)
+        return {"drawn": drawn, "stiffness": made}
 
-    def solve(*size: int) -> dict[str, Array]:
-        return {"drawn": stiffness(drawn, *size), "stiffness": stiffness(made, *size)}
-
-    return plates.by_elements(mesh, solve, progress, whole=isinstance(plate, Stage))[SOLID]
+    whole = isinstance(plate, Stage)
+    return plates.by_elements(mesh, solve, progress, whole=whole)[SOLID] if mesh else ModelAnswer({})
 
 
 def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress: Progress | None) -> AsBuilt:
@@ -276,7 +276,7 @@ def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress
         * (unlisted > 0),
     ]
     stiffness = {"drawn": _stiffness(layout, plates.parts_of(mechanism)), "stiffness": _stiffness(made, parts)}
-    deep = _in_depth(mechanism, mesh, layout, made, progress)
+    deep = _in_depth(mechanism, mesh, (layout, made), progress)
     return _answer(mechanism, ELASTIC, measured, (neck, sd), stiffness, diagonals, mesh, deep, notes)
 
 
@@ -335,5 +335,5 @@ def as_built(
 
     warnings += warning.of_result(made, model)
     stiffness = {"drawn": as_drawn.stiffness, "stiffness": model.stiffness}
-    deep = _in_depth(stage, mesh, chosen.stage, made, progress)
+    deep = _in_depth(stage, mesh, (chosen.stage, made), progress)
     return _answer(stage, model.name, measured, (neck, sd), stiffness, diagonals, mesh, deep, warnings=warnings)

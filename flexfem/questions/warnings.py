@@ -80,16 +80,6 @@ def of_yield(stress: float, yield_strength: float, where: str) -> Warnings:
     )
 
 
-def of_bodies(ratio: Array) -> Warnings:
-    """Warn of bodies more compliant than the hinges; `ratio` (3,): stiffness with rigid over that with elastic bodies.
-
-    No result has the stress of bodies.
-    """
-    axes = ", ".join(axis for axis, value in zip(DIRECTIONS, ratio, strict=True) if value > 2)
-    hinges = "highest stress and range at yield are those of hinges; describe slender parts as hinges"
-    return _when(axes, f"in {axes}, bodies are more compliant than hinges: {hinges}")
-
-
 def of_motion(stage: Stage, pose: Array, where: str) -> Warnings:
     """Warn of a platform displacement (3,), mm, mm, rad, outside the range of the linear solution."""
     shortest = min(stage.chain.link_lengths)
