@@ -7,7 +7,7 @@ import math
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
@@ -57,20 +57,13 @@ def plain(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
-def show(found: Any, as_json: bool, say: Callable[[Any], None] | None = None) -> None:
-    """Print the result of a command as JSON, or by the function `say`, by default as tables and lines."""
+def show(found: Any, as_json: bool) -> None:
+    """Print the result of a command as JSON, or as tables and lines."""
     if as_json:
         print(json.dumps(plain(found), indent=1, allow_nan=False))
-    elif say is not None:
-        say(found)
     else:
         for result in found if isinstance(found, list) else [found]:
             _print(result)
-
-
-def show_written(paths: Sequence[Path], as_json: bool, **others: Any) -> None:
-    """Print the paths of the written files."""
-    show({"written": [str(path) for path in paths], **others}, as_json, lambda data: print(*data["written"], sep="\n"))
 
 
 def _print(found: Any) -> None:

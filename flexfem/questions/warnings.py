@@ -10,7 +10,7 @@ from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.outlines import polygon_points
+from flexfem.mechanism.plate import extent, plate_polygon
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
@@ -160,8 +160,7 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
         kind, across, neck = "stage", float(envelope(lower(plate))[0]), float(np.min(lower(plate).neck))
         angles = max(map(abs, plate.chain.joint_angles)) <= np.deg2rad(2 * np.pi)
     else:
-        outlines = [polygon_points(body.outline) for body in plate.layout.bodies]
-        kind, across, angles = "mechanism", float(np.max(np.ptp(np.concatenate(outlines), axis=0))), False
+        kind, across, angles = "mechanism", extent(plate_polygon(plate.layout)), False
         neck = min((joint.profile.neck for joint in plate.layout.joints), default=np.inf)
     strength, density, thickness = plate.material.yield_strength, plate.material.density, plate.thickness
     strain, flat = strength / plate.material.youngs_modulus, f"thickness_mm = {thickness:g} is below a thousandth of"
