@@ -22,6 +22,7 @@ from flexfem.mechanism.profiles import Curve, backwards, mapped
 from flexfem.refused import BadInput
 
 TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost
+SMALL = 1e-4  # the same per size of a small plate
 REACHED = 1e-6  # mm, between the end of a hinge and its body
 STEP = np.pi / 512  # rad, of the polygons of parts: 0.5 um from an arc of 100 mm
 GRID = 1e-6  # mm, of the coordinates of a whole plate, whose parts differ by round-off where they meet
@@ -103,17 +104,18 @@ def check_layout(layout: Layout) -> None:
     bodies = [_checked_polygon(layout, index) for index in range(len(layout.bodies))]
     shapely.prepare(bodies)
     outlines = bodies + [joint_polygon(joint) for joint in layout.joints]
+    touching = min(TOUCHING, SMALL * extent(outlines))
     for joint in layout.joints:
         _check_ends(layout, joint, bodies)
     parts, ranges = [*layout.bodies, *layout.joints], (ALONG[INSIDE], ALONG * (1 - REACHED))
     inner = [[joint_polygon(joint, shares) for shares in ranges] for joint in layout.joints]
-    found = shapely.STRtree(outlines).query(np.array(outlines), predicate="dwithin", distance=TOUCHING)
+    found = shapely.STRtree(outlines).query(np.array(outlines), predicate="dwithin", distance=touching)
     for i, j in found.T[found[0] < found[1]].tolist():
         one, other = parts[i], parts[j]
         if isinstance(other, Joint) and i in other.bodies:
             side, within = inner[j - len(bodies)]
             apart = not shapely.intersects(bodies[i], within)  # a hundred times as fast as the common area
-            if not shapely.dwithin(bodies[i], side, TOUCHING) and (apart or _common(bodies[i], outlines[j]) < SLIVER):
+            if not shapely.dwithin(bodies[i], side, touching) and (apart or _common(bodies[i], outlines[j]) < SLIVER):
                 continue
             raise BadInput(f"{_key(other)}: touches {one.name} along its side, expected a higher cut")
         shared = _common(outlines[i], outlines[j])
