@@ -232,7 +232,7 @@ def keeps_ends(verified: Proof, side: float = 1.0) -> bool:
 def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
     """Verify a design (d,) by finite elements, and find the corrections that make the model agree with them there.
 
-    The band of a quantity is the sum of its changes with the bands of the columns that it uses.
+    The band of a quantity is its largest change where every column that it uses is at an end of its band.
     """
     (solved_columns, widths), sampled = solver.columns(values), verified_quantiles(model, solver, values)
     of_model = model.columns(values[None])[0]
@@ -251,10 +251,16 @@ def proof(model: Model, solver: ElementSolver, values: Array) -> Proof:
 
     q = quantities(columns)
 
+    def moved(widths: Mapping[str, float], signs: Iterable[float]) -> Array:
+        return quantities(columns | {n: columns[n] + s * widths[n] for n, s in zip(widths, signs, strict=True)})
+
     def effect(widths: Mapping[str, Any]) -> Array:
-        """Return the sum (q,) of the changes of the quantities with each of some columns."""
-        changed = [columns | {name: columns[name] + float(width)} for name, width in widths.items() if name in columns]
-        return np.asarray(np.sum([np.abs(quantities(each) - q) for each in changed], axis=0) + 0.0 * q)
+        """Return the largest change (q,) of each quantity with some columns at either end of their widths."""
+        widths = {name: float(width) for name, width in widths.items() if name in columns}
+        alone = np.eye(len(widths))
+        slopes = [np.where(moved(widths, signs) < moved(widths, -signs), -1, 1) for signs in alone]
+        ends = [[moved(widths, side * signs)[k] for side in (-1, 1)] for k, signs in enumerate(np.transpose(slopes))]
+        return np.max(np.abs(ends - q[:, None]), axis=1) if ends else 0.0 * q
 
     round_off = ROUND_OFF * effect(outputs.sizes_of({name: np.array(x) for name, x in columns.items()}))
     sampling, bands = effect(half_widths), np.maximum(effect(widths), ROUND_OFF_RATIO * round_off)

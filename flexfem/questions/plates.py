@@ -35,7 +35,7 @@ from flexfem.units import DIRECTIONS
 
 PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
-PEAK_BAND = 0.02  # least relative band of a highest stress at resolution 8, see `value_bands`
+PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
 PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force")
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command

@@ -130,6 +130,16 @@ def test_a_model_agrees_with_an_objective_of_zero_that_it_misses_by_less_than_it
     assert (of.gap == 0) is agrees
 
 
+def test_equal_columns_add_their_bands_in_a_sum_but_not_in_a_maximum(load):
+    """Stiffness in X and Y of a stage with three equal chains are equal, and so are their bands."""
+    pieces = [best("maximise", wanted.format("kxx_n_per_mm", "kyy_n_per_mm")) for wanted in ("max({}, {})", "{} + {}")]
+    one, larger, total = (
+        proof(Model(loaded), Softer(loaded, Counter()), np.array([0.5])).bands[0]
+        for loaded in (load(NECK, piece) for piece in (STIFFEST, *pieces))
+    )
+    assert one > 0 and [larger / one, total / one] == pytest.approx([1, 2], rel=1e-6)
+
+
 def test_a_record_warns_of_a_life_beyond_the_cycles_of_its_law(load):
     """At 2 % more than an amplitude for 1e7 cycles the life is beyond 1e6, to which Basquin's law is taken to hold."""
     head = HEAD.replace(str(REFERENCE), str(ROOT / "cases/stage-2024.toml"))
