@@ -631,7 +631,7 @@ def of_stage(stage: Stage, mobility: int) -> Iterator[tuple[str, Array]]:
     for drive, hinges in (("joints", commanded_hinges(mobility)), ("strokes", ())):
         if hinges or stage.actuator:
             commanded = imposed(stage, analyse(stage, mobility), drive)
-            driven = elements(stage, RESOLUTION, hinges).response.compliance
+            driven = elements(stage, RESOLUTION, hinges).compliance
             yield f"{drive} commanded instead of the platform", error_matrix(np.eye(3), commanded.poses(driven), lever)
 
 
