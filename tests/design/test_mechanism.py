@@ -34,6 +34,7 @@ def sharp(tmp_path):
     return path
 
 
+@pytest.mark.slow
 def test_the_shortest_leaves_of_a_stiffness_are_those_of_the_closed_form(load, sharp):
     """Guided leaves in parallel: 1 / k = (L^3 / (12 E I) + 6 L / (5 G A)) / 2, with E = 71.7 GPa and nu = 0.33."""
     E, G, A, second = 71_700.0, 71_700.0 / 2.66, 5.0, 10.0 * 0.5**3 / 12
@@ -46,6 +47,7 @@ def test_the_shortest_leaves_of_a_stiffness_are_those_of_the_closed_form(load, s
     assert optimum(stepped).values.item() == 0.5 * np.ceil(2 * length)
 
 
+@pytest.mark.slow
 def test_designs_whose_parts_touch_are_refused_and_the_search_goes_on(load):
     """The roots of two leaves are each 0.5 mm + 2 x 0.5 mm high: nearer than 1.5 mm they are one."""
     near = '[[free]]\nkey = "parameters.distance_mm"\nfrom = 0.25\nto = 20.0\nstep = 0.25\n'

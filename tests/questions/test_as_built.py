@@ -161,6 +161,7 @@ def test_leaves_guide_with_the_sum_of_their_cubes_and_carry_with_the_sum_of_thei
     assert "spread" not in found.values
 
 
+@pytest.mark.slow
 def test_leaves_thicker_than_drawn_are_as_much_stiffer_in_three_dimensions(guide, tmp_path):
     """The deviation is that of the cubes, and the stiffness that of wide leaves, which cannot bend across."""
     flat, deep = (as_made(guide, tmp_path, dict.fromkeys(LEAVES, 550), layers=n) for n in (None, 3))

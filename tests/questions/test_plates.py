@@ -93,6 +93,7 @@ def test_a_hinge_with_too_many_triangles_is_refused_before_it_is_meshed():
         flexfem.stiffness(Mechanism.model_validate(GUIDE | {"hinge": hinges}), models="elements")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("question", ["stiffness", "drift"])
 def test_bands_of_hinge_stresses_contain_those_of_a_much_finer_mesh(question):
     """Small fillets, where coarse meshes agreed by chance, and ends on rigid ground, where the stress is singular."""
