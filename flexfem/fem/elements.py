@@ -279,14 +279,19 @@ def assembled(pairs: Pairs, blocks: Iterable[Array], line: Layers) -> sp.csr_arr
         found = block.reshape(chosen.size, -1)[np.flatnonzero(chosen)]  # four times faster than a mask
         parts[:, at : at + len(found)] = found.T
         first, at = first + len(block), at + len(found)
-    plane = np.array([np.bincount(pairs.number, part) for part in parts]).reshape(len(matrices), axes, axes, -1)
+    plane = np.array([np.bincount(pairs.number, part) for part in parts])
     del parts  # frees its memory
-    whole = np.einsum("labp,lkm->pkamb", plane, matrices, optimize=True)
-    whole = whole.reshape(len(pairs.columns), len(psi) * axes, -1)[:, free[:, None], free]
-    diagonal = pairs.starts[1:] - 1
-    whole[diagonal] = np.tril(whole[diagonal])
-    lower = sp.csr_array(sp.bsr_array((whole, pairs.columns, pairs.starts)))
-    lower.eliminate_zeros()  # above the diagonal, and of nodes of the line that share no layer
+    node, axis = np.divmod(free, axes)  # of the unknowns of a node of the plane
+    i, j = np.nonzero(((psi != 0).astype(float) @ (psi != 0).T)[np.ix_(node, node)])  # their nodes share a layer
+    factors = np.zeros((len(matrices), axes, axes, len(i)))
+    factors[:, axis[i], axis[j], np.arange(len(i))] = matrices[:, node[i], node[j]]
+    values = plane.T @ factors.reshape(len(plane), -1)
+    values[np.ix_(pairs.starts[1:] - 1, j > i)] = 0.0  # above the diagonal
+    count, size = len(pairs.starts) - 1, len(free)
+    rows = np.repeat(size * np.arange(count, dtype=np.int32), np.diff(pairs.starts))[:, None] + i.astype(np.int32)
+    columns = size * pairs.columns[:, None] + j.astype(np.int32)
+    lower = sp.coo_array((values.ravel(), (rows.ravel(), columns.ravel())), shape=(size * count, size * count)).tocsr()
+    lower.eliminate_zeros()
     return lower
 
 
