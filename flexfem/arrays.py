@@ -59,8 +59,11 @@ def inverse(A: Array) -> Array:
 
 
 def free_stiffness(stiffness: Array) -> Array:
-    """Return `1 / C_ii` (n,), the stiffness in each direction with the others free; `K_ii` is that with them held."""
-    return np.asarray(1 / np.diag(np.linalg.inv(stiffness)))
+    """Return `1 / C_ii` (..., n), the stiffness in each direction with the others free, of stiffnesses (..., n, n).
+
+    `K_ii` is that with them held.
+    """
+    return np.asarray(1 / np.diagonal(np.linalg.inv(stiffness), axis1=-2, axis2=-1))
 
 
 def _inverse_3x3(a: Array) -> Array:

@@ -16,8 +16,9 @@ from flexfem.plot.style import COLOURS, GREY, INK, MARKERS, NAMES, PALE, panels,
 from flexfem.plot.text import scientific, significant
 from flexfem.questions.experiment import NOT_THE_PAPERS, Experiment
 from flexfem.questions.identify import CAUSES, Identification
-from flexfem.questions.life import Life
-from flexfem.results import ANALYTIC
+from flexfem.questions.life import LEFT_OUT, Life
+from flexfem.questions.setup import ELASTIC
+from flexfem.results import ANALYTIC, ELEMENTS
 from flexfem.units import COMPLIANCES, DIRECTIONS, FORCES, MICROMETRE, STIFFNESSES, STRESS, Direction, unit_for
 
 FIT_LINE: Any = {"color": INK, "linewidth": 1.3}
@@ -134,24 +135,36 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
 
 @style.in_house_style
 def life_figure(found: Life) -> Figure:
-    """Draw the S-N curve with the necks of both models on it."""
+    """Draw the S-N curve with the hinges of all models on it."""
     settings, first = found.settings, []
     for model, life, stress in zip(found.axes["model"], found.life, found.equivalent, strict=True):
         cycles = "infinite life" if np.isinf(life) else f"{significant(life, 3)} cycles"
-        chain, hinge = divmod(int(np.argmax(is_largest(stress))), 3)
-        first.append(f"{model.capitalize()}: {cycles}, first at the {HINGE_NAMES[hinge]} hinge of chain {chain + 1}")
-    law, *_, left_out = found.notes
+        first.append(
+            f"{model.capitalize()}: {cycles}, first at {_hinge_name(found, int(np.argmax(is_largest(stress))))}"
+        )
     motion = f"amplitude {settings['amplitude']} about {settings['about']}".replace(" um", f" {MICROMETRE}")
+    left_out = f"{LEFT_OUT[0].upper()}{LEFT_OUT[1:]}"
+    if "notch sensitivity" in settings:  # of notches of a stage
+        left_out += f"; notch sensitivity {settings['notch sensitivity']:g}"
     lines = [
         f"{settings['material']}; {motion}. {'. '.join(first)}.",
-        f"{law}. {left_out[0].upper()}{left_out[1:]}; notch sensitivity {settings['notch sensitivity']:g}.",
+        f"{found.notes[0]}. {left_out}.",
     ]
-    title = f"{found.about.name}: fatigue life of the necks"
+    title = f"{found.about.name}: fatigue life of the hinges"
     return style.page((10.6, 5.2), title, lines, partial(plot_life, found=found), found.about)
 
 
+def _hinge_name(found: Life, number: int) -> str:
+    """Return the name of a hinge by its number, chain by chain."""
+    hinges = found.axes["hinge"]
+    if "chain" not in found.axes:
+        return f"hinge {hinges[number]}"
+    chain, hinge = divmod(number, len(hinges))
+    return f"the {hinges[hinge]} hinge of {found.axes['chain'][chain]}"
+
+
 def plot_life(ax: Axes, found: Life) -> Axes:
-    """Draw Basquin's law, dashed where extrapolated, the yield strength and the necks of every model; return `ax`."""
+    """Draw Basquin's law, dashed where extrapolated, the yield strength and the hinges of every model; return `ax`."""
     law, target, strength = found.law, float(found.settings["wanted cycles"]), found.yield_strength
     low, high = law.range
     lives = np.clip(found.cycles, REVERSAL, LONGEST_LIFE)
@@ -166,13 +179,12 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     ax.axhline(strength, color=COLOURS[1], linestyle=(0, (1, 1.5)), linewidth=1.6, label="yield strength")
     ax.axvline(target, color=GREY, linestyle=(0, (6, 2, 1, 2)), linewidth=1.1, label="required life")
     for k, model in enumerate(found.axes["model"]):
-        marks: Any = {"color": COLOURS[2], "linestyle": "none", "markersize": 5.5, "zorder": 3}
-        if model == ANALYTIC:
-            marks |= {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4}
+        if "chain" not in found.axes:
+            _plot_hinges(ax, model, lives[k], found.equivalent[k], "o", f"hinges, {model}")
+            continue
         for hinge, name in enumerate(HINGE_NAMES):
-            if np.any(shown := lives[k, :, hinge] < LONGEST_LIFE):
-                points = lives[k, shown, hinge], found.equivalent[k, shown, hinge]
-                ax.plot(*points, marker=HINGE_MARKERS[name], label=f"{name}, {model}", **marks)
+            parts = lives[k, :, hinge], found.equivalent[k, :, hinge]
+            _plot_hinges(ax, model, *parts, HINGE_MARKERS[name], f"{name}, {model}")
     beyond = int(np.sum(found.cycles >= LONGEST_LIFE))
     left_out = f"; {beyond} of {lives.size} points beyond {scientific(LONGEST_LIFE)}, not drawn" if beyond else ""
     ax.set(xscale="log", yscale="log", xlim=(left, right), xlabel=f"cycles to failure{left_out}")
@@ -182,3 +194,15 @@ def plot_life(ax: Axes, found: Life) -> Axes:
     ax.grid(which="major")
     style.legend_beside(ax)
     return ax
+
+
+def _plot_hinges(ax: Axes, model: str, lives: Array, stresses: Array, marker: str, label: str) -> None:
+    """Draw the lives (n,) of hinges by a model at their stresses (n,), MPa, without those beyond the figure."""
+    looks: dict[str, Any] = {
+        ANALYTIC: {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 9.0, "zorder": 4},
+        ELASTIC: {"color": COLOURS[0], "markerfacecolor": "none", "markersize": 6.5, "zorder": 3.5},
+        ELEMENTS: {"color": COLOURS[2], "markersize": 5.5, "zorder": 3},
+    }
+    shown = lives < LONGEST_LIFE
+    if np.any(shown):
+        ax.plot(lives[shown], stresses[shown], linestyle="none", marker=marker, label=label, **looks[model])

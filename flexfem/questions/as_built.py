@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, model_validator
 from flexfem.analytic.elastic_bodies import body_compliance
 from flexfem.analytic.model import analyse, stiffness_with_necks
 from flexfem.analytic.plates import respond
-from flexfem.arrays import Array, inverse
+from flexfem.arrays import Array, free_stiffness, inverse
 from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
 from flexfem.files import refusals
@@ -44,6 +44,8 @@ OF_LIMITS = 2.67  # standard error of these quantiles times the root of the draw
 PLAUSIBLE = (0.5, 2.0)  # measured neck / drawn neck; outside this range the unit or the hinge is probably wrong
 LARGEST_DEVIATION = 0.2  # standard deviation / neck
 IN_MEMORY = 2**21  # numbers of the matrices of networks that are solved together
+OTHERS = ("held", "free")  # the other directions of a stiffness along one
+ALONG = ("others", "direction")
 Refusal: TypeAlias = Callable[[tuple[str | int, ...], str], BadInput]  # of the keys of a value, with a text
 HingePlace: TypeAlias = tuple[int | None, str]  # chain, none in a mechanism, and name of the hinge
 
@@ -96,13 +98,19 @@ class AsBuilt(Result):
     """Stiffness of a plate with its measured necks, and its scatter due to the measurement uncertainty."""
 
     title = "stage as built"
+    main = ("deviation", {"others": "free"})
+    labels: ClassVar = {"others": OTHERS}
     columns = ("component",)
+    reading: ClassVar[tuple[str, ...]] = (
+        "others: the other two directions, held at zero, or free, as they are where one force moves the output",
+    )
     stiffness = Quantity("stiffness as built", "stiffness matrix", ("direction", "component"), EXACT, "matrix")
     drawn = Quantity("stiffness as drawn", "stiffness matrix", ("direction", "component"), EXACT, "matrix", shown=False)
-    deviation = Quantity("deviation from the drawing", "percent", ("direction",))
-    spread = Quantity("standard deviation", "stiffness", ("direction",), SOLVED)
-    low = Quantity("95 % of parts from", "stiffness", ("direction",), SOLVED)
-    high = Quantity("to", "stiffness", ("direction",), SOLVED)
+    along = Quantity("stiffness as built", "stiffness", ALONG)
+    deviation = Quantity("deviation from the drawing", "percent", ALONG)
+    spread = Quantity("standard deviation", "stiffness", ALONG, SOLVED)
+    low = Quantity("95 % of parts from", "stiffness", ALONG, SOLVED)
+    high = Quantity("to", "stiffness", ALONG, SOLVED)
     necks = Quantity("neck", "um", ("chain", "hinge"), shown=False)
     sd = Quantity("standard deviation of the neck", "um", ("chain", "hinge"), shown=False)
     unanswered = Quantity("draws without a solution", shown=False)
@@ -188,7 +196,7 @@ def _answer(
     measured: Necks,
     necks: tuple[Array, Array],
     stiffness: Mapping[str, Array],
-    diagonals: Callable[[Array], Array],
+    redrawn: Callable[[Array], Array],
     mesh: Mesh | None,
     in_depth: ModelAnswer,
     notes: Sequence[str] = (),
@@ -196,21 +204,23 @@ def _answer(
 ) -> AsBuilt:
     """Return the result from necks and deviations (hinges,), and from the stiffness (3, 3) as drawn and as made.
 
-    diagonals : stiffness diagonals (draws, 3) with necks thicker by (draws, hinges), mm.
+    redrawn : stiffness (draws, 3, 3) with necks thicker by (draws, hinges), mm.
     in_depth : stiffness in three dimensions, which the scatter follows in proportion; or empty.
     """
     neck, sd = necks
     by_hinge = (3, 3) if isinstance(plate, Stage) else (len(neck),)
     values = {"necks": neck.reshape(by_hinge), "sd": sd.reshape(by_hinge), **stiffness, **in_depth.values}
-    made = np.diag(values["stiffness"])
-    values["deviation"] = 100 * (made / np.diag(values["drawn"]) - 1)
+    made = _along(values["stiffness"])
+    values["along"] = made
+    values["deviation"] = 100 * (made / _along(values["drawn"]) - 1)
     texts["notes"] = [*notes, *["no standard deviation is given: the scatter is not known"] * (not np.any(sd))]
     if np.any(sd):
         count = int(np.clip(WORK / len(neck) ** 3, LEAST_DRAWS, DRAWS))
         scatter = sd * np.random.default_rng(SEED).normal(size=(count, len(neck)))
         blocks = np.array_split(scatter, -(-9 * scatter.size * len(neck) // IN_MEMORY))
-        draws = np.concatenate([diagonals(block) for block in blocks])
-        draws = draws[np.all(np.isfinite(draws), axis=1)] * (made / np.diag(stiffness["stiffness"]))
+        draws = np.concatenate([redrawn(block) for block in blocks])
+        solved = draws[np.all(np.isfinite(draws), axis=(1, 2))]
+        draws = _along(solved) * (made / _along(stiffness["stiffness"]))
         low, high = np.quantile(draws, QUANTILES, axis=0)
         left_out = count - len(draws)
         values |= {"spread": np.std(draws, axis=0, ddof=1), "low": low, "high": high, "unanswered": left_out}
@@ -224,6 +234,11 @@ def _answer(
     kind, subject = setup.kind_of(AsBuilt, plate), setup.about(plate, files={"necks": measured})
     settings = {"analytic model": model, **setup.meshed(mesh)}
     return kind(subject, values, dict(in_depth.bands), axes, settings, **texts)
+
+
+def _along(stiffness: Array) -> Array:
+    """Return the stiffness (..., 2 others held or free, 3) along every direction."""
+    return np.stack([np.diagonal(stiffness, axis1=-2, axis2=-1), free_stiffness(stiffness)], axis=-2)
 
 
 def _in_depth(
@@ -262,10 +277,10 @@ def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress
 
     unchanged = freedoms(np.zeros(len(neck)))
 
-    def diagonals(added: Array) -> Array:
+    def redrawn(added: Array) -> Array:
         change = np.sqrt(freedoms(added) / unchanged)
         changed = change[..., :, None] * parts.hinges * change[..., None, :]
-        return np.diagonal(_stiffness(made, parts._replace(hinges=changed)), axis1=1, axis2=2)
+        return _stiffness(made, parts._replace(hinges=changed))
 
     unlisted = len(drawn) - len(measured.neck)
     notes = [
@@ -277,7 +292,7 @@ def _of_mechanism(mechanism: Mechanism, necks: Path, mesh: Mesh | None, progress
     ]
     stiffness = {"drawn": _stiffness(layout, plates.parts_of(mechanism)), "stiffness": _stiffness(made, parts)}
     deep = _in_depth(mechanism, mesh, (layout, made), progress)
-    return _answer(mechanism, ELASTIC, measured, (neck, sd), stiffness, diagonals, mesh, deep, notes)
+    return _answer(mechanism, ELASTIC, measured, (neck, sd), stiffness, redrawn, mesh, deep, notes)
 
 
 def _stiffness(layout: Layout, parts: ElasticParts) -> Array:
@@ -328,12 +343,11 @@ def as_built(
     as_drawn, model = (analyse(*chosen._replace(stage=variant)) for variant in (chosen.stage, made))
     links = body_compliance(made)[None] if model.links else None
 
-    def diagonals(added: Array) -> Array:
+    def redrawn(added: Array) -> Array:
         necks = lower(made).neck + added.reshape(-1, 3, 3)
-        K = stiffness_with_necks(made, necks, model.formula, model.freedoms, links)
-        return np.diagonal(K, axis1=1, axis2=2)
+        return stiffness_with_necks(made, necks, model.formula, model.freedoms, links)
 
     warnings += warning.of_result(made, model)
     stiffness = {"drawn": as_drawn.stiffness, "stiffness": model.stiffness}
     deep = _in_depth(stage, mesh, (chosen.stage, made), progress)
-    return _answer(stage, model.name, measured, (neck, sd), stiffness, diagonals, mesh, deep, warnings=warnings)
+    return _answer(stage, model.name, measured, (neck, sd), stiffness, redrawn, mesh, deep, warnings=warnings)

@@ -20,6 +20,7 @@ from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Joint
 from flexfem.mechanism.mechanism import GROUND, Mechanism
+from flexfem.mechanism.mechanism_file import PlateBody
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
 from flexfem.mechanism.plate_file import located, of_stage
 from flexfem.mechanism.profiles import FILE_KEYS
@@ -93,7 +94,7 @@ class StageReport(NamedTuple):
 
 
 class PlacedBody(NamedTuple):
-    """A body of a mechanism without the boxes cut for its hinges; `held`: fixed, or its clamped edges."""
+    """A body of a mechanism without the boxes cut for its hinges; `held`: fixed, or its clamped edges by number."""
 
     body: str
     held: str
@@ -201,11 +202,10 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
         "parameters": {key: float(value) for key, value in mechanism.parameters.items()},
         "payload": [{"mass_g": 1e6 * load.mass, "inertia_kg_mm2": 1e3 * load.inertia} for load in layout.payloads],
     }
-    held = ["fixed" if b.fixed else f"clamped at {len(b.clamped)}" if b.clamped else "" for b in layout.bodies]
-    bodies = zip(layout.bodies, held, masses, strict=False)
+    held = {key_path(("body", k), mechanism): _held(body) for k, body in enumerate(mechanism.body)}
     words = {
         key_path(("hinge", k), mechanism): hinge.shape for k, hinge in enumerate(mechanism.hinge)
-    }  # copies have the key of their original
+    }  # copies have the key of their original, as bodies have
     sources = {key: text for key, text in mechanism.sources.items() if text}
     tables = {key: [key[:k] for k, character in enumerate(key) if character in ".["] for key in sources}
     return MechanismReport(
@@ -215,7 +215,10 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
         dimensions={key: value for key, value in stated.items() if value},
         size_mm=(_rounded(extent[0]), _rounded(extent[1])),
         mass_g=sum(masses),
-        bodies=[PlacedBody(body.name, at, mass, len(body.holes)) for body, at, mass in bodies],
+        bodies=[
+            PlacedBody(body.name, held[body.key], mass, len(body.holes))
+            for body, mass in zip(layout.bodies, masses, strict=False)
+        ],
         hinges=[_profile(joint, names, words[joint.key]) for joint in layout.joints],
         points=[PlacedPoint(name, names[at.body], _place(at.point), at.radius) for name, at in layout.points],
         actuators=[
@@ -234,6 +237,16 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
         provenance={key: text for key, text in sources.items() if text not in map(sources.get, tables[key])},
         warnings=warning.of_numbers(mechanism),
     )
+
+
+def _held(body: PlateBody) -> str:
+    """Say how the ground holds a body: edges have the numbers that the file gives them, from 1."""
+    if body.fixed:
+        return "fixed"
+    edges = ", ".join(map(str, sorted(body.clamped_edges)))
+    if not edges:
+        return ""
+    return f"clamped at edge{'s' * (len(body.clamped_edges) > 1)} {edges}"
 
 
 def _profile(joint: Joint, names: list[str], shape: str) -> PlacedProfile:

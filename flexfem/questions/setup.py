@@ -42,7 +42,7 @@ from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.profiles import Leaf
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.results import AXES, ELEMENTS, SOLID, About, Progress, Result
+from flexfem.results import AXES, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
 Value = TypeVar("Value")
@@ -324,8 +324,9 @@ def answer(
             "actuator": [actuator.name for actuator in layout.actuators],
             **labels,
         }
-        stressed = any("stress" in name for model in models.values() for name in model.values)
-        warned = sharp_roots(layout) if stressed and {ELEMENTS, SOLID} & models.keys() else []
+        found = [*values, *chain.from_iterable(model.values for model in models.values())]
+        peaks = any(word in kind.quantities[name].meaning for name in found for word in ("stress", "strain"))
+        warned = sharp_roots(layout) if peaks and mesh is not None else []
         others["warnings"] = [*others.get("warnings", ()), *warned]
         others["notes"] = [*others.get("notes", ()), *[ELASTIC_READ] * (ELASTIC in models)]
     stacked, widths = stack_models(kind, models, labels)
@@ -335,10 +336,10 @@ def answer(
 
 
 def sharp_roots(layout: Layout) -> list[str]:
-    """Warn of leaves without fillets, whose stress by finite elements is singular."""
+    """Warn of leaves without fillets, whose stress and strain by finite elements are singular."""
     sharp = [joint.name for joint in layout.joints if isinstance(joint.profile, Leaf) and not joint.profile.fillet]
     named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
     return [
-        f"hinges without fillets ({named}): the stress of finite elements at their roots grows without limit as the "
-        "mesh is refined, and the range at yield falls with it; state fillet_mm"
+        f"hinges without fillets ({named}): stress and strain of finite elements at their roots grow without limit as "
+        "the mesh is refined, and the range at yield falls with them; state fillet_mm"
     ] * bool(sharp)

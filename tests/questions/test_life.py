@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 import flexfem
 from flexfem.commands import cli
 from flexfem.hinges.strength import checked_law, equivalent
-from flexfem.plot.experiment import plot_life
+from flexfem.plot.experiment import life_figure, plot_life
 from flexfem.questions.life import CyclicMotion, by_elements, by_model, cyclic_motion, factor_at
 from flexfem.questions.setup import solved
 from flexfem.results import ANALYTIC, ELEMENTS
@@ -198,6 +198,18 @@ def test_a_figure_counts_the_necks_whose_life_is_beyond_it(unlike):
         drawn = sum(len(line.get_xdata()) for line in axes.lines if ANALYTIC in line.get_label())
         assert drawn == 9 - count == np.sum(found.cycles < 1e14)
         assert axes.get_xlabel() == f"cycles to failure; {count} of 9 points beyond 1×10¹⁴, not drawn"
+
+
+def test_the_figure_of_a_mechanism_names_its_hinges_and_draws_those_of_every_model():
+    """A parallelogram of steel: two leaves, 0.1 um up to 2 mm."""
+    plate = flexfem.load(GEOMETRY / "parallelogram.toml").replace(material="steel-4340")
+    found = flexfem.life(plate, amplitude=(2.0, 0, 0), models="analytic")
+    assert found.life[0] < 1e14
+    axes = plot_life(Figure().subplots(), found)
+    (drawn,) = (line for line in axes.lines if ANALYTIC in str(line.get_label()))
+    np.testing.assert_allclose(np.sort(drawn.get_xdata()), np.sort(found.cycles[0]))
+    header = "\n".join(text.get_text() for text in life_figure(found).texts)
+    assert re.search(r"first at hinge leaf\b", header.replace("\n", " ")) and "sensitivity" not in header
 
 
 def test_a_mean_of_bending_pulls_one_surface_of_a_neck_whatever_its_sign(unlike, modelled):

@@ -9,6 +9,9 @@ import flexfem
 from flexfem.fem import structure
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.questions import plates
+from flexfem.questions.large import MechanismLarge
+from flexfem.questions.life import MechanismLife
+from flexfem.questions.setup import Mesh, answer
 from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT
@@ -181,3 +184,35 @@ def test_check_names_the_shape_that_the_file_states():
     hinges = [{**GUIDE["hinge"][0], "shape": "filleted"}, GUIDE["hinge"][1]]
     found = flexfem.check(Mechanism.model_validate({**GUIDE, "hinge": hinges}))
     assert [hinge.shape for hinge in found.hinges] == ["filleted", "leaf"]
+
+
+def test_check_names_clamped_edges_by_the_numbers_of_the_file_also_of_copies():
+    """Edge 4 of an outline of four corners goes from the last one to the first; a mirror image keeps the numbers."""
+    outline = [[-20, -8], [20, -8], [20, 0], [-20, 0]]
+    bodies = [
+        {"name": "foot", "outline_mm": outline, "clamped_edges": [4]},
+        {"name": "head", "outline_mm": [[x, y + 45] for x, y in outline[:3]] + [[-20, 45, 2]], "clamped_edges": [2, 1]},
+        GUIDE["body"][1],
+    ]
+    hinge = GUIDE["hinge"][0] | {"between": ["foot", "stage"]}
+    copied = [{"parts": ["foot", "a"], "mirror_mm": [[0, 23], [1, 23]]}]
+    content = GUIDE | {"body": bodies[::2], "hinge": [hinge], "copy": copied}
+    held = [body.held for body in flexfem.check(Mechanism.model_validate(content)).bodies]
+    assert held == ["clamped at edge 4", "", "clamped at edge 4"]
+    two = {"body": bodies[1:], "hinge": [{**GUIDE["hinge"][0], "at_mm": [0, 33], "between": ["stage", "head"]}]}
+    two["hinge"][0] |= {"length_mm": 8}
+    held = [body.held for body in flexfem.check(Mechanism.model_validate(GUIDE | two)).bodies]
+    assert held == ["clamped at edges 1, 2", ""]
+
+
+@pytest.mark.parametrize(("kind", "name", "shape"), [(MechanismLarge, "strain", 4), (MechanismLife, "peak", (1, 2))])
+def test_a_largest_strain_or_stress_at_sharp_roots_is_printed_with_the_warning_that_it_is_singular(kind, name, shape):
+    sharp = Mechanism.model_validate(GUIDE | {"hinge": [one | {"fillet_mm": 0} for one in GUIDE["hinge"]]})
+    values = {name: np.ones(shape)}
+    for plate, mesh, warned in (
+        (sharp, Mesh(4, 0), 1),
+        (sharp, None, 0),
+        (Mechanism.model_validate(GUIDE), Mesh(4, 0), 0),
+    ):
+        found = answer(kind, plate, {}, mesh, {}, values, {"model": ["any"]})
+        assert sum("hinges without fillets (a, b)" in text for text in found.warnings) == warned
