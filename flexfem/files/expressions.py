@@ -48,6 +48,23 @@ _WORD = re.compile(
 _ALLOWED = f"numbers, names (others in `backticks`), + - * / **, brackets, {', '.join(_FUNCTIONS)}"
 
 
+class Scaled(str):
+    """An expression whose value is multiplied by a factor: its unit is not that of its key."""
+
+    factor: float
+
+    def __new__(cls, text: str, factor: float) -> Scaled:
+        """Return an expression with a factor."""
+        found = super().__new__(cls, text)
+        found.factor = factor
+        return found
+
+    @property
+    def product(self) -> str:
+        """The expression times the factor, for a text that `names_in` accepts: brackets may not close an outer one."""
+        return f"({self}) * {self.factor!r}"
+
+
 class Evaluated(float):
     """The value of an expression, with its text."""
 

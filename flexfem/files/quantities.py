@@ -19,7 +19,7 @@ from pydantic import SerializationInfo, ValidationInfo, ValidatorFunctionWrapHan
 from pydantic_core import CoreSchema, core_schema
 
 from flexfem.arrays import AnyArray, Array
-from flexfem.files.expressions import Evaluated, require_names, value_of
+from flexfem.files.expressions import Evaluated, Scaled, require_names, value_of
 from flexfem.files.refusals import refusal
 from flexfem.units import NONE, UNITS
 
@@ -104,6 +104,7 @@ class Limits:
         text = value.text if isinstance(value, Evaluated) else value
         if known is not None and isinstance(text, str):
             require_names(text, known)
+            text = text.product if isinstance(text, Scaled) else text
             number = float(value_of(text, known))
             if (expected := self.expected(number)) is not None:
                 raise refusal(f"{expected}; its value is {number:g}")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, WithJsonSchema, model_validator
 
+from flexfem.files.expressions import Scaled
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import LONGEST, STATED
 from flexfem.files.refusals import checked_path, key_path, path_of, place_of, refusal, shown, suggestion
@@ -265,5 +266,5 @@ def _metric(value: Any, key: str = "") -> Any:
     if not key.endswith("_in") or isinstance(value, bool):
         return value
     if isinstance(value, str):
-        return f"({value}) * {INCH}"
+        return Scaled(value, INCH)
     return float(f"{INCH * value:.15g}") if isinstance(value, int | float) and abs(value) < LONGEST else value

@@ -296,6 +296,11 @@ def test_expressions_of_a_file_in_inches_are_in_inches_and_results_in_mm(tmp_pat
     assert longer.hinge[0].length == pytest.approx(76.2) and longer.body[1].path[0][1] == pytest.approx(81.28)
     found.save(tmp_path / "metric.toml")
     assert load_mechanism(tmp_path / "metric.toml") == found
+    file.write_text(INCHES.replace("thickness_in = 0.4", 'thickness_in = "0.1 + wide"'))
+    summed = load_mechanism(file)
+    assert summed.thickness == pytest.approx(12.7)  # 0.5 in: the factor applies to the whole sum
+    summed.save(tmp_path / "summed.toml")
+    assert load_mechanism(tmp_path / "summed.toml") == summed
 
 
 @pytest.mark.parametrize(
@@ -308,6 +313,9 @@ def test_expressions_of_a_file_in_inches_are_in_inches_and_results_in_mm(tmp_pat
         ('"in"', '"mm"', 3, "thickness_in is an unknown key, did you mean thickness_mm?"),
         ("at_in = [-0.8,", "at_in = [true,", 19, "hinge.leaf.at_mm[0] = true, expected a number"),
         ("length_in = ", "length_in = 1e5 #", 22, "hinge.leaf.length_mm = 100000.0, expected <= 10000"),
+        ("0.4\n", '"0.1) + (0.3"\n', 3, 'thickness_mm = "0.1) + (0.3", expected an expression: numbers, names'),
+        ("0.02\n", '"1) / (1)) * ((0.02"\n', 23, 'neck_mm = "1) / (1)) * ((0.02", expected an expression'),
+        ("0.4\n", '"wde"\n', 3, 'thickness_mm = "wde", expected names of parameters, not "wde", did you mean wide?'),
     ],
 )
 def test_mistakes_in_a_file_in_inches_are_refused_with_their_line(old, new, line, said, tmp_path):
