@@ -18,7 +18,8 @@ from flexfem.files.refusals import nearest, refusal, shown
 from flexfem.units import without_unit
 
 MOST_PARAMETERS = 300
-LONGEST = 400  # characters, which also limits the depth of nesting
+LONGEST_NAME = 60  # characters, as of all words in files
+LONGEST = 400  # characters of an expression, which also limits the depth of nesting
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sqrt": np.sqrt,
@@ -160,9 +161,10 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
         raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
     for key in stated:
         name = without_unit(key)
-        if not (key.isidentifier() and key.isascii()) or name in keys:
-            other = f"a name that differs from {keys[name]} also without its unit" if name in keys else ""
-            raise refusal(other or "a name of letters, digits and _, a letter first", "parameters", key)
+        if name in keys:
+            raise refusal(f"a name that differs from {keys[name]} also without its unit", "parameters", key)
+        if not (key.isidentifier() and key.isascii()) or len(key) > LONGEST_NAME:
+            raise refusal(f"a name of at most {LONGEST_NAME} letters, digits and _, a letter first", "parameters", key)
         keys[name] = key
     given: dict[str, Any] = {name: getattr(stated[key], "text", stated[key]) for name, key in keys.items()}
     texts = {name: text for name, text in given.items() if isinstance(text, str)}

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import BaseModel, Field, field_validator, model_validator
 
 from flexfem.files.expressions import Evaluated
 from flexfem.files.refusals import KeyPath, key_path, path_of, refusal, suggestion
-from flexfem.files.tables import Label, Table, once
+from flexfem.files.tables import UNCHANGEABLE, Label, Table, Unchangeable, once
 
 
 class Assumptions(NamedTuple):
@@ -22,7 +22,9 @@ class Assumptions(NamedTuple):
 class Sourced(Table):
     """A file with a `[provenance]` table: sources by key path of a number, or of a table that contains it."""
 
-    provenance: Mapping[str, Label] = Field(default_factory=dict, examples=[{"name": "assumed: an example"}])
+    provenance: Annotated[Mapping[str, Label], UNCHANGEABLE] = Field(
+        default_factory=Unchangeable, examples=[{"name": "assumed: an example"}]
+    )
     """Where numbers come from: the quoted key path of a number, or of a table, and its source. Begin with "assumed"
     what is assumed. A number that it does not cover is reported as not stated"""
 
@@ -48,9 +50,9 @@ class Sourced(Table):
 
     @property
     @once
-    def entries(self) -> dict[str, Any]:
+    def entries(self) -> Mapping[str, Any]:
         """All tables and values except provenance by key path; an array counts as one."""
-        return {key_path(path, self): value for path, value in _members(self, ())}
+        return Unchangeable({key_path(path, self): value for path, value in _members(self, ())})
 
     @property
     def values(self) -> dict[str, Any]:
@@ -74,7 +76,7 @@ class Sourced(Table):
 
     @property
     @once
-    def sources(self) -> dict[str, str | None]:
+    def sources(self) -> Mapping[str, str | None]:
         """Source of every table and value by key path: its own, or that of its nearest table."""
         stated = {path_of(key): source for key, source in self.provenance.items()}
         found = dict[str, str | None]()
@@ -82,7 +84,7 @@ class Sourced(Table):
             parts = path_of(path)
             ways_up = (parts[:length] for length in range(len(parts), 0, -1))
             found[path] = next((stated[way] for way in ways_up if way in stated), None)
-        return found
+        return Unchangeable(found)
 
 
 def assumptions(files: Iterable[tuple[str, Sourced]]) -> Assumptions:

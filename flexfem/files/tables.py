@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import Annotated, Any, Concatenate, NamedTuple, ParamSpec, Self, TypeAlias, TypeVar
+from typing import Annotated, Any, Concatenate, NamedTuple, NoReturn, ParamSpec, Self, TypeAlias, TypeVar
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
@@ -21,6 +21,23 @@ KEPT = "kept"  # entry of a table's `__dict__`: not a field, and not part of its
 Owner = TypeVar("Owner")  # a table
 Args = ParamSpec("Args")
 Value = TypeVar("Value")
+
+
+class Unchangeable(dict[str, Any]):
+    """A dictionary that cannot be changed; a mapping proxy could be neither pickled nor dumped by pydantic."""
+
+    def _refuse(self, *args: Any, **kwargs: Any) -> NoReturn:
+        raise TypeError("a file's content cannot be changed in place, expected `replace`, which returns a changed copy")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    clear = pop = popitem = setdefault = update = _refuse
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return how pickles and deep copies make an equal one."""
+        return type(self), (dict(self),)
+
+
+UNCHANGEABLE = AfterValidator(Unchangeable)  # of a mapping in a table
 
 
 class Table(BaseModel):
@@ -61,6 +78,10 @@ class Table(BaseModel):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a validated copy with some values replaced by name."""
         return type(self)(**{name: getattr(self, name) for name in self.model_fields_set} | dict(update or {}))
+
+    def __deepcopy__(self, memo: dict[int, Any] | None = None) -> Self:
+        """Return the table itself, since nothing in it can be changed."""
+        return self
 
     def __getstate__(self) -> dict[Any, Any]:
         """Return the content for a pickle, without cached results."""

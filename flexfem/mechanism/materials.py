@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from itertools import compress
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +16,7 @@ from pydantic import ConfigDict, Field, ValidationInfo, create_model, model_vali
 from flexfem.files import quantities
 from flexfem.files.quantities import INSIDE
 from flexfem.files.refusals import key_path, place_of, refusal, shown
-from flexfem.files.tables import LABEL_LENGTH, Label, Table
+from flexfem.files.tables import LABEL_LENGTH, UNCHANGEABLE, Label, Table, Unchangeable
 from flexfem.files.toml import PathLike, bad_key, read_toml, validate
 from flexfem.refused import BadInput
 from flexfem.sources import PACKAGE, load_own
@@ -155,7 +155,9 @@ class Entry(Material):
     name: Label = "of a file"  # replaced by the name of the table
     source: Label = Field(examples=["works certificate 7"])
     """Source of the numbers; begins with "assumed" if they are assumed"""
-    sources: Mapping[str, Label] = Field(default_factory=dict, examples=[{"poissons_ratio": "assumed: as of others"}])
+    sources: Annotated[Mapping[str, Label], UNCHANGEABLE] = Field(
+        default_factory=Unchangeable, examples=[{"poissons_ratio": "assumed: as of others"}]
+    )
     """Sources of single numbers by key, where they differ from `source`"""
 
     @model_validator(mode="after")

@@ -6,16 +6,16 @@ import cmath
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 import shapely
-from pydantic import Field, ModelWrapValidatorHandler, model_validator
+from pydantic import BaseModel, Field, ModelWrapValidatorHandler, model_validator
 
-from flexfem.files.expressions import parameter_values
+from flexfem.files.expressions import Evaluated, names_in, parameter_values
 from flexfem.files.quantities import KNOWN, STATED, Length, Unlimited
 from flexfem.files.refusals import key_path, nearest, place_of, shown, suggestion
-from flexfem.files.tables import Label, once
+from flexfem.files.tables import UNCHANGEABLE, Label, Unchangeable, once
 from flexfem.files.toml import PathLike, kind_of, read_toml
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Body, Joint, Layout, LinearActuator, Move, Patch, PayloadMass
@@ -36,6 +36,7 @@ from flexfem.mechanism.profiles import BadDimension, profile_of
 from flexfem.mechanism.stage import Stage, load_feasible
 from flexfem.mechanism.stage_file import Frame
 from flexfem.refused import BadInput
+from flexfem.units import without_unit
 
 PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 GROUND = "ground"  # carries actuators, also where no body has this name
@@ -61,8 +62,8 @@ class Mechanism(PlateFile):
     """Thickness of the plate"""
     material: Material
     """Material of the plate, isotropic"""
-    parameters: Mapping[str, Unlimited] = Field(
-        default_factory=dict, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
+    parameters: Annotated[Mapping[str, Unlimited], UNCHANGEABLE] = Field(
+        default_factory=Unchangeable, examples=[{"length_mm": 50.0, "gap_mm": "length / 2"}]
     )
     """Numbers by name, which other numbers of the file may use. A name ends in its unit, such as _mm or _deg, or has
     none; expressions use it without the unit. Every number of the file may be an expression in quotes, in the unit of
@@ -107,9 +108,14 @@ class Mechanism(PlateFile):
         Raises
         ------
         BadInput
-            A name is not known, a value is not possible, or the mechanism cannot be made.
+            A name is not known, a value is not possible, or the mechanism cannot be made. A new parameter must be used
+            by an expression.
         """
         changed = self._replaced(changes)
+        for key in changed.parameters:
+            if key not in self.parameters and key in changed.unused_parameters:
+                near = nearest(key, self.parameters) or "; there are none"
+                raise BadInput(f"{key_path(('parameters', key))} is an unknown parameter{near}", str(changed.origin))
         check_feasible(changed)
         return changed
 
@@ -124,6 +130,18 @@ class Mechanism(PlateFile):
         return self._digest(set(), exclude_none=True, context=STATED)
 
     @property
+    def unused_parameters(self) -> tuple[str, ...]:
+        """Keys of the parameters on which no number of the mechanism depends."""
+        keys = {without_unit(key): key for key in self.parameters}
+        texts = [text for name, value in self if name != "parameters" for text in _texts(value)]
+        used = set[str]()
+        while texts:
+            found = {keys[name] for name in names_in(texts.pop())} - used
+            used |= found
+            texts += [text for key in found for text in _texts(self.parameters[key])]
+        return tuple(key for key in self.parameters if key not in used)
+
+    @property
     @once
     def layout(self) -> Layout:
         """The mechanism with parameters, copies and outlines resolved, as both models read it.
@@ -132,6 +150,16 @@ class Mechanism(PlateFile):
         """
         with located(self):
             return _layout(self)
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """Yield the texts of all expressions in a value of a table."""
+    if isinstance(value, Evaluated):
+        yield value.text
+    elif isinstance(value, BaseModel):
+        yield from (text for _, inner in value for text in _texts(inner))
+    elif isinstance(value, tuple):
+        yield from (text for inner in value for text in _texts(inner))
 
 
 def read_mechanism(path: PathLike) -> Mechanism:

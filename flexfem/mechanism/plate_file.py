@@ -15,7 +15,7 @@ from flexfem.files.expressions import Scaled
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import LONGEST, STATED
 from flexfem.files.refusals import checked_path, key_path, path_of, place_of, refusal, shown, suggestion
-from flexfem.files.tables import KEPT, plain
+from flexfem.files.tables import KEPT, Unchangeable, plain
 from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
 from flexfem.mechanism.layout import Layout
@@ -143,7 +143,7 @@ class PlateFile(Sourced):
 
     def _with_provenance(self, sources: Mapping[str, str]) -> Self:
         """Return this table with sources by its own key paths, which are not checked."""
-        changed = BaseModel.model_copy(self, update={"provenance": sources})
+        changed = BaseModel.model_copy(self, update={"provenance": Unchangeable(sources)})
         changed.__dict__.pop(KEPT, None)
         return changed
 

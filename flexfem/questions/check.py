@@ -235,7 +235,7 @@ def _mechanism_report(mechanism: Mechanism) -> MechanismReport:
             for each in layout.actuators
         ],
         provenance={key: text for key, text in sources.items() if text not in map(sources.get, tables[key])},
-        warnings=warning.of_numbers(mechanism),
+        warnings=[*warning.of_numbers(mechanism), *warning.of_parameters(mechanism)],
     )
 
 

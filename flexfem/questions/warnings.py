@@ -6,6 +6,7 @@ import numpy as np
 
 from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
+from flexfem.files.refusals import key_path
 from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
@@ -175,6 +176,12 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
     found = [text for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
     found += _when(angles, "chain.joint_angles_deg are all within two pi")
     return [f"{text}: {UNIT}" for text in found]
+
+
+def of_parameters(mechanism: Mechanism) -> Warnings:
+    """Warn of parameters on which nothing depends; a name may be misspelt, or kept for later."""
+    unused = mechanism.unused_parameters
+    return [f"{key_path(('parameters', key))}: no number depends on this parameter" for key in unused]
 
 
 def stress_above(formula: str, links: bool = True, plane: Plane = "plane_stress") -> tuple[float, float] | None:

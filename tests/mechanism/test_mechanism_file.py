@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import pickle
 import tomllib
 
@@ -184,6 +185,47 @@ def test_a_mechanism_built_in_python_is_that_of_a_file():
     assert np.array([joint.place for joint in built.layout.joints]) == pytest.approx([-20 + 25j, 20 + 25j])
 
 
+def test_a_parameter_that_the_mechanism_lacks_is_refused_unless_an_expression_uses_it():
+    shipped = flexfem.load(ROOT / "geometry/parallelogram.toml")
+    with pytest.raises(
+        BadInput, match=r"changed: parameters.lenght_mm is an unknown parameter, did you mean length_mm"
+    ):
+        shipped.replace(parameters={"lenght_mm": 60.0})
+    with pytest.raises(BadInput, match=r"parameters.zz is an unknown parameter, one of length_mm, distance_mm, neck"):
+        shipped.replace(parameters={"zz": "neck"})
+    made = shipped.replace(parameters={"half_mm": "neck / 2"}, hinge={"leaf": {"fillet": "half"}})
+    assert made.hinge[0].fillet == 0.25 and made.unused_parameters == ()
+    assert made.replace(parameters={"half_mm": 0.3}).hinge[0].fillet == 0.3
+
+
+def test_check_warns_of_parameters_on_which_no_number_depends(tmp_path):
+    path, text = tmp_path / "guide.toml", (ROOT / "geometry/parallelogram.toml").read_text()
+    path.write_text(text.replace("[parameters]", '[parameters]\nspare_mm = "reserve / 2"\nreserve_mm = "length"'))
+    found = load_mechanism(path)
+    assert found.unused_parameters == ("spare_mm", "reserve_mm")  # the second serves only the first
+    said = [text for text in flexfem.check(found).warnings if "depends" in text]
+    assert said == [f"parameters.{name}: no number depends on this parameter" for name in ("spare_mm", "reserve_mm")]
+    path.write_text(text)
+    assert load_mechanism(path).unused_parameters == ()
+
+
+def test_mappings_of_a_loaded_file_cannot_be_changed_but_copied():
+    for name in ("parallelogram", "mobility6"):
+        plate = flexfem.load(ROOT / f"geometry/{name}.toml")
+        text = plate.to_toml()
+        for mapping in (plate.provenance, plate.entries, plate.sources, getattr(plate, "parameters", plate.provenance)):
+            with pytest.raises(TypeError):
+                mapping["x"] = 1.0
+            with pytest.raises((TypeError, AttributeError)):
+                mapping.clear()
+            with pytest.raises((TypeError, AttributeError)):
+                mapping.update(x=1.0)
+        with pytest.raises(TypeError):
+            plate.replace(thickness=3.0).provenance["x"] = "assumed"
+        assert plate.to_toml() == text and copy.deepcopy(plate) == plate == pickle.loads(pickle.dumps(plate))
+        assert plate.provenance | {"x": "y"} == {**plate.provenance, "x": "y"}
+
+
 @pytest.mark.parametrize("name", MECHANISMS)
 def test_shipped_mechanisms_can_be_made_and_new_writes_them(name, tmp_path):
     flexfem.new_stage(tmp_path / "mine.toml", kind=name)
@@ -197,6 +239,7 @@ REFUSED = [  # old and new text, and pieces of the message
     ("tilt_deg = 45", 'tilt_deg = "log(0 * legs)"', "line 9: parameters.tilt_deg = ... a finite number"),
     ("neck_mm = 0.4", 'neck_mm = "legs - 4"', "line 39: hinge.tip.neck_mm = ... > 0; its value is -1"),
     ("legs = 3", "length_deg = 3", "line 10: parameters.length_deg = 3, ... differs from length_mm"),
+    ("legs = 3", f"{61 * 'x'} = 3", "line 10: parameters.xxx ... expected a name of at most 60 letters, digits and _"),
     ("length / 20", "length / 2", "line 13: body.frame.outline_mm[1] = ... a fillet of at most 10 mm"),
     ("radius_mm = 9", "radius_mm = 9\nwidth_mm = 3", "body.hub.width_mm = 3 ... one of outline_mm, or path_mm"),
     ("width_mm = 6", "width_mm = 6\nclamped_edges = [3]", "line 24: ... clamped_edges[0] = 3, ... of 2 edges"),
