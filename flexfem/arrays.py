@@ -99,7 +99,7 @@ def _norm(a: Array) -> Array:
     return np.asarray(np.max(np.sum(np.abs(a), axis=0), axis=0))
 
 
-TIE_TOLERANCE = 1e-9  # relative; values that symmetry makes equal differ by less
+TIE_TOLERANCE = 1e-7  # relative; values that symmetry makes equal, also of finite elements, differ by less
 
 
 def is_largest(values: Array, axis: int | tuple[int, ...] | None = None) -> NDArray[np.bool_]:

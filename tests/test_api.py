@@ -22,6 +22,7 @@ from flexfem.results import number
 from flexfem.study.collect import read_table
 
 from .conftest import ROOT, with_changes
+from .tolerances import DENSE
 
 REFERENCE = ROOT / "geometry" / "mobility6.toml"
 DOCUMENTED = [path for path in sorted((ROOT / "flexfem").rglob("*.py")) if "    >>> " in path.read_text()]
@@ -184,8 +185,8 @@ def test_a_stage_that_cannot_be_made_is_refused_before_anything_is_computed(mode
 def test_a_result_has_labelled_arrays_and_is_read_back_as_it_was_written(stage, tmp_path):
     found = flexfem.stiffness(stage, models="analytic", force=(1.0, -2.0, 30.0))
     K, pose = found.at("stiffness", model="analytic"), found.at("pose", model="analytic")
-    np.testing.assert_allclose(K @ pose, [1.0, -2.0, 30.0], rtol=1e-9)
-    np.testing.assert_allclose(K @ found.at("compliance", model="analytic"), np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(K @ pose, [1.0, -2.0, 30.0], rtol=DENSE)
+    np.testing.assert_allclose(K @ found.at("compliance", model="analytic"), np.eye(3), atol=DENSE)
     read = type(found).read(found.write(tmp_path / "found.json"))
     np.testing.assert_allclose(read.at("stiffness", model="analytic"), K, rtol=1e-12)
     assert read.about.hash == stage.hash and len(read.to_frame()) == len(list(found.entries()))
@@ -200,7 +201,7 @@ def test_a_formula_of_ones_own_answers(stage):
         "half-koster", lambda r: 0.5 / (0.093 * np.sqrt(0.5 * r) * r**2), source="a test", valid=(0.3, 0.9)
     )
     stiffness, warnings = rigid(stage, mobility=3, formula="half-koster")
-    np.testing.assert_allclose(stiffness, 2 * koster, rtol=1e-9, atol=1e-9 * koster.max())
+    np.testing.assert_allclose(stiffness, 2 * koster, rtol=DENSE, atol=1e-9 * koster.max())
     assert any("half-koster is valid for t/R from 0.3 to 0.9, and is used at 0.136" in each for each in warnings)
     assert "half-koster" in flexfem.formulas() and made.source == "a test"
 
@@ -298,7 +299,7 @@ def test_commands_and_the_workers_of_a_study_take_a_users_formula_and_material_f
         assert done.returncode == 0, done.stderr
     place = tmp_path / "out/study.parquet"
     table, koster = flexfem.study.table(place), rigid(flexfem.load(reference), mobility=3, formula="koster")[0][0, 0]
-    np.testing.assert_allclose(table["kxx_n_per_mm"], [3.6 * koster, 4.0 * koster], rtol=1e-9)
+    np.testing.assert_allclose(table["kxx_n_per_mm"], [3.6 * koster, 4.0 * koster], rtol=DENSE)
     assert table["thickness_mm"].tolist() == [9.0, 10.0] and set(table["status"]) == {"ok"}
     other = place.parent.rename(tmp_path / os.fsdecode(b"\xff")) / place.name  # no UTF-8
     assert flexfem.study.table(other, as_arrow=True).num_rows == 2

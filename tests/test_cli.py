@@ -22,6 +22,7 @@ from flexfem.questions.case import LoadedCase
 from flexfem.results import TextTable
 
 from .conftest import COMMAND_OF
+from .tolerances import SOLVED
 
 ROOT = Path(__file__).parents[1]
 STAGE = str(ROOT / "geometry/mobility6.toml")
@@ -90,7 +91,7 @@ def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
     grid = meshio.read(tmp_path / "mobility6-stiffness.vtu")
     hub = grid.point_data["hub"] == 1
     ux = grid.point_data["displacement"][hub, 0] + moved[2] * grid.points[hub, 1]
-    np.testing.assert_allclose(ux, moved[0], rtol=1e-9)
+    np.testing.assert_allclose(ux, moved[0], rtol=SOLVED)
     assert np.max(np.abs(grid.point_data["displacement"][grid.point_data["ground"] == 1])) == 0.0
 
 

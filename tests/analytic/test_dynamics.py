@@ -13,6 +13,7 @@ from flexfem.mechanism.bodies import Payload, body_moments, drawn_inertia, inert
 from flexfem.questions.modes import payload_of
 
 from ..conftest import UNLIKE, with_changes
+from ..tolerances import DENSE
 
 PAYLOAD = Payload(4e-5, 0.021)
 
@@ -44,7 +45,7 @@ def test_bodies_that_move_have_the_drawn_mass_less_the_pads_and_the_payload_once
     pads = inertia_of(body_moments(stage)[:, 0].sum(axis=0), mass_per_area(stage))
     together = found.mass.reshape(7, 3, 7, 3).sum(axis=(0, 2)) + pads
     expected = drawn_inertia(stage) + np.diag([4e-5, 4e-5, 0.021])
-    np.testing.assert_allclose(together, expected, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(together, expected, rtol=DENSE, atol=1e-15)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -9,6 +9,8 @@ from flexfem.analytic.large import at_pose, under_load
 from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, mechanism, stiffness
 from flexfem.refused import ComputationFailed
 
+from ..tolerances import DENSE
+
 TANGENT = 1e-6  # truncation of the central difference is below 1e-7 for a step of 1e-4 of the load
 COMMAND = np.array([0.31, -0.24, 0.012])  # mm, mm, rad: ten times the strokes of the paper
 
@@ -38,9 +40,9 @@ def test_holding_a_pose_takes_the_load_that_leads_there(generic, table) -> None:
     of, load = loaded(generic(68), table)
     at = under_load(of, load)
     held = at_pose(of, at.pose)
-    np.testing.assert_allclose(held.load, load, rtol=1e-8)
-    np.testing.assert_allclose(held.pose, at.pose, rtol=0, atol=1e-12)
-    np.testing.assert_allclose(held.displacement, at.displacement, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(held.load, load, rtol=DENSE)
+    np.testing.assert_allclose(held.pose, at.pose, rtol=0, atol=DENSE)
+    np.testing.assert_allclose(held.displacement, at.displacement, rtol=0, atol=DENSE)
 
 
 def test_a_batch_of_designs_and_loads_is_its_members_one_by_one(generic, table) -> None:
@@ -52,7 +54,7 @@ def test_a_batch_of_designs_and_loads_is_its_members_one_by_one(generic, table) 
     for d in range(4):
         one = mechanism(*(type(part)(*(a[d] for a in part)) for part in stage), table)
         for k in range(2):
-            np.testing.assert_allclose(together.pose[k, d], under_load(one, loads[k, d]).pose, rtol=1e-9)
+            np.testing.assert_allclose(together.pose[k, d], under_load(one, loads[k, d]).pose, rtol=DENSE)
 
 
 def test_a_load_beyond_every_equilibrium_is_an_error(generic) -> None:

@@ -15,7 +15,8 @@ from flexfem.analytic.responses import drift, misfits
 from flexfem.hinges.chart import Compliance
 from flexfem.mechanism.designs import lower
 
-ROUND_OFF = 1e-12
+from ..tolerances import DENSE
+
 NECKS = {(1, "base"): {"neck": 0.61}, (2, "elbow"): {"neck": 0.72}, (3, "platform"): {"radius": 1.9}}
 METAL, FRAME = np.array([23.6e-6]), np.array([9.3e-6])
 
@@ -37,7 +38,7 @@ def test_loops_open_by_the_displacement_of_the_ground_in_a_warm_body(unlike):
         for case, (u, turn) in enumerate(zip(fields, turns, strict=True)):
             carried = u - 1j * turn * z
             wanted = [carried.real, carried.imag, turn]
-            assert found[chain, :, case] == pytest.approx(wanted, rel=ROUND_OFF, abs=1e-10)
+            assert found[chain, :, case] == pytest.approx(wanted, rel=DENSE, abs=1e-10)
 
 
 def test_joints_close_warm_loops_with_the_least_energy(unlike):
@@ -84,7 +85,7 @@ def test_drift_is_linear_in_both_coefficients_and_zero_where_they_are_the_same(u
         return drift(design, hinges, freedoms_of(6), np.array([metal]), np.array([frame]))
 
     one, other, both = found(1e-5, 0.0), found(0.0, 1e-5), found(3e-5, 1e-5)
-    assert both.pose == pytest.approx(3 * one.pose + other.pose, rel=1e-8)
-    assert one.pose == pytest.approx(-other.pose, rel=1e-8)
+    assert both.pose == pytest.approx(3 * one.pose + other.pose, rel=DENSE)
+    assert one.pose == pytest.approx(-other.pose, rel=DENSE)
     same = found(2e-5, 2e-5)
     assert np.all(same.pose == 0) and np.all(same.stress == 0), "not round-off, which a table would print"

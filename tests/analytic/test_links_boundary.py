@@ -10,8 +10,9 @@ import pytest
 from flexfem.analytic.elastic_bodies import Boundary, displacements, divided
 from flexfem.mechanism.outlines import Segment, polyline
 
+from ..tolerances import DENSE
+
 NU = 0.29
-EXACT = 1e-10  # fields that the elements hold: round-off
 CHORDS = 2e-3  # of arcs turning by 0.1 rad in one element: 0.1^2 / 8, and its influence on the area within
 CORNERS = (0.3 - 0.2j, 3.1 + 0.1j, 3.6 + 1.3j, 1.2 + 2.2j, 0.1 + 1.1j)
 
@@ -51,9 +52,9 @@ def test_a_free_block_takes_the_displacements_of_polynomial_stresses(field):
     found = displacements(boundary, traction[:, None], np.zeros(len(z), dtype=bool), NU)[0, :, 0]
     rest = found - moved
     turn = ((rest[0] - rest[-1]) / (z[0] - z[-1])).imag
-    assert np.max(np.abs(rest - rest[0] - 1j * turn * (z - z[0]))) < EXACT * np.max(np.abs(moved))
+    assert np.max(np.abs(rest - rest[0] - 1j * turn * (z - z[0]))) < DENSE * np.max(np.abs(moved))
     mean = np.sum(boundary.weights * found)
-    assert abs(mean) < EXACT * np.sum(boundary.weights * np.abs(moved))
+    assert abs(mean) < DENSE * np.sum(boundary.weights * np.abs(moved))
 
 
 @pytest.mark.parametrize("copies", [1, 3, 4])
@@ -81,4 +82,4 @@ def test_three_copies_are_the_whole():
     rest = np.zeros((2 * len(load), 1))
     expected = displacements(whole, np.concatenate([load, rest]), np.tile(held, 3), NU)[0, :, 0].reshape(3, -1)
     found = displacements(third, load, held, NU, 3)[:, :, 0]
-    np.testing.assert_allclose(found, expected / spins[:, None], atol=EXACT * np.max(np.abs(expected)))
+    np.testing.assert_allclose(found, expected / spins[:, None], atol=DENSE * np.max(np.abs(expected)))

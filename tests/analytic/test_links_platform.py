@@ -15,9 +15,10 @@ from flexfem.mechanism.bodies import body_sides, necks
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 
+from ..tolerances import DENSE
+
 ROOT = Path(__file__).parents[2]
 SIZES = ("ACROSS", "GROWTH", "COARSEST", "RING", "ARC_ANGLE")
-ROUND_OFF = 1e-9
 CHART = 2e-3  # half hinges of fine boundary elements against the chart's finite elements: 0.9e-3 was seen
 ELEMENTS = 4e-2  # of what the platform adds, itself 2 % of the stage's, when all elements are halved: 2.3e-2 was seen
 
@@ -50,18 +51,18 @@ def test_half_a_hinge_of_boundary_elements_is_half_of_that_of_finite_elements(mo
     E, nu = of.elastic
     half = _half_hinge(of.hinge(1, "platform"), of.chain.link_width, nu) / (E * of.thickness)
     np.testing.assert_allclose(np.diag(half), expected, rtol=CHART)
-    assert abs(half[0, 1]) + abs(half[1, 2]) < ROUND_OFF * half[1, 1]  # stretch is even about the axis
+    assert abs(half[0, 1]) + abs(half[1, 2]) < DENSE * half[1, 1]  # stretch is even about the axis
     assert half[0, 2] < 0  # a force to the left at the neck turns it clockwise
 
 
 def test_the_platform_is_reciprocal_positive_and_three_fold_symmetric():
     C = added(stage())
     size = np.sqrt(np.outer(np.diag(C), np.diag(C)))
-    np.testing.assert_allclose(C / size, C.T / size, atol=ROUND_OFF)
+    np.testing.assert_allclose(C / size, C.T / size, atol=DENSE)
     assert np.linalg.eigvalsh(C / size).min() > 0
     c, s = np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)
     R = np.kron(np.roll(np.eye(3), 1, axis=0), [[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
-    np.testing.assert_allclose(R @ C @ R.T / size, C / size, atol=ROUND_OFF)
+    np.testing.assert_allclose(R @ C @ R.T / size, C / size, atol=DENSE)
 
 
 def test_a_lug_moves_the_platform_by_what_a_load_on_the_lug_after_it_does_to_it():
@@ -87,7 +88,7 @@ def test_a_lug_moves_the_platform_by_what_a_load_on_the_lug_after_it_does_to_it(
 def test_one_other_hinge_changes_its_own_lug_and_what_the_others_do_to_it():
     other = {"chain": 2, "hinge": "platform", "neck_mm": 0.61}
     C, changed = (added(of).reshape(3, 3, 3, 3) for of in (stage(), stage(top__override=[other])))
-    same = [np.allclose(C[i, :, j], changed[i, :, j], rtol=ROUND_OFF, atol=0) for i in range(3) for j in range(3)]
+    same = [np.allclose(C[i, :, j], changed[i, :, j], rtol=DENSE, atol=0) for i in range(3) for j in range(3)]
     assert same == [i != 1 and j != 1 for i in range(3) for j in range(3)]
     np.testing.assert_allclose(changed.reshape(9, 9), changed.reshape(9, 9).T, rtol=1e-6)
 

@@ -20,12 +20,13 @@ from flexfem.analytic.paper import (
 )
 from flexfem.mechanism.frames import Frames
 
+from ..tolerances import DENSE
 from .conftest import close_loops
 
 H = 1e-4  # step of the five-point differences, rad and mm
 DIFFERENCE = 3e-9  # relative; truncation H^4 and rounding eps/H are below 1e-9 where coefficients reach 1e3
-ROUNDING = 1e-10  # one 6 by 6 solve with a well-chosen set of dependent joints
-SERIAL = 1e-10  # seen: 1e-14 for choices by elimination, 2e-12 for the paper\'s while its G_p stays small
+ROUNDING = DENSE  # one 6 by 6 solve with a well-chosen set of dependent joints
+SERIAL = DENSE  # seen: 1e-14 for choices by elimination, 2e-12 for the paper\'s while its G_p stays small
 
 
 def moved(stage, table, seed, size=0.03):
@@ -129,7 +130,7 @@ def test_inverse_kinematics_stores_the_least_energy(generic, table) -> None:
     at = stiffness(of)
     best = inverse_kinematics(of, at, du)
     energy = 0.5 * np.sum(of.springs * best.joints**2)
-    assert energy == pytest.approx(0.5 * du @ (at.K_uu @ du), rel=1e-8)
+    assert energy == pytest.approx(0.5 * du @ (at.K_uu @ du), rel=DENSE)
     free = np.linalg.svd(at.influence.G_u)[2][3:]  # motions of the independent joints that keep the pose
     for other in np.concatenate([free, -free]):
         size = 0.1 * np.linalg.norm(best.independent)

@@ -21,6 +21,8 @@ from flexfem.analytic.paper import FREEDOMS_BY_MOBILITY, mechanism, rank_reveali
 from flexfem.analytic.paper import stiffness as stiffness_of_paper
 from flexfem.arrays import inverse
 
+from ..tolerances import DENSE
+
 PARALLELOGRAM = (2, 1, ((GROUND, 0), (GROUND, 0), (0, 1), (0, 1)))  # two in series, each on two parallel joints
 LEVER = (3, 2, ((GROUND, 0), (0, 1), (1, 2), (GROUND, 2), (2, GROUND)))  # a joint that leads to the ground, too
 BRANCHED = (5, 0, ((GROUND, 1), (2, 1), (2, 0), (GROUND, 3), (3, 2), (4, 0), (0, GROUND), (2, GROUND)))
@@ -65,7 +67,7 @@ def test_the_network_is_the_paper(generic, error, mobility):
         found = stiffness(network_of(frames, hinges, freedoms)).matrix
         of = mechanism(frames, hinges, freedoms)
         of = of._replace(choice=rank_revealing(of.frames, of.joints, of.springs))
-        assert error(found, stiffness_of_paper(of).K_uu) < 1e-12
+        assert error(found, stiffness_of_paper(of).K_uu) < DENSE
 
 
 @pytest.mark.parametrize("of", TOPOLOGIES)
@@ -83,10 +85,10 @@ def test_paths_give_what_all_equations_give(of, coupled):
     openings = rng.normal(size=(m, 3, k)) * np.array([1e-3, 1e-3, 3e-5])[:, None]
     U, w = at_once(mechanism, loads, openings)
     found = solve(mechanism, loads, openings)
-    np.testing.assert_allclose(found.output, U[output], rtol=1e-8, atol=1e-11)
+    np.testing.assert_allclose(found.output, U[output], rtol=DENSE, atol=1e-11)
     np.testing.assert_allclose(found.wrenches, w, rtol=1e-7, atol=1e-7 * np.abs(w).max())
     work = np.einsum("bak,bal->kl", loads, U)
-    np.testing.assert_allclose(found.motions, work, rtol=1e-8, atol=1e-10 * np.abs(work).max())
+    np.testing.assert_allclose(found.motions, work, rtol=DENSE, atol=DENSE * np.abs(work).max())
 
 
 def test_internal_motions_move_a_body_on_a_path_as_a_kept_one():
@@ -96,7 +98,7 @@ def test_internal_motions_move_a_body_on_a_path_as_a_kept_one():
     loads[2], openings = 0.0, np.concatenate([rng.normal(0.0, 1e-3, (2, 3, 2)), np.zeros((1, 3, 2))])
     on_path = solve(Network(2, 1, joints, C[:2]), loads[:2], internal=InternalMotions(openings[:2], D))
     kept = solve(Network(3, 1, (*joints, (0, 2)), C), loads, internal=InternalMotions(openings, D))
-    np.testing.assert_allclose(on_path.motions, kept.motions, rtol=1e-8)
+    np.testing.assert_allclose(on_path.motions, kept.motions, rtol=DENSE)
 
 
 def test_springs_along_lines_between_bodies_add_to_the_stiffness_of_all_bodies():
@@ -118,7 +120,7 @@ def test_the_output_moved_alone_is_the_inverse_of_its_compliance(of, error):
     loads = np.zeros((bodies, 3, 3))
     loads[output] = np.eye(3)
     free, held = solve(mechanism, loads), stiffness(mechanism)
-    assert error(held.matrix, inverse(free.output)) < 1e-10
+    assert error(held.matrix, inverse(free.output)) < DENSE
     np.testing.assert_allclose(held.wrenches, free.wrenches @ held.matrix, rtol=1e-7, atol=1e-6)
 
 
@@ -146,7 +148,7 @@ def test_designs_broadcast_and_one_in_line_leaves_the_others(generic):
     found = stiffness(of).matrix
     assert np.isnan(found[1]).all() and np.isfinite(found[[0, 2, 3]]).all()
     one = of._replace(compliance=of.compliance[2], coupling=None)
-    np.testing.assert_allclose(found[2], stiffness(one).matrix, rtol=1e-9)
+    np.testing.assert_allclose(found[2], stiffness(one).matrix, rtol=DENSE)
 
 
 def test_a_body_that_floats_is_named():
@@ -174,6 +176,6 @@ def test_units_of_rows_and_columns_do_not_count() -> None:
     matrix = np.array([[2.0, 0.3, -0.5], [0.1, 1.5, 0.4], [-0.2, 0.7, 3.0]])
     units = np.diag([1e-9, 1.0, 1e12])
     back = np.linalg.inv(units)
-    np.testing.assert_allclose(inverse(units @ matrix @ units), back @ np.linalg.inv(matrix) @ back, rtol=1e-12)
+    np.testing.assert_allclose(inverse(units @ matrix @ units), back @ np.linalg.inv(matrix) @ back, rtol=DENSE)
     unequal = np.diag([1e7, 1e-8, 3.0]) @ matrix  # rows alone
-    np.testing.assert_allclose(inverse(unequal), np.linalg.inv(unequal), rtol=1e-9)
+    np.testing.assert_allclose(inverse(unequal), np.linalg.inv(unequal), rtol=DENSE)

@@ -18,6 +18,8 @@ from flexfem.mechanism.stage import load_stage
 from flexfem.questions.drive import commanding
 from flexfem.refused import ComputationFailed
 
+from ..tolerances import DENSE
+
 GEOMETRY = Path(__file__).parents[2] / "geometry"
 BODIES = ("frame", "link 1", "link 2", "platform")
 PLACES = [  # chain, carrier, pushed body, contact, direction, ball and force
@@ -135,9 +137,9 @@ def test_platform_loads_alone_give_16(stage):
     found = loaded(serial(stage, of, (), "pushed"), np.zeros(0), load)
     joints = assemble(stage, 6)._replace(springs=springs(of))
     exact = under_load(joints, load)
-    np.testing.assert_allclose(found.pose, exact.pose, rtol=1e-9)
+    np.testing.assert_allclose(found.pose, exact.pose, rtol=DENSE)
     K = stiffness(joints, exact.displacement, load).K_uu
-    np.testing.assert_allclose(found.stiffness(np.zeros(0)), K, rtol=1e-8)
+    np.testing.assert_allclose(found.stiffness(np.zeros(0)), K, rtol=DENSE)
     assert np.max(np.abs(K / stiffness(joints).K_uu - 1)) > 0.01
 
 

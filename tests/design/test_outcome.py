@@ -16,6 +16,7 @@ from flexfem.design.proof import ElementSolver, proof
 from flexfem.design.requirements import load_requirements
 from flexfem.mechanism.stage import Stage
 
+from ..tolerances import DENSE
 from .conftest import HEAD, LINK, NECK, RADIUS, RANGE, REFERENCE, ROOT, STEPPED, STIFFEST, WANTED, best, require
 
 DRIVE, DRIFT = "[drive]\nactuators = true\n", "[drift]\n"
@@ -50,7 +51,7 @@ def test_the_design_is_the_best_by_finite_elements_and_no_other_step_of_it_is_be
     grid = np.array([[0.3 + 0.005 * i, 1.5 + 0.25 * j] for i in range(81) for j in range(11)])
     quantities = Model(loaded).evaluate(grid) * [1.2, 0.97, 1.0]
     allowed = quantities[:, 1] >= 60.0 + 0.9 * found.requirements[0].band
-    assert found.objectives[0].value == pytest.approx(quantities[allowed, 0].max(), rel=1e-9)
+    assert found.objectives[0].value == pytest.approx(quantities[allowed, 0].max(), rel=DENSE)
     assert found.agreed and found.feasible and found.evaluations["finite elements"] <= 9
     assert len(found.rounds) <= 3 and found.rounds[0].gap_percent == pytest.approx(100 / 6, rel=1e-6)
 
@@ -106,7 +107,7 @@ def test_beside_the_band_of_engaged_stiffness_is_how_the_spread_of_pushes_moves_
     own = flexfem.drive(Stage.model_validate(tomllib.loads(found.stage)), pose=(1e-3, 0, 0), models="analytic")
     spread = own.push_spread[0] / own.at("stiffness", state="engaged", direction="x")
     assert (engaged.unit, passive.unit) == ("", "N/mm")
-    assert engaged.push_spread == pytest.approx(engaged.value * spread, rel=1e-9)
+    assert engaged.push_spread == pytest.approx(engaged.value * spread, rel=DENSE)
     assert 0.01 < engaged.push_spread / engaged.value < 0.04 and passive.push_spread is None
 
 

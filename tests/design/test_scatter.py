@@ -14,6 +14,7 @@ from flexfem.design.model import Model
 from flexfem.design.proof import ElementSolver, proof, verified_quantiles
 from flexfem.design.scatter import OTHERS, REFUSED, coupling_quantiles
 
+from ..tolerances import DENSE
 from .conftest import HEAD, NECK, RADIUS, RANGE, REFERENCE, best, require, tolerance
 
 OWN = np.array([[0.5, 1.5]])
@@ -102,12 +103,12 @@ def test_the_record_states_other_stages_times_the_factor_of_finite_elements_with
     others, factor, misfit = stages.others[3], stages.factors[-1, 3], stages.misfit[3]
     assert goal.uncorrected == pytest.approx(others)
     assert factor == pytest.approx(0.96, abs=5e-4) and 2e-5 < misfit < 3e-5
-    assert goal.value == pytest.approx(factor * others, rel=1e-12)
+    assert goal.value == pytest.approx(factor * others, rel=DENSE)
     half = max(stages.high[3] - others, others - stages.low[3])
-    assert goal.sampling == pytest.approx(factor * half + misfit, rel=1e-9)
+    assert goal.sampling == pytest.approx(factor * half + misfit, rel=DENSE)
     meshes = 3 * 0.01 / 0.96 * goal.value / (1.5**4 - 1)  # Roache's index: two meshes, order 4, safety factor 3
     assert goal.band - goal.sampling == pytest.approx(meshes, rel=0.01)
-    assert (twice.value, twice.sampling) == pytest.approx((2 * goal.value, 2 * goal.sampling), rel=1e-9)
+    assert (twice.value, twice.sampling) == pytest.approx((2 * goal.value, 2 * goal.sampling), rel=DENSE)
     assert f"of {OTHERS:,} stages" in found.scattered.notes[0]
 
 

@@ -10,6 +10,7 @@ from flexfem.design.model import MISSED, Model
 from flexfem.design.outcome import relaxations, sensitivities
 from flexfem.design.search import optimum
 
+from ..tolerances import DENSE
 from .conftest import HEAD, NECK, RADIUS, RANGE, STEPPED, best, require
 
 STIFFNESS = 60.0  # N/mm
@@ -45,7 +46,7 @@ def test_a_dense_grid_has_no_better_design_and_the_optimum_within_a_step(load):
     found = optimum(model)
     assert merits[least] < MISSED
     objectives = [objective for _, objective, _ in found.history if objective is not None]
-    assert objectives == sorted(objectives) and objectives[-1] == pytest.approx(-found.merit, rel=1e-9)
+    assert objectives == sorted(objectives) and objectives[-1] == pytest.approx(-found.merit, rel=DENSE)
     assert found.merit <= merits[least] + 1e-9 * abs(merits[least])
     near = [np.ptp(values[:, k]) / (points - 1) for k in range(2)]
     alike = values[merits <= merits[least] + 2e-3 * abs(merits[least])]
@@ -76,7 +77,7 @@ def test_a_design_that_cannot_be_drawn_is_never_the_answer(load, monkeypatch):
     found = optimum(model)
     grid = np.array([[0.3 + 0.005 * i, 1.5 + 0.25 * j] for i in range(81) for j in range(4)])
     merits = model.merit(model.evaluate(grid))
-    assert found.values[1] == 2.25 and found.merit == pytest.approx(merits.min(), rel=1e-12)
+    assert found.values[1] == 2.25 and found.merit == pytest.approx(merits.min(), rel=DENSE)
 
 
 def test_what_cannot_be_met_is_missed_least_and_each_requirement_says_how_much_it_would_have_to_give(load):

@@ -20,9 +20,9 @@ from flexfem.mechanism.frames import CHAIN_TURN, chain_rotation, turned
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import ComputationFailed
 
-SAME = 1e-9  # relative; the same equations in another order, refined by both
+from ..tolerances import SOLVED, SUMS
+
 LOADS = np.array([[1.3, -0.7, 0.0], [0.2, 1.1, 31.0], [0.0, 0.0, 40.0]])  # N, N, N mm
-OPEN = 1e-14  # of the largest displacement; 5e-9 before the common motion was made that of alike chains
 COARSE = 2  # triangles across a neck; the algebra does not care
 
 
@@ -59,24 +59,26 @@ def scaled(compliance):
 
 
 def test_compliance_is_that_of_the_whole_stage(both):
-    assert np.abs(scaled(both.response.compliance) - scaled(both.whole.compliance)).max() < SAME
-    np.testing.assert_allclose(np.diag(both.response.compliance), np.diag(both.whole.compliance), rtol=SAME)
+    assert np.abs(scaled(both.response.compliance) - scaled(both.whole.compliance)).max() < SOLVED
+    np.testing.assert_allclose(np.diag(both.response.compliance), np.diag(both.whole.compliance), rtol=SOLVED)
     assert both.response.unknowns == both.whole.unknowns
 
 
 def test_whole_mesh_and_fields_on_demand_are_those_of_the_whole_stage(both):
     np.testing.assert_array_equal(both.response.mesh.nodes, both.mesh.nodes)
     size = np.abs(both.whole.fields).max(axis=(1, 2), keepdims=True)
-    assert np.abs((both.response.fields - both.whole.fields) / size).max() < SAME
+    assert np.abs((both.response.fields - both.whole.fields) / size).max() < SOLVED
     assert both.response.triangles == len(both.mesh.triangles)
-    np.testing.assert_allclose(both.response.reactions, both.whole.reactions, rtol=0, atol=1e-6)
-    np.testing.assert_allclose(scaled(both.response.energy), scaled(both.whole.energy), rtol=0, atol=SAME)
+    np.testing.assert_allclose(
+        both.response.reactions, both.whole.reactions, rtol=0, atol=10 * SOLVED
+    )  # N, of unit loads
+    np.testing.assert_allclose(scaled(both.response.energy), scaled(both.whole.energy), rtol=0, atol=SOLVED)
 
 
 def test_neck_stresses_are_those_of_the_whole_stage(both):
     found = neck_stresses(both.stage, both.response, LOADS).highest
     expected = neck_stresses(both.stage, both.whole, LOADS).highest
-    np.testing.assert_allclose(found, expected, rtol=1e-7)  # differences of displacements, over a small triangle
+    np.testing.assert_allclose(found, expected, rtol=SOLVED)  # differences of displacements, over a small triangle
 
 
 def test_envelope_holds_every_node_of_the_whole_stage(both):
@@ -109,7 +111,7 @@ def test_without_cholmod_the_answer_is_the_same(pair, monkeypatch):
     monkeypatch.setitem(sys.modules, "cvxopt", None)  # as if it were not installed
     both = pair["unlike"]
     again = unit_response(both.response.sectors, plate_of(both.stage))
-    assert np.abs(scaled(again.compliance) - scaled(both.response.compliance)).max() < SAME
+    assert np.abs(scaled(again.compliance) - scaled(both.response.compliance)).max() < SOLVED
 
 
 def test_an_answer_that_does_not_balance_is_refused(pair, monkeypatch):
@@ -134,7 +136,7 @@ def test_plane_strain_changes_neck_stress_as_in_the_whole_stage(name, pair):
     stage = pair[name].stage.model_copy(update={"model": "plane_strain"})
     both = in_both_ways(stage)
     expected = neck_stresses(stage, both.whole, LOADS).highest
-    np.testing.assert_allclose(neck_stresses(stage, both.response, LOADS).highest, expected, rtol=1e-10)
+    np.testing.assert_allclose(neck_stresses(stage, both.response, LOADS).highest, expected, rtol=SOLVED)
 
 
 def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike):
@@ -145,4 +147,4 @@ def test_round_off_opens_no_cut_between_alike_chains_with_thin_necks(alike):
     (sector,), fields = response.sectors, chain_values([response.nodal])
     for chain in range(3):
         ahead, behind = fields[chain][:, sector.ahead], turned(fields[(chain + 1) % 3][:, sector.behind], CHAIN_TURN)
-        np.testing.assert_allclose(ahead, behind, rtol=0, atol=OPEN * np.max(np.abs(ahead)))
+        np.testing.assert_allclose(ahead, behind, rtol=0, atol=SUMS * np.max(np.abs(ahead)))  # 5e-9 was seen

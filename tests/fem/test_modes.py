@@ -20,6 +20,7 @@ from flexfem.mechanism.stage import load_stage
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import ComputationFailed
 
+from ..tolerances import SOLVED
 from ..validation.vibration import tapered
 from .conftest import GEOMETRY
 
@@ -44,7 +45,7 @@ def dense(mesh, held):
 def test_frequencies_are_those_of_dense_matrices(membrane):
     K, M = dense(membrane.structure.mesh, nodes_on(membrane.structure.mesh, "left"))
     expected = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[:7])
-    np.testing.assert_allclose(modes(membrane, 7).frequencies, expected, rtol=1e-10)
+    np.testing.assert_allclose(modes(membrane, 7).frequencies, expected, rtol=SOLVED)
 
 
 def test_consistent_mass_is_exact_on_curved_triangles(unlike):

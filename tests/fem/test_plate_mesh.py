@@ -21,9 +21,12 @@ from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.profiles import Circular, Elliptical, Leaf, Tabulated
 from flexfem.refused import BadInput, ComputationFailed
 
+from ..tolerances import SOLVED
+
 ROOT = Path(__file__).parents[2]
 ON_CURVE = 1e-8  # mm; OpenCASCADE draws to its own tolerance
 PARABOLAS = 2e-6  # relative area, in place of arcs
+SYMMETRIC = 0.1 * SOLVED  # coupling of directions, relative; on meshes without symmetry it is 5e-7 to 8e-6
 
 
 def box(x0, y0, x1, y1, turn=1.0):
@@ -193,10 +196,10 @@ def test_cyclic_plate_has_a_cyclic_mesh(turns, holes):
     changed = of._replace(joints=(*hinges[:-1], hinges[-1]._replace(cut=3.1)))
     assert all(move.mirrored for move in symmetry_of(changed))
     C, principal = relative(of, mesh_layout(of, 2))
-    assert np.abs(C[2, :2]).max() < 1e-10  # round-off is 3e-11 on two hinges, else 1e-12
+    assert np.abs(C[2, :2]).max() < SYMMETRIC
     if turns > 2:
-        assert abs(C[0, 1]) < 1e-11
-        assert principal[0] == pytest.approx(principal[1], rel=1e-11)
+        assert abs(C[0, 1]) < SYMMETRIC
+        assert principal[0] == pytest.approx(principal[1], rel=SYMMETRIC)
 
 
 def gripper(turn=1.0, neck=0.4):
@@ -232,9 +235,9 @@ def test_mirrored_plate_has_a_mirrored_mesh(name, monkeypatch):
     assert move.mirrored
     assert move(3 + 4j) == pytest.approx(-3 + 4j, abs=1e-12)
     C, principal = relative(layout, mesh_layout(layout, 4))
-    assert np.abs(C[1, [0, 2]]).max() < 1e-12  # round-off is 1e-13
+    assert np.abs(C[1, [0, 2]]).max() < SYMMETRIC
     C, other = relative(layout, without_symmetry(layout, 4, monkeypatch))
-    assert np.abs(C[1, [0, 2]]).max() > 1e-9
+    assert np.abs(C[1, [0, 2]]).max() > 10 * SYMMETRIC
     np.testing.assert_allclose(principal[:3], other[:3], rtol=1e-4)  # two triangles more across the necks: up to 1e-4
 
 

@@ -19,6 +19,8 @@ from flexfem.mechanism.outlines import Segment, polyline
 from flexfem.mechanism.profiles import Leaf
 from flexfem.refused import ComputationFailed
 
+from ..tolerances import SOLVED
+
 E, B, H, DENSITY = 70_000.0, 4.0, 5.0, 2.7e-9  # MPa, mm, mm, tonne/mm^3
 CLAMP, ROOT, TIP = 10.0, 50.0, 70.0  # mm: ends of the fixed body, the hinge and the strip
 INERTIA = B * H**3 / 12
@@ -66,7 +68,7 @@ def test_cantilever_answers_as_a_timoshenko_beam_and_carries_its_stress():
     bending, shear = 20**3 / 20 + (50**3 - 10**3) / 3, 20 / 3 + 40  # M = d^2 / 40 at d from the end, then d - 10
     assert C[1, 1] == pytest.approx(bending / (E * INERTIA) + 2.4 * shear / (E * B * H), rel=5e-4)
     np.testing.assert_allclose(C[4, 4:], beam_compliance(59.0)[1, 1:], rtol=1e-3)
-    np.testing.assert_allclose(response.reactions[3:], [[-1, 0, 0], [0, -1, -69], [0, 0, -1]], atol=1e-8)
+    np.testing.assert_allclose(response.reactions[3:], [[-1, 0, 0], [0, -1, -69], [0, 0, -1]], atol=SOLVED * 69)
     loads, modulus = np.zeros((2, 6)), B * H**2 / 6
     loads[0, [0, 5]], loads[1, 1] = (3.0, 7.0), 2.0
     stress = hinge_stress(response, loads)[:, 0]
@@ -81,7 +83,7 @@ def test_motion_of_contacts_is_read_from_the_field_and_the_compliance_is_symmetr
     actuator = LinearActuator("drive", (near, far), direction, 100.0, 0.01, 1.0)
     response = plate_response(layout(actuators=(actuator,), nu=0.3), strip(140, 10))
     raw, size = response.motions, np.sqrt(np.diag(response.motions))
-    assert np.max(np.abs(raw - raw.T) / np.outer(size, size)) < 1e-9
+    assert np.max(np.abs(raw - raw.T) / np.outer(size, size)) < SOLVED
     r, angle = np.meshgrid(1.5 * np.sqrt((np.arange(40) + 0.5) / 40), np.arange(80) * np.pi / 40)
     z = (far.point + r * np.exp(1j * angle)).ravel()
     for case, field in enumerate(response.fields):
@@ -99,8 +101,8 @@ def test_free_body_bends_as_a_beam_between_its_hinges():
     (body,) = body_compliances(of._replace(joints=(leaf, leaf._replace(bodies=(1, 0)))), mesh)
     C = body.compliance
     assert C.shape == (12, 12)
-    assert np.linalg.eigvalsh(C).min() > -1e-12 * np.linalg.norm(C)
-    np.testing.assert_allclose(C[6:9], 0.0, atol=1e-9 * np.abs(C).max())  # on the whole body it is its mean motion
+    assert np.linalg.eigvalsh(C).min() > -SOLVED * np.linalg.norm(C)
+    np.testing.assert_allclose(C[6:9], 0.0, atol=SOLVED * np.abs(C).max())  # on the whole body it is its mean motion
     apart = np.hstack([-np.eye(3), np.eye(3)])
     to_end = np.array([[1.0, 0, 0], [0, 1, 50], [0, 0, 1]])  # twist at the end of the bar from that at the origin
     between = to_end @ apart @ C[:6, :6] @ apart.T @ to_end.T
@@ -138,7 +140,7 @@ def test_turned_and_mirrored_copies_of_a_body_are_solved_once():
         single = tuple(body._replace(fixed=number != k) for number, body in enumerate(bodies))
         (alone,) = body_compliances(of._replace(bodies=single), mesh)
         assert (found.body, found.interfaces) == (alone.body, alone.interfaces)
-        np.testing.assert_allclose(found.compliance, alone.compliance, atol=1e-9 * np.abs(alone.compliance).max())
+        np.testing.assert_allclose(found.compliance, alone.compliance, atol=SOLVED * np.abs(alone.compliance).max())
     wider = outline[0]._replace(start=outline[0].start * (1 + 1e-9))
     unequal = (bodies[0], bodies[1]._replace(outline=(wider, *outline[1:])), *bodies[2:])
     apart = body_compliances(of._replace(bodies=unequal), mesh)[1].compliance
@@ -185,17 +187,17 @@ def test_weight_and_heat():
     held = weight.reactions - np.tensordot(on_clamped, rigid[:, clamped], axes=((0, 1), (1, 2)))
     own = 9810 * DENSITY * B * H * (TIP - CLAMP)
     moment = own * (CLAMP + TIP) / 2 + 9810 * 2e-5 * 60
-    np.testing.assert_allclose(held, [[0, own + 9810 * 2e-5, moment]], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(held, [[0, own + 9810 * 2e-5, moment]], rtol=SOLVED, atol=1e-9)
     heat = ports.warmed(model, 23e-6, 11e-6)
     together = replace(weight, nodal=np.concatenate([weight.nodal, heat.nodal]))
     both = hinge_stress(together, np.array([[1.0, 0, 0, 0], [0, 5, 0, 0], [1, 5, 0, 0]]))
     assert abs(both[1, 0] - both[0, 0]) <= both[2, 0] <= both[:2].sum()
     assert both[0] == pytest.approx(hinge_stress(weight, np.eye(1))[0])
     assert both[1] == pytest.approx(hinge_stress(heat, 5 * np.eye(3))[0])
-    assert heat.motions[0, 0] == pytest.approx(23e-6 * 50 + 11e-6 * CLAMP, rel=1e-9)
+    assert heat.motions[0, 0] == pytest.approx(23e-6 * 50 + 11e-6 * CLAMP, rel=SOLVED)
     alike = ports.warmed(model, 23e-6, 23e-6)
-    assert hinge_stress(alike, np.eye(3)).max() < 1e-12
-    np.testing.assert_allclose(alike.motions[:, 0], [23e-6 * 60, 0, 0, 23e-6 * 40], rtol=1e-9, atol=1e-15)
+    assert hinge_stress(alike, np.eye(3)).max() < SOLVED * hinge_stress(heat, np.eye(3)).max()
+    np.testing.assert_allclose(alike.motions[:, 0], [23e-6 * 60, 0, 0, 23e-6 * 40], rtol=SOLVED, atol=1e-12)
 
 
 def test_thin_strip_in_three_dimensions_is_in_plane_stress():

@@ -21,11 +21,9 @@ from flexfem.mechanism.frames import chain_rotation, turned
 from flexfem.mechanism.stage import load_stage
 from flexfem.refused import ComputationFailed
 
+from ..tolerances import SOLVED, SUMS
 from .conftest import GEOMETRY, bar, solved
 
-ROUND_OFF = 1e-12  # relative; the solver refines until steps are round-off
-THREEFOLD = 1e-10  # symmetry of the solution on an exactly symmetric mesh: conditioning times round-off
-BALANCE = 1e-9  # of unit loads
 LOAD = np.array([1.3, -0.7, 41.0])  # N, N, N mm
 
 
@@ -37,9 +35,9 @@ def difference(C, other):
 
 def test_threefold_symmetry_makes_the_reference_stages_isotropic(reference):
     C = reference.response.compliance
-    assert difference(C, np.diag(np.diag(C))) < THREEFOLD
-    assert abs(C[0, 0] / C[1, 1] - 1) < THREEFOLD
-    assert difference(C, C.T) < ROUND_OFF
+    assert difference(C, np.diag(np.diag(C))) < SOLVED
+    assert abs(C[0, 0] / C[1, 1] - 1) < SOLVED
+    assert difference(C, C.T) < SOLVED
 
 
 def test_mirrored_stage_has_the_mirrored_compliance(unlike):
@@ -48,7 +46,7 @@ def test_mirrored_stage_has_the_mirrored_compliance(unlike):
     flipped = mesh._replace(nodes=mesh.nodes * [1.0, -1.0], triangles=mesh.triangles[:, [0, 2, 1, 5, 4, 3]])
     M = np.diag([1.0, -1.0, -1.0])
     mirrored = platform_response(ordered(flipped)[0], plate_of(unlike.stage)).compliance
-    assert difference(mirrored, M @ unlike.response.compliance @ M.T) < 10 * ROUND_OFF
+    assert difference(mirrored, M @ unlike.response.compliance @ M.T) < SOLVED
 
 
 def test_ground_rests_and_hub_moves_as_a_rigid_body(each):
@@ -57,7 +55,7 @@ def test_ground_rests_and_hub_moves_as_a_rigid_body(each):
     for pose, field in zip(each.response.compliance.T, each.response.fields, strict=True):
         assert np.all(field[ground] == 0.0)
         expected = np.stack([pose[0] - pose[2] * y, pose[1] + pose[2] * x], axis=-1)
-        np.testing.assert_allclose(field[hub], expected, rtol=0, atol=ROUND_OFF * np.abs(field).max())
+        np.testing.assert_allclose(field[hub], expected, rtol=0, atol=SUMS * np.abs(field).max())
 
 
 def test_equations_are_the_stiffness_seen_from_the_unknowns():
@@ -70,11 +68,11 @@ def test_equations_are_the_stiffness_seen_from_the_unknowns():
     expected = T.T @ (K + np.tril(K, -1).T) @ T
     lower = of.lower().toarray()
     scale = np.abs(expected).max()
-    np.testing.assert_allclose(lower, np.tril(expected), rtol=0, atol=ROUND_OFF * scale)
+    np.testing.assert_allclose(lower, np.tril(expected), rtol=0, atol=SUMS * scale)
     forces = np.random.default_rng(29).normal(size=(2, len(mesh.nodes), 2))
-    np.testing.assert_allclose(of.loads(forces), T.T @ forces.reshape(2, -1).T, rtol=0, atol=ROUND_OFF * 1e3)
+    np.testing.assert_allclose(of.loads(forces), T.T @ forces.reshape(2, -1).T, rtol=0, atol=SUMS * 1e3)
     C = platform_response(mesh, plate).compliance
-    np.testing.assert_allclose(C, np.linalg.inv(expected)[-3:, -3:], rtol=1e-9)  # the dense inverse is not refined
+    np.testing.assert_allclose(C, np.linalg.inv(expected)[-3:, -3:], rtol=SOLVED)  # the dense inverse is not refined
 
 
 @pytest.mark.parametrize(("off", "refused"), [(0.7e-9, False), (1.5e-9, True), (np.nan, True)])
@@ -104,15 +102,15 @@ def test_a_loose_body_is_refused(alike):
 
 def test_a_stage_under_a_load_moves_by_the_compliance_and_stores_half_the_work(unlike):
     found = unlike.response.under(LOAD[None])
-    np.testing.assert_allclose(found.motions[:, 0], unlike.response.compliance @ LOAD, rtol=10 * BALANCE)
-    assert found.energy[0, 0] == pytest.approx(float(LOAD @ found.motions[:, 0]), rel=10 * BALANCE)
-    np.testing.assert_allclose(found.reactions[0], -LOAD, rtol=0, atol=100 * BALANCE)  # of 41 N mm
+    np.testing.assert_allclose(found.motions[:, 0], unlike.response.compliance @ LOAD, rtol=SOLVED)
+    assert found.energy[0, 0] == pytest.approx(float(LOAD @ found.motions[:, 0]), rel=SOLVED)
+    np.testing.assert_allclose(found.reactions[0], -LOAD, rtol=0, atol=SOLVED * 41)  # of 41 N mm
 
 
 def test_a_force_turned_by_120_degrees_stresses_the_next_chain(alike):
     force = np.array([1.3, -0.7, 0.0])
     here, there = neck_stresses(alike.stage, alike.response, np.array([force, chain_rotation(1) @ force])).highest
-    np.testing.assert_allclose(np.roll(here, 1, axis=0), there, rtol=1e-11)
+    np.testing.assert_allclose(np.roll(here, 1, axis=0), there, rtol=SOLVED)
     assert not np.allclose(here, there, rtol=0.05)
 
 

@@ -10,6 +10,7 @@ from flexfem.fem.mesh import joined
 from flexfem.fem.response import factorised_stage, factorised_whole, free_displacement, heat_response, unit_response
 from flexfem.fem.structure import structure
 
+from ..tolerances import SOLVED
 from ..validation.fields import on_chords
 from ..validation.vibration import third
 from .conftest import bar
@@ -47,11 +48,11 @@ def test_a_free_strip_bows_by_its_expansion_through_the_thickness_and_along_y():
     """
     plate, layers, mesh = Plate(E, 0.0, 2.1), mirrored(2.1, 1, 0.5), bar(40.0, 3.0, 6, 2)
     z, tilt_x, tilt_y = factorised_whole(structure(mesh, plate, layers.antisymmetric)).warmed().motions[:, 2]
-    assert tilt_y == pytest.approx(-40.0, rel=1e-8)
+    assert tilt_y == pytest.approx(-40.0, rel=SOLVED)
     assert tilt_x == pytest.approx(0.0, abs=0.1), "but for the diagonals of the mesh in the warped face"
     assert z == pytest.approx(800.0, rel=2e-3), "but for the warp of the clamped face, of its size squared"
     along_x, along_y, even = factorised_whole(structure(mesh, plate, layers)).warmed().motions.T
-    assert even[[0, 2]] == pytest.approx([-40.0, 0.0], rel=1e-8, abs=1e-7)
+    assert even[[0, 2]] == pytest.approx([-40.0, 0.0], rel=SOLVED, abs=1e-7)
     assert along_x[0] == pytest.approx(800.0, rel=2e-3)
     assert along_y[1:] == pytest.approx([800.0, 40.0], rel=2e-3)
 
@@ -66,7 +67,7 @@ def test_without_poissons_ratio_it_drifts_as_in_the_plane(thickness):
     plane = heat_response(mesh, plate, 17.3e-6, 9.1e-6).motions[:, [1, 2, 0]]
     mean = np.diag([1.0, 1.0, 0.0]) * -(thickness**2) / 24
     found = factorised_whole(structure(mesh, plate, mirrored(thickness, 1, 0.3))).warmed().motions
-    np.testing.assert_allclose(-8.2e-6 * (found - mean), plane, atol=1e-8 * np.max(np.abs(plane)))
+    np.testing.assert_allclose(-8.2e-6 * (found - mean), plane, atol=SOLVED * np.max(np.abs(plane)))
 
 
 @pytest.mark.parametrize("antisymmetric", [False, True])
@@ -75,9 +76,9 @@ def test_one_third_warms_as_the_whole(antisymmetric):
     half = layers.antisymmetric if antisymmetric else layers
     one, whole = (factorised_stage((sector,) * n, PLATE, half).warmed() for n in (1, 3))
     used = [2] if antisymmetric else [0, 1, 2]
-    np.testing.assert_allclose(one.motions, whole.motions, atol=1e-8 * np.max(np.abs(whole.motions)))
-    np.testing.assert_allclose(np.diag(one.energy)[used], np.diag(whole.energy)[used], rtol=1e-8)
-    np.testing.assert_allclose(one.fields, whole.fields, atol=1e-7 * np.max(np.abs(whole.fields)))
+    np.testing.assert_allclose(one.motions, whole.motions, atol=SOLVED * np.max(np.abs(whole.motions)))
+    np.testing.assert_allclose(np.diag(one.energy)[used], np.diag(whole.energy)[used], rtol=SOLVED)
+    np.testing.assert_allclose(one.fields, whole.fields, atol=SOLVED * np.max(np.abs(whole.fields)))
     assert one.unknowns == whole.unknowns and np.max(np.abs(one.motions)) > 1e-3
 
 
@@ -91,6 +92,6 @@ def test_the_pose_is_the_work_of_the_reactions_to_unit_loads():
     x, y, z = np.broadcast_arrays(*mesh.nodes[ground].T[:, :, None], layers.heights)
     moved = [[(x**2 - y**2 - z**2) / 2, x * y, x * z], [x * y, (y**2 - x**2 - z**2) / 2, y * z], [x, y, z]]
     work = np.einsum("jnmd,kdnm->jk", forces[:, ground], np.array(moved))
-    np.testing.assert_allclose(found.motions, -work, atol=1e-7 * np.max(np.abs(work)))
+    np.testing.assert_allclose(found.motions, -work, atol=SOLVED * np.max(np.abs(work)))
     held = structure(found.mesh, PLATE, layers).forces(found.fields)
-    np.testing.assert_allclose(np.diag(found.energy), np.einsum("knmd,knmd->k", found.fields, held), rtol=1e-8)
+    np.testing.assert_allclose(np.diag(found.energy), np.einsum("knmd,knmd->k", found.fields, held), rtol=SOLVED)

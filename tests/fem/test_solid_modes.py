@@ -14,6 +14,7 @@ from flexfem.fem.stage_mesh import layers_of, mesh_sectors, sheet_of
 from flexfem.fem.structure import mass_of, structure
 from flexfem.mechanism.bodies import Payload, carried_out_of_plane, drawn_inertia
 
+from ..tolerances import SOLVED, SUMS
 from ..validation.vibration import third
 from .conftest import bar
 
@@ -29,10 +30,10 @@ TWIST = 0.7  # rad, of the cuts: without it a sector is its own mirror image
 def test_one_sector_turned_vibrates_as_the_whole(half, load):
     sector = third(3, 3, TWIST)
     one, whole = (stage_modes((sector,) * n, PLATE, HALVES[half], DENSITY, load, 8) for n in (1, 3))
-    np.testing.assert_allclose(one.frequencies, whole.frequencies, rtol=1e-8)
-    np.testing.assert_allclose(one.total, whole.total, atol=1e-12 * one.total[2, 2])
+    np.testing.assert_allclose(one.frequencies, whole.frequencies, rtol=SOLVED)
+    np.testing.assert_allclose(one.total, whole.total, atol=SUMS * one.total[2, 2])
     effective = [found.participation**2 / np.diag(found.total) for found in (one, whole)]
-    np.testing.assert_allclose(*effective, atol=1e-7)
+    np.testing.assert_allclose(*effective, atol=SOLVED)
     assert effective[0].max() > 0.2
     for k in range(8):
         same = one.field(k) * np.sign(np.sum(one.field(k) * whole.field(k)))
@@ -51,7 +52,7 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half, load
     lower = equations.lower().toarray()
     M = mass.loads(np.eye(equations.size))
     squares, shapes = scipy.linalg.eigh(lower + np.tril(lower, -1).T, M)
-    np.testing.assert_allclose(found.frequencies, np.sqrt(squares[:5]), rtol=1e-8)
+    np.testing.assert_allclose(found.frequencies, np.sqrt(squares[:5]), rtol=SOLVED)
     x, y, z = np.broadcast_arrays(*mesh.nodes.T[:, :, None], HALVES[half].heights)
     zero, one = np.zeros_like(x), np.ones_like(x)
     motions = {
@@ -61,9 +62,9 @@ def test_frequencies_and_effective_masses_are_those_of_dense_matrices(half, load
     rigid = np.stack([np.stack(each, axis=-1) for each in motions[half]])
     base = equations.loads(mass.forces(rigid))
     base[-3:] += load
-    np.testing.assert_allclose(np.abs(found.participation), np.abs(shapes[:, :5].T @ base), atol=1e-9)
+    np.testing.assert_allclose(np.abs(found.participation), np.abs(shapes[:, :5].T @ base), atol=SOLVED)
     moved = np.linalg.solve(M, base)
-    np.testing.assert_allclose(np.sum((shapes.T @ base) ** 2, axis=0), np.sum(base * moved, axis=0), rtol=1e-9)
+    np.testing.assert_allclose(np.sum((shapes.T @ base) ** 2, axis=0), np.sum(base * moved, axis=0), rtol=SOLVED)
     np.testing.assert_allclose(found.total, np.einsum("inmd,jnmd->ij", rigid, mass.forces(rigid)) + load, atol=1e-15)
     assert np.all(np.sum((shapes.T @ base) ** 2, axis=0) < np.diag(found.total))
 
@@ -73,8 +74,8 @@ def test_without_poissons_ratio_modes_in_the_plane_are_those_of_plane_stress_at_
     plate = Plate(68e3, 0.0, 9.7)
     both = (structure(mesh, plate, layers) for layers in (None, mirrored(9.7, 2, 0.8)))
     flat, found = (modes(vibrating_structure(mass_of(of, DENSITY, CARRIED)), 5) for of in both)
-    np.testing.assert_allclose(found.frequencies, flat.frequencies, rtol=1e-8)
-    np.testing.assert_allclose(found.participation, flat.participation, atol=1e-7)
+    np.testing.assert_allclose(found.frequencies, flat.frequencies, rtol=SOLVED)
+    np.testing.assert_allclose(found.participation, flat.participation, atol=SOLVED)
 
 
 HEAVY = Payload(0.5, 400.0, 300.0)  # 500 kg, 4e5 kg mm^2 and, tilting, 3e5

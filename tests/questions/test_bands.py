@@ -23,6 +23,8 @@ from flexfem.questions.bands import (
 )
 from flexfem.questions.setup import solved as solve_stage
 
+from ..tolerances import DENSE
+
 LEVELS, FINE = (4, 6, 8), (11, 16)
 ALONG = np.eye(3, dtype=bool)
 KEPT = np.load(Path(__file__).with_name("bands.npz"))
@@ -47,8 +49,8 @@ def ratios():
     for number, (compliance, stiffness, lever) in enumerate(zip(*(KEPT[name] for name in KEPT.files[:3]), strict=True)):
         K = analyse(Stage.model_validate(json.loads(str(KEPT["stages"][number]))), 3).stiffness
         percent, band = error_bands(K, compliance[:3], LEVELS, lever)
-        np.testing.assert_allclose(K, stiffness, rtol=1e-9, atol=1e-9 * np.max(stiffness))
-        np.testing.assert_allclose(percent, percents(compliance[2], stiffness, lever), atol=1e-9)
+        np.testing.assert_allclose(K, stiffness, rtol=DENSE, atol=DENSE * np.max(stiffness))
+        np.testing.assert_allclose(percent, percents(compliance[2], stiffness, lever), atol=DENSE)
         found.append(band / np.abs(percent - truth_of(percents(compliance, stiffness, lever))))
     return np.array(found)
 

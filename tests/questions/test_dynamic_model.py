@@ -16,6 +16,8 @@ from flexfem.questions.driven import Driven
 from flexfem.questions.modes import payload_of, vibrating
 from flexfem.refused import BadInput
 
+from ..tolerances import SOLVED
+
 
 @pytest.fixture(scope="module")
 def vibration(stage):
@@ -34,7 +36,7 @@ def test_at_rest_it_is_the_static_stage_under_loads_and_strokes(stage, vibration
     expected = np.hstack([of.engaged, of.poses])
     found = model.response(np.zeros(1))[0].real
     scale = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(found / scale, expected / scale, atol=1e-8)
+    np.testing.assert_allclose(found / scale, expected / scale, atol=SOLVED)
     assert model.inputs.names[:4] == ("load x", "load y", "load theta", "stroke base, chain 1")
     assert model.inputs.units == ("N", "N", "N mm", *["mm"] * 6) and model.outputs.units == ("mm", "mm", "rad")
 
@@ -53,7 +55,7 @@ def test_the_state_space_has_the_same_response(model):
         found = C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B) + D
         expected = model.response(np.array([w]))[0]
         scale = np.abs(expected).max(axis=0)
-        np.testing.assert_allclose(found / scale, expected / scale, atol=1e-9)
+        np.testing.assert_allclose(found / scale, expected / scale, atol=SOLVED)
 
 
 def test_craig_and_bampton_have_the_static_stiffness_and_the_frequencies_up_to_their_cut(stage, model):
@@ -62,12 +64,12 @@ def test_craig_and_bampton_have_the_static_stiffness_and_the_frequencies_up_to_t
     found, cut = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)), np.sqrt(K.diagonal()[3:].max())
     exact = modes(vibrating(stage, build_mesh(stage, 4), payload_of(0.05, 10.0), drive_of(stage)), 9).frequencies
     below = exact < cut
-    assert below.sum() == 6 and np.all(found[below] >= exact[below] * (1 - 1e-9))  # fewer freedoms are stiffer
+    assert below.sum() == 6 and np.all(found[below] >= exact[below] * (1 - SOLVED))  # fewer freedoms are stiffer
     np.testing.assert_allclose(found[below], exact[below], rtol=1.2e-3)
     np.testing.assert_allclose(found[:3], exact[:3], rtol=5e-4)  # with six modes of the held platform; measured 3e-4
     static = np.linalg.solve(K, L)[:3]
     np.testing.assert_allclose(static[:, :3], model.response(np.zeros(1))[0].real[:, :3], rtol=1e-7, atol=1e-12)
-    np.testing.assert_allclose(L[:3, :3], np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(L[:3, :3], np.eye(3), atol=SOLVED)
 
 
 def test_files_hold_the_matrices_with_names_and_units(model, tmp_path):

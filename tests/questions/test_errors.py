@@ -16,6 +16,7 @@ from flexfem.questions.setup import solved
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT
+from ..tolerances import DENSE, SOLVED
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "cases").glob("fig*.toml")), ids=lambda path: path.stem)
@@ -36,7 +37,7 @@ def test_large_commands_bend_the_error_curve_and_its_percentage_is_at_the_larges
     np.testing.assert_allclose(nonlinear.commanded, [-0.5, 0.0, 0.5])
     for k in range(2):
         first, middle, last = nonlinear.error[k, :, 0]
-        assert abs(middle) < 1e-12 and 1e-3 < abs(first + last) / last < 0.1  # no longer odd in the command
+        assert abs(middle) < SOLVED * last and 1e-3 < abs(first + last) / last < 0.1  # no longer odd in the command
         assert nonlinear.percent[k, 0] == pytest.approx(100 * last / 0.5, rel=1e-12)
         assert nonlinear.percent[k, 2] == pytest.approx(100 * nonlinear.error[k, 2, 2] * 24 / 0.5, rel=1e-12)
         # what is even in the command drops out; the rest is the linear error but for terms of third order: 3e-4
@@ -52,14 +53,14 @@ def test_a_curve_has_the_force_of_its_model_and_the_errors_of_its_meshes(project
     meshes = [solved(stage, n) for n in (2, 3, 4)]
     for k, label in enumerate(result.curves):
         K, C = result.stiffness[k], result.compliance[k]
-        np.testing.assert_allclose(result.force[k], np.outer([-0.05, 0.0, 0.05], K[:, 1]), rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(result.force[k], np.outer([-0.05, 0.0, 0.05], K[:, 1]), rtol=DENSE, atol=1e-9)
         moved = C @ result.load[k] - [0.0, 0.05, 0.0]
-        np.testing.assert_allclose(result.percent[k], 100 * moved * [1, 1, 24] / 0.05, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(result.percent[k], 100 * moved * [1, 1, 24] / 0.05, rtol=SOLVED, atol=1e-9)
         assert np.min(np.abs(result.percent[k])) > 0.1
         load = 0.05 * K[None, :, 1]
         necks, field = neck_stresses(stage, meshes[-1], load).highest[0], meshes[-1].under(load).nodal[0]
-        np.testing.assert_allclose(result.neck_stress[k], necks, rtol=1e-9)
-        np.testing.assert_allclose(result.fields[label].displacement, field, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(result.neck_stress[k], necks, rtol=SOLVED)
+        np.testing.assert_allclose(result.fields[label].displacement, field, rtol=0, atol=SOLVED * 0.05)
         moves = 100 * (np.array([each.compliance @ K[:, 1] for each in meshes]) - [0, 1, 0]) * [1, 1, 24]
         np.testing.assert_allclose(result.on_meshes[k], moves, rtol=1e-6, atol=1e-9)
         assert 1e-3 < result.band("percent", curve=label)[1] < 1.0
@@ -74,7 +75,7 @@ def test_a_curve_takes_its_formula_and_elastic_links(project):
 def test_the_errors_of_two_models_follow_from_their_compliances():
     """Softer by a tenth: 10 % along and nothing across; what is across counts by the lever."""
     K = np.diag([40.0, 50.0, 46000.0])
-    np.testing.assert_allclose(error_matrix(K, 1.1 * np.linalg.inv(K), 24.0), 10 * np.eye(3), atol=1e-9)
+    np.testing.assert_allclose(error_matrix(K, 1.1 * np.linalg.inv(K), 24.0), 10 * np.eye(3), atol=DENSE)
     coupled = np.eye(3)
     coupled[0, 2] = coupled[2, 0] = 0.06
     found = error_matrix(np.eye(3), coupled, 24.0)
@@ -115,7 +116,7 @@ def test_a_case_in_three_dimensions_is_what_the_extruded_stage_does(project):
     result, response = run_case(loaded), solve_solid(loaded.stages["mobility six"], 4, 3)
     K = result.at("stiffness", curve="mobility six")
     expected = 100 * (response.compliance @ K - np.eye(3))[:, 1] * [1, 1, 24]
-    np.testing.assert_allclose(result.at("percent", curve="mobility six"), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(result.at("percent", curve="mobility six"), expected, rtol=DENSE, atol=1e-9)
     assert np.all(result.band("percent")[:, 1] > result.layer_band[:, 1]) and np.all(result.layer_band[:, 1] > 0)
     assert result.elements == "three_dimensional" and result.models["mobility six"].layers == 3
 

@@ -11,6 +11,7 @@ from flexfem.questions.fixture import MeasuredSlopes, Pole, fixture_of, pushes_o
 from flexfem.refused import ComputationFailed
 
 from ..conftest import ROOT
+from ..tolerances import DENSE
 
 FIXTURE = fixture_of(ROOT / "cases" / "fixture.toml")
 QUIET = {"noise": 0.0, "resolution": 0.0}
@@ -42,7 +43,7 @@ def test_without_noise_the_slope_is_that_of_stage_and_pole_in_series(stage):
     found = analytic(stage, exact)
     slope = found.at("slope", source="simulated")
     assert slope[0] == pytest.approx(1 / (1 / 37.98114 + 1 / 6004.652), rel=1e-6)
-    np.testing.assert_allclose(slope, found.noiseless, rtol=1e-9)
+    np.testing.assert_allclose(slope, found.noiseless, rtol=DENSE)
     np.testing.assert_allclose(np.sum(found.share, axis=1), 100.0)
     np.testing.assert_array_equal(found.load[:, 0], found.load[:, 2])
     assert found.share[2, 1] == pytest.approx(100 * found.noiseless[2] / 796514.57)
@@ -108,21 +109,21 @@ def test_a_push_leaves_the_other_directions_free_and_on_the_bar_is_a_force_too(u
     """Of 1 N at 30 mm along y: C_tt + C_ty / 30 is read, not C_tt. A measured slope is explained from there."""
     found = analytic(unlike, FIXTURE.model_copy(update={"measured": MeasuredSlopes(ktt=36000.0)}))
     C = flexfem.analyse(unlike, links=True, formula="calibrated").compliance
-    np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(C), rtol=1e-9)
+    np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(C), rtol=DENSE)
     assert any(text.startswith("a force in x leaves the other directions free") for text in found.warnings)
     read = 1 / (C[2, 2] + C[2, 1] / 30.0)
     assert abs(read * C[2, 2] - 1) > 0.005
     said = f"on a rigid fixture the slope is {read:.5g}, and 1/C is {1 / C[2, 2]:.5g}"
     assert any(text.startswith("a force in theta also loads other") and said in text for text in found.warnings)
     assert not any("a force in x also" in text for text in found.warnings)
-    assert found.spring[2] == pytest.approx(36000.0 * read / (read - 36000.0), rel=1e-9)
+    assert found.spring[2] == pytest.approx(36000.0 * read / (read - 36000.0), rel=DENSE)
 
 
 def test_finite_elements_are_the_stage(unlike):
     compliance = flexfem.solve(unlike, resolution=3).compliance
     found = experiment(unlike, FIXTURE, resolution=3)
     assert found.settings["stage"] == "finite elements, plane stress"
-    np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(compliance), rtol=1e-12)
+    np.testing.assert_allclose(found.at("slope", source="stage"), 1 / np.diag(compliance), rtol=DENSE)
     own = analytic(unlike, FIXTURE).at("slope", source="stage")
     np.testing.assert_allclose(own, found.at("slope", source="stage"), rtol=2e-3)
 
@@ -146,9 +147,9 @@ def test_a_pole_like_a_hair_leaves_no_slope_to_read(stage):
         analytic(stage, changed(pole={"diameter": 0.001}))
     found = analytic(stage, changed(pole={"diameter": 0.001}, lvdt=QUIET, sensor=QUIET, bar={"angle": 0.7}))
     slope = found.at("slope", direction="x", source="simulated")
-    assert slope == pytest.approx(found.pole[0], rel=1e-9) and slope == pytest.approx(1.517e-12, rel=1e-3)
+    assert slope == pytest.approx(found.pole[0], rel=DENSE) and slope == pytest.approx(1.517e-12, rel=1e-3)
     C = flexfem.analyse(stage, links=True, formula="calibrated").compliance
-    np.testing.assert_allclose(pushes_of(changed(pole={"diameter": 0.001})).shares(C)[0], np.diag(C), rtol=1e-12)
+    np.testing.assert_allclose(pushes_of(changed(pole={"diameter": 0.001})).shares(C)[0], np.diag(C), rtol=DENSE)
 
 
 # slopes

@@ -23,6 +23,7 @@ from flexfem.questions.imposed import commanded_hinges, imposed
 from flexfem.refused import BadInput
 
 from ..conftest import ROOT, UNLIKE, with_changes
+from ..tolerances import DENSE
 
 GEOMETRY = ROOT / "geometry"
 COARSE = 0.004  # percentage points: four triangles across a neck instead of eight
@@ -68,7 +69,7 @@ def test_rotations_are_those_of_least_energy_and_metal_takes_them_by_least_energ
     wanted, _ = by_least_energy(unlike, mobility, [], POSE)
     given = imposed(unlike, analyse(unlike, mobility), "joints")
     numbers = [3 * chain + position for position in positions for chain in range(3)]
-    np.testing.assert_allclose(given.per_command @ POSE, wanted[numbers], rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(given.per_command @ POSE, wanted[numbers], rtol=DENSE, atol=1e-12)
     rows = [(np.eye(9)[r], wanted[r]) for r in numbers]
     _, reached = by_least_energy(unlike, 21, rows, None)
     metal = driven_model(unlike, analyse(unlike, 21), given.drive.stacks).compliance

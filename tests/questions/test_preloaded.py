@@ -26,6 +26,8 @@ from flexfem.mechanism.stage import load_stage
 from flexfem.questions.drive import commanding, driven_elements
 from flexfem.questions.driven import Driven
 
+from ..tolerances import DENSE
+
 NONE = np.zeros(3)
 UNLIKE = [
     (
@@ -175,5 +177,5 @@ def test_the_stiffness_by_the_forces_of_a_command_is_that_under_its_load(stage):
     force = found.at("force", criterion="least energy")
     with_load, without = (np.diag(loaded(joints, force, each).stiffness(drive.stiffness)) for each in (load, NONE))
     state = "stack forces, least energy"
-    np.testing.assert_allclose(found.at("stiffness", state=state), with_load, rtol=1e-9)
+    np.testing.assert_allclose(found.at("stiffness", state=state), with_load, rtol=DENSE)
     assert np.max(np.abs(with_load / without - 1)) > 1e-6

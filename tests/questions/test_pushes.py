@@ -18,6 +18,8 @@ from flexfem.questions.fixture import (
     pushes_of,
 )
 
+from ..tolerances import DENSE
+
 C = np.linalg.inv([[37.0, 3.5, 120.0], [3.5, 41.0, -210.0], [120.0, -210.0, 39000.0]])  # of no symmetry
 POLE = {"diameter": 3.0, "height": 31.0, "youngs_modulus": 206e3, "poissons_ratio": 0.29, "offset": (1.3, -0.7)}
 BAR = {"arm": 26.0, "angle": 0.6, "width": 2.0, "thickness": 3.0, "youngs_modulus": 71e3}
@@ -116,10 +118,10 @@ def test_what_reads_the_platform_does_not_see_the_pole():
     assert not any(part.any() for part in pushes_of(ground).shares(C)[1:])
     n = np.array([-np.sin(0.6), np.cos(0.6)])
     w = np.array([*n, 1.3 * n[1] + 0.7 * n[0] + 26.0])
-    assert read(ground)[0] == pytest.approx(C[0, 0] + 2 * 0.7 * C[0, 2] + 0.49 * C[2, 2], rel=1e-12)
-    assert read(ground)[2] == pytest.approx(C[2] @ w / 26.0, rel=1e-12)
+    assert read(ground)[0] == pytest.approx(C[0, 0] + 2 * 0.7 * C[0, 2] + 0.49 * C[2, 2], rel=DENSE)
+    assert read(ground)[2] == pytest.approx(C[2] @ w / 26.0, rel=DENSE)
     soft, hard = (fixture(sensor=ForceSensor(noise=0.0, stiffness=k)) for k in (50.0, None))
-    np.testing.assert_allclose(read(soft), read(hard), rtol=1e-15)
+    np.testing.assert_allclose(read(soft), read(hard), rtol=DENSE)
     stroke = np.array([0.04])
     more, less = (stroke / pushes_of(each).force(C, stroke) for each in (soft, hard))
     np.testing.assert_allclose(more - less, 1 / 50.0)

@@ -10,7 +10,9 @@ from scipy.optimize import linprog
 
 from flexfem.questions.driven import farthest
 
-SAME = 1e-9  # of the value: both are vertices, to round-off
+from ..tolerances import DENSE
+
+SAME = DENSE  # of the value: both are vertices
 
 
 def bounded(rng, k, d, kind):

@@ -24,6 +24,7 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS
 
 from ..conftest import ROOT
+from ..tolerances import DENSE, SOLVED
 
 GEOMETRY = ROOT / "geometry"
 NONE = np.zeros(3)
@@ -100,7 +101,7 @@ def test_a_cube_with_an_edge_cut_off_is_drawn_as_by_hand(stage):
     section = found.section
     starts = np.round([edge.start for edge in section], 9).tolist()
     assert starts == [[-1, 1], [-1, -1], [1, -1], [1, 0.5], [0.5, 1]]
-    np.testing.assert_allclose([edge.end for edge in section], np.roll(starts, -1, axis=0), atol=1e-9)
+    np.testing.assert_allclose([edge.end for edge in section], np.roll(starts, -1, axis=0), atol=DENSE)
     assert [edge.by[0] for edge in section] == [f"{kind} of {k}" for kind, k in
         (("stroke", 3), ("stroke", 4), ("stroke", 0), ("contact", 0), ("stroke", 1))]  # fmt: skip
     (x,), (by,) = poses.farthest(np.ones((1, 3)), (0,))
@@ -114,12 +115,12 @@ def test_strokes_alone_reach_a_zonotope(stage):
     G = one.system.poses * 8.7e-3
     assert (found.dimension, len(found.vertices), len(found.faces)) == (3, 32, 30)  # 2 + 6 * 5, 6 * 5
     determinants = [abs(np.linalg.det(G[:, list(three)])) for three in combinations(range(6), 3)]
-    assert found.volume == pytest.approx(8 * sum(determinants), rel=1e-9)
+    assert found.volume == pytest.approx(8 * sum(determinants), rel=DENSE)
     for n in np.random.default_rng(4).normal(size=(40, 3)) / SCALE[::-1]:
-        assert np.max(found.vertices @ n) == pytest.approx(np.sum(np.abs(n @ G)), rel=1e-9)
-    np.testing.assert_allclose(found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=1e-9)
+        assert np.max(found.vertices @ n) == pytest.approx(np.sum(np.abs(n @ G)), rel=DENSE)
+    np.testing.assert_allclose(found.supports, np.sum(np.abs((found.normals * SCALE) @ G), axis=1), rtol=DENSE)
     moved_to = [one.system.moved(x, NONE).pose for x in found.commands]
-    np.testing.assert_allclose(moved_to, found.vertices, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(moved_to, found.vertices, rtol=DENSE, atol=1e-15)
 
 
 def test_ranges_of_the_reference_stages(stage, reached):
@@ -152,7 +153,7 @@ def test_strokes_alone_limit_a_mechanism():
         for axis, (row, sign) in product(range(3), enumerate((1, -1))):
             others = {"A_eq": np.delete(motion, axis, axis=0), "b_eq": np.zeros(2), "bounds": (0, 1)}
             wanted = sign * linprog(sign * motion[axis], **others).fun if count > 2 else np.nan
-            assert held[row, axis] == pytest.approx(wanted, rel=1e-9, abs=1e-12, nan_ok=True)
+            assert held[row, axis] == pytest.approx(wanted, rel=DENSE, abs=1e-12, nan_ok=True)
 
 
 def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
@@ -162,7 +163,7 @@ def test_what_is_inside_takes_less_than_all_and_what_is_beyond_more(light):
     V, middle, solid = found.vertices, np.mean(found.vertices, axis=0), found.fields
     normals, supports = solid.normals * SCALE, solid.supports
     assert {by.kinds for by in solid.by} == {("stroke",), ("stroke", "contact")}
-    assert np.all(normals @ V.T <= supports[:, None] + 1e-12)
+    assert np.all(normals @ V.T <= supports[:, None] + DENSE * np.max(np.abs(supports)))
 
     def share(pose: np.ndarray) -> float:
         x = one.system.commands(pose, LOAD, LEVER, "within limits")
@@ -188,7 +189,7 @@ def test_ranges_are_those_that_studies_have_by_programs_of_their_own(own, stage)
         one = modelled(each)
         studied = drive_ranges(lower(each), one.system.at(None), one.necks[None]).reach[0]
         found, stops = poses_of(each).ranges()
-        np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=1e-9)
+        np.testing.assert_allclose(found[0], [-studied[1], studied[0]], rtol=DENSE)
     assert any("yield" in by.kinds for by in stops.values())
 
 
@@ -203,11 +204,11 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     one = modelled(own)
     X = found.commands
     for x in X:
-        assert max(np.max(used) for used in one.system.shares(x, load).values()) < 1 + 1e-9
+        assert max(np.max(used) for used in one.system.shares(x, load).values()) < 1 + DENSE
         force = one.system.drive.preload + one.system.moved(x, load).force
-        assert np.max(one.stress(load, force)) < 0.99 * own.material.yield_strength * (1 + 1e-9)
+        assert np.max(one.stress(load, force)) < 0.99 * own.material.yield_strength * (1 + DENSE)
     np.testing.assert_allclose([one.system.moved(x, load).pose for x in X], found.vertices, atol=1e-12)
-    assert np.min(X[:, 0]) == pytest.approx(0.0, abs=1e-12) and np.max(X[:, 0]) <= 17.4e-3 + 1e-12
+    assert np.min(X[:, 0]) == pytest.approx(0.0, abs=DENSE * 17.4e-3) and np.max(X[:, 0]) <= 17.4e-3 * (1 + DENSE)
     rest = one.system.engaged @ load
     np.testing.assert_allclose(found.rest, rest)
     edges = found.fields.section
@@ -285,7 +286,7 @@ def test_ranges_of_finite_elements_are_within_limits_of_their_own_forces(light):
     own, other = (
         PoseSet(elements, pose_set(first, of, LOAD).limits, LOAD).ranges()[0] for of in (elements, first.system)
     )
-    np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=1e-9)
+    np.testing.assert_allclose(found.at("ends", model=ELEMENTS), own, rtol=SOLVED)
     assert np.max(np.abs(own[1, 1] / other[1, 1] - 1)) > 1e-4
 
 

@@ -12,6 +12,7 @@ from flexfem.fem.export import write_vtu
 from flexfem.questions import bands, warnings
 from flexfem.questions import stiffness as solid
 
+from ..tolerances import SOLVED
 from ..validation.vibration import third
 
 
@@ -57,7 +58,7 @@ def test_the_band_of_the_layers_covers_what_they_leave_out(graded, make_stage, m
 def test_a_stage_that_holds_its_faces_has_them_free_here(make_stage):
     held, free = make_stage({"model": "plane_strain"}), make_stage()
     clamped, loose = (bands.solve_solid(each, 2, 1).compliance for each in (held, free))
-    np.testing.assert_allclose(clamped, loose, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(clamped, loose, rtol=SOLVED, atol=1e-12)
     assert warnings.held_faces(free) == []
     (said,) = warnings.held_faces(held)
     assert "they are free" in said

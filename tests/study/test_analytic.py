@@ -20,7 +20,9 @@ from flexfem.refused import BadInput
 from flexfem.study.answer import answer
 from flexfem.study.loaded import sample, stage_of
 
-LOOPS = 1e-8  # relative to the diagonal: the loop equations and stiff springs of the scalar path
+from ..tolerances import DENSE
+
+LOOPS = DENSE  # relative to the diagonal: the loop equations and stiff springs of the scalar path
 GENTLE = (
     'key = "override.*.*.radius_mm"\nfrom = 1.5\nto = 3.9',
     'key = "override.*.*.neck_mm"\nfrom = 0.35\nto = 0.8',
@@ -106,7 +108,7 @@ def test_hinge_deformations_under_the_neck_wrenches_add_up_to_the_displacement(s
         x, y = placed.centres[..., 0, None], placed.centres[..., 1, None]
         c, s = np.cos(placed.axes)[..., None], np.sin(placed.axes)[..., None]
         moved = np.stack([y * turn + c * stretch, -x * turn + s * stretch, turn], axis=2).sum(axis=1)
-        np.testing.assert_allclose(moved, np.broadcast_to(np.eye(3), (3, 3, 3)), atol=1e-9)  # mm per mm and rad
+        np.testing.assert_allclose(moved, np.broadcast_to(np.eye(3), (3, 3, 3)), atol=DENSE)  # mm per mm and rad
 
 
 def test_travel_is_where_the_first_base_hinge_has_turned_by_stroke_over_arm(studies: Any) -> None:

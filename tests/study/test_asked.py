@@ -19,6 +19,7 @@ from flexfem.study.loaded import load_study, sample, stage_of
 from flexfem.study.run import parts_of
 
 from ..conftest import GENERIC, UNLIKE
+from ..tolerances import DENSE, SOLVED
 from .conftest import columns, random
 
 FATIGUE = {"fatigue_strength_coefficient_mpa": 1320.0, "fatigue_strength_exponent": -0.093, "walker_exponent": 0.6}
@@ -64,10 +65,10 @@ def test_designs_at_once_have_the_lives_of_each_alone(lasting: Any) -> None:
         assert stage.material.walker_exponent == values[5]
         asked = {"ratio": 0.3, "cycles": 4e5, "notch_sensitivity": 0.7}
         alone = flexfem.life(stage, amplitude=tuple(moved), models="analytic", **asked)
-        assert found["life_cycles"][k] == pytest.approx(alone.at("life")[0], rel=1e-9)
-        assert found["life_amplitude_x_um"][k] == pytest.approx(1e3 * alone.at("largest")[0, 0], rel=1e-9)
-        assert found["life_amplitude_theta_mrad"][k] == pytest.approx(-1e3 * alone.at("largest")[0, 2], rel=1e-9)
-        assert found["safety_factor"][k] == pytest.approx(alone.at("safety")[0], rel=1e-9)
+        assert found["life_cycles"][k] == pytest.approx(alone.at("life")[0], rel=DENSE)
+        assert found["life_amplitude_x_um"][k] == pytest.approx(1e3 * alone.at("largest")[0, 0], rel=DENSE)
+        assert found["life_amplitude_theta_mrad"][k] == pytest.approx(-1e3 * alone.at("largest")[0, 2], rel=DENSE)
+        assert found["safety_factor"][k] == pytest.approx(alone.at("safety")[0], rel=DENSE)
 
 
 def test_the_life_fully_reversed_along_one_direction_is_that_of_the_neck_stress(lasting: Any) -> None:
@@ -75,10 +76,10 @@ def test_the_life_fully_reversed_along_one_direction_is_that_of_the_neck_stress(
     loaded = study(lasting, HEAD, 400, "[life]\namplitude_y_um = -390.0\ncycles = 2.5e6", FACTORS[:3])
     found = columns(loaded, answer(loaded, 0, 400))
     stress = 390.0 * found["stress_y_mpa_per_um"]
-    np.testing.assert_allclose(found["life_cycles"], 0.5 * (stress / 1320.0) ** (1 / -0.093), rtol=1e-9)
+    np.testing.assert_allclose(found["life_cycles"], 0.5 * (stress / 1320.0) ** (1 / -0.093), rtol=DENSE)
     allowed = 390.0 * 1320.0 * 5e6**-0.093 / stress
-    np.testing.assert_allclose(found["life_amplitude_y_um"], allowed, rtol=1e-9)
-    np.testing.assert_allclose(found["safety_factor"], sample(loaded, 0, 400)[:, 2] / stress, rtol=1e-12)
+    np.testing.assert_allclose(found["life_amplitude_y_um"], allowed, rtol=DENSE)
+    np.testing.assert_allclose(found["safety_factor"], sample(loaded, 0, 400)[:, 2] / stress, rtol=DENSE)
 
 
 def test_finite_elements_of_a_design_have_the_life_of_their_own_neck_stress(lasting: Any) -> None:
@@ -139,7 +140,7 @@ def test_designs_at_once_have_the_frequencies_of_each_alone(studies: Any, links:
     for values, ours in zip(sample(loaded, 0, 4), frequencies(loaded, found), strict=True):
         stage = stage_of(loaded, values)
         alone = dynamics(stage, analyse(stage, 21, "calibrated", links), payload_of(0.07, 31.0)).frequencies[:3]
-        np.testing.assert_allclose(ours, alone / (2 * np.pi), rtol=1e-9)
+        np.testing.assert_allclose(ours, alone / (2 * np.pi), rtol=DENSE)
         assert stage.material.density == values[2]
 
 
@@ -148,4 +149,4 @@ def test_finite_elements_of_a_design_have_the_frequencies_of_the_command(studies
     (ours,) = frequencies(loaded, answer(loaded, 0, 1))
     stage = stage_of(loaded, sample(loaded, 0, 1)[0])
     found = flexfem.modes(stage, count=3, payload=(0.07, 31.0), resolution=4)
-    np.testing.assert_allclose(ours, found.at("frequency", model="finite elements")[:3] / (2 * np.pi), rtol=1e-8)
+    np.testing.assert_allclose(ours, found.at("frequency", model="finite elements")[:3] / (2 * np.pi), rtol=SOLVED)

@@ -18,6 +18,7 @@ from flexfem.study.answer import answer
 from flexfem.study.loaded import sample, stage_of
 
 from ..conftest import GENERIC, ROOT, UNLIKE
+from ..tolerances import DENSE
 from .conftest import columns, random
 
 EXPANDING = "material.expansion_um_per_m_k"
@@ -77,7 +78,7 @@ def test_designs_at_once_have_the_drift_of_each_alone(studies: Any, head: str, p
         stage = stage_of(loaded, values)
         assert stage.material.expansion == pytest.approx(1e-6 * values[2], rel=1e-12)
         expected = alone(stage, ANALYTIC, models="analytic", analytic=Analytic(**asked))
-        np.testing.assert_allclose(row[-5:], expected, rtol=1e-9)
+        np.testing.assert_allclose(row[-5:], expected, rtol=DENSE)
 
 
 def test_the_drift_of_a_stage_with_unlike_chains_is_that_of_finite_elements(studies: Any) -> None:
@@ -99,7 +100,7 @@ def test_drift_is_proportional_to_the_difference_of_both_coefficients(warm: Any)
     difference = values[:, 0] - values[:, 1]
     for name in (*NAMES, *STEEPEST):
         size = found[name] / (difference if name in NAMES else np.abs(difference))
-        np.testing.assert_allclose(size, size[0], rtol=1e-9, err_msg=name)
+        np.testing.assert_allclose(size, size[0], rtol=DENSE, err_msg=name)
 
 
 def test_expansion_is_part_of_what_a_study_on_drift_is_and_of_no_other(warm: Any) -> None:
@@ -117,7 +118,7 @@ def test_finite_elements_drift_as_the_command_says_on_the_same_mesh(studies: Any
     loaded = study(studies, 'model = "fe"\nresolution = 6\n', 1)
     (row,), (values,) = answer(loaded, 0, 1).values, sample(loaded, 0, 1)
     expected = alone(stage_of(loaded, values), ELEMENTS, models="elements", resolution=6)
-    np.testing.assert_allclose(row[-5:], expected, rtol=1e-8)
+    np.testing.assert_allclose(row[-5:], expected, rtol=DENSE)
     model = study(studies, f"{HEAD}links = true\n", 1)
     np.testing.assert_allclose(row[-5:], answer(model, 0, 1).values[0, -5:], rtol=3e-3)  # meshes, up to 0.2 %
 

@@ -20,10 +20,11 @@ from flexfem.study.columns import DRIVE_RANGES, ENGAGED
 from flexfem.study.loaded import LoadedStudy, load_study, sample, stage_of
 
 from ..questions.half_spaces import half_spaces
+from ..tolerances import DENSE
 from .answered import head
 
 GEOMETRY = Path(__file__).parents[2] / "geometry"
-SAME = 1e-9  # of a range: two vertices of one linear program, to round-off
+SAME = DENSE  # of a range: two vertices of one linear program
 YIELD = "material.yield_strength_mpa"
 PIEZO = 'stack = "AE0505D16"'
 
@@ -144,7 +145,7 @@ def test_finite_elements_drive_a_stage_as_by_another_solver(tmp_path, strength):
     reach, engaged = ranges(stage, (None, "calibrated", True), 4)
     carried = 1e-9 if strength > 1e3 else 3e-4  # of the necks, by either
     np.testing.assert_allclose([row[column] for column in DRIVE_RANGES], 1e3 * reach, rtol=carried)
-    np.testing.assert_allclose([row[column] for column in ENGAGED], engaged, rtol=1e-9)
+    np.testing.assert_allclose([row[column] for column in ENGAGED], engaged, rtol=DENSE)
     yields = ranges(stage.replace(material={"yield_strength": 5.0e3}), (None, "calibrated", True), 4)[0]
     assert np.all(reach < 0.99 * yields) == (strength < 1e3)
 

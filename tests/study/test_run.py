@@ -31,6 +31,8 @@ from flexfem.study.loaded import load_study
 from flexfem.study.run import parts_of, read_part, remove_stale, run_parts, survey
 from flexfem.study.workers import Workers, require_same_versions, versions_of
 
+from ..tolerances import DENSE
+
 sys.path.insert(0, str(Path(__file__).parent))  # workers import what they are to run
 
 import strange
@@ -92,7 +94,7 @@ def table(parts):
     return pq.read_table(collect(parts, parts.folder / "table.parquet").path)
 
 
-def require_same(parts, others, rtol=1e-12):
+def require_same(parts, others, rtol=DENSE):
     """The same rows in the tables of two studies that have run."""
     found, expected = table(parts), table(others)
     assert found.schema == expected.schema
@@ -307,6 +309,7 @@ import strange
 from flexfem.study import run
 from flexfem.study.loaded import load_study
 from flexfem.study.workers import Workers
+
 parts = run.parts_of(load_study(sys.argv[1]), Path(sys.argv[2]), 16)
 with Workers(2) as pool:
     print("running", flush=True)
