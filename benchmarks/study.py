@@ -1,9 +1,10 @@
 """Speed of studies: analytic designs in one process, finite-element designs, and both through a process pool.
 
-    python benchmarks/study.py [--analytic 1000000] [--meshed 100] [--workers 2] [--collected]
+    python benchmarks/study.py [--analytic 1000000] [--meshed 100] [--workers 2] [--collected] [--flushed]
 
 Analytic designs vary all 31 dimensions of a stage; finite-element designs vary nine necks. Seconds are wall time and
-processor time with that of the workers.
+processor time with that of the workers. `--flushed` compares runs of 10,000 analytic designs with and without the calls
+that wait until files are on the disk, in turn, in the folder for temporary files.
 """
 
 from __future__ import annotations
@@ -11,16 +12,19 @@ from __future__ import annotations
 import argparse
 import os
 import resource
+import statistics
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from flexfem.sources import ONE_THREAD
 from flexfem.study.answer import answer
 from flexfem.study.collect import collect
+from flexfem.study.columns import Rows
 from flexfem.study.loaded import LoadedStudy, load_study
 from flexfem.study.run import parts_of, run_parts
 from flexfem.study.workers import Workers
@@ -89,16 +93,65 @@ def measure(loaded: LoadedStudy, folder: Path, workers: int, collected: bool) ->
             collect(parts, parts.table)
 
 
+class InThisProcess:
+    """In the place of workers: computes in this process."""
+
+    def __enter__(self) -> InThisProcess:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def results(self, function: Callable[..., Any], next_task: Callable[[], Any], limit: object) -> Iterator[Any]:
+        while (task := next_task()) is not None:
+            yield task, function(*task)
+
+
+def unflushed_answer(loaded: LoadedStudy, start: int, stop: int) -> Rows:
+    """As `answer`, in a process that does not wait for the disk from then on."""
+    os.fsync = lambda handle: None
+    return answer(loaded, start, stop)
+
+
+def compare_flushed(loaded: LoadedStudy, folder: Path, workers: int, rounds: int = 9) -> None:
+    """Print the time of a run, and its ratio to a run in which `os.fsync` does nothing; medians over the rounds.
+
+    Runs with workers take the time to start them, as the command does; runs in this process do not.
+    """
+    flush = os.fsync
+    answer(loaded, 0, loaded.count)
+    for place in ("this process", "workers"):
+        seconds: dict[str, list[float]] = {"flushed": [], "unflushed": []}
+        for turn in range(rounds):
+            for name, solve in (("flushed", answer), ("unflushed", unflushed_answer)):
+                parts = parts_of(loaded, folder / f"{place}-{name}-{turn}")
+                os.fsync = flush
+                began = time.perf_counter()
+                with InThisProcess() if place == "this process" else Workers(workers) as pool:
+                    run_parts(parts, pool, solve)
+                seconds[name].append(time.perf_counter() - began)
+        os.fsync = flush
+        ratios = [flushed / not_flushed for flushed, not_flushed in zip(*seconds.values(), strict=True)]
+        found = (
+            f"{1e3 * statistics.median(seconds['flushed']):.0f} ms, {statistics.median(ratios):.3f} times as long as"
+        )
+        print(f"{loaded.count:,} designs in {place}, on the disk: {found} without, medians of {rounds}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--analytic", type=int, default=1_000_000)
     parser.add_argument("--meshed", type=int, default=100)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--collected", action="store_true")
+    parser.add_argument("--flushed", action="store_true")
     given = parser.parse_args()
     if not ONE_THREAD.items() <= os.environ.items():  # too late for libraries that are loaded
         os.execve(sys.executable, [sys.executable, *sys.argv], {**os.environ, **ONE_THREAD})
     with tempfile.TemporaryDirectory() as place:
+        if given.flushed:
+            compare_flushed(load_study(study(Path(place), 10_000)), Path(place), given.workers)
+            return
         if given.analytic:
             measure(load_study(study(Path(place), given.analytic)), Path(place), given.workers, given.collected)
         if given.meshed:

@@ -26,7 +26,7 @@ from flexfem.refused import BadInput
 from flexfem.results import Progress
 from flexfem.study import MOST_WORKERS, REPORTS, run
 from flexfem.study.answer import nominal, require_extra_numbers
-from flexfem.study.collect import Collected, collect, counted_warnings, read_table
+from flexfem.study.collect import RUN_AGAIN, Collected, collect, counted_warnings, read_table
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
 from flexfem.study.run import Counts, Parts
@@ -274,7 +274,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),
         "parts": len(found.counts),
-        "damaged": [f"{parts.path(chunk)}: a damaged part" for chunk in found.damaged],
+        "damaged": [*found.damaged.values()],
         "stale": len(found.stale),
         "stress_accuracy": loaded.stress_accuracy,
         **loaded.assumptions._asdict(),
@@ -296,7 +296,7 @@ def _lines(facts: Mapping[str, Any]) -> Iterator[str]:
     for state, reasons in facts["reasons"].items():
         yield from (f"  {n:,} {state}: {reason}" for reason, n in reasons.items())
     yield f"{facts['parts']:,} part{'s' * (facts['parts'] != 1)} in {facts['folder']}"
-    yield from (f"{text}; flexfem study run computes it again" for text in facts["damaged"])
+    yield from (f"{text}; {RUN_AGAIN}" for text in facts["damaged"])
     if facts["stale"]:
         yield f"{facts['stale']:,} parts there belong to other inputs or versions; flexfem study clean removes them"
     yield from (f"warning: {text}" for text in facts["warnings"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -21,6 +22,7 @@ from flexfem.files.refusals import as_key, as_toml, place_of
 from flexfem.refused import BadInput
 
 LONGEST_NAME = 240  # bytes; file systems take 255, and the name of the temporary file is longer
+NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)  # of file systems that cannot flush a folder
 
 
 def toml_text(content: Mapping[str, Any]) -> str:
@@ -95,6 +97,9 @@ def _refused(path: Path) -> Iterator[None]:
 def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Iterator[Path]:
     """Yield a temporary path in the folder of `path`, and move it to `path` when no error occurred.
 
+    The file is on the disk before it replaces an older one, and the folder when this ends: whenever power fails, `path`
+    is the old file or the new one as a whole.
+
     Parameters
     ----------
     suffix : extension of the temporary path, by default that of `path`; some writers choose the format by it.
@@ -106,14 +111,44 @@ def replacing(path: Path, suffix: str | None = None, again: bool = False) -> Ite
         require_unread(path)
     beside = path.with_name(f".{path.stem}-{secrets.token_hex(6)}{suffix or path.suffix}")
     with _refused(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+        _make_folder(path.parent)
         try:
             os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))  # less the umask
             yield beside
+            _flush(beside)
             beside.replace(path)
             wrote(path)
+            _flush_folder(path.parent)
         finally:
             beside.unlink(missing_ok=True)
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder and those above it, each entered in its parent on the disk."""
+    missing = [place for place in (folder, *folder.parents) if not place.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for place in missing:
+        _flush_folder(place.parent)
+
+
+def _flush(path: Path) -> None:
+    """Wait until the content of a file or folder is on the disk."""
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)  # Windows flushes what is open for writing
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _flush_folder(folder: Path) -> None:
+    """Wait until the names in a folder are on the disk, where the system can flush folders."""
+    if os.name != "posix":
+        return
+    try:
+        _flush(folder)
+    except OSError as error:
+        if error.errno not in (*NO_FLUSH, errno.EACCES):  # a folder that may be written but not read
+            raise
 
 
 def write_atomically(path: Path, write: Callable[[BinaryIO], object], again: bool = False) -> None:

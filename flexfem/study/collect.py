@@ -26,6 +26,7 @@ from flexfem.study.run import ABOUT, PARQUET, TEXTS, Parts, opened, read_part, s
 FORMATS = (".parquet", ".csv")
 GROUP = 65_536  # least number of designs in a row group of Parquet
 OK = "ok"
+RUN_AGAIN = "flexfem study run computes these designs again"
 DAMAGED = "a damaged Parquet file; flexfem study collect writes it again"
 
 
@@ -53,7 +54,9 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
         raise BadInput(f"{path}, expected a file name that ends in {' or '.join(FORMATS)}")
     found, loaded = survey(parts), parts.loaded
     if found.damaged:
-        raise BadInput(f"{parts.path(found.damaged[0])}: a damaged part; flexfem study run computes it again")
+        first, *rest = found.damaged.values()
+        more = f", and {len(rest)} more such parts" if rest else ""
+        raise BadInput(f"{first}{more}; {RUN_AGAIN}")
     designs = sum(map(len, found.counts))
     if designs == 0 or (designs < loaded.count and not partial):
         others = f"; {len(found.stale)} parts there belong to other inputs or versions" if found.stale else ""
@@ -68,10 +71,21 @@ def collect(parts: Parts, path: Path, partial: bool = False) -> Collected:
         with pyarrow.csv.CSVWriter(file, schema) if csv else pq.ParquetWriter(file, schema, **PARQUET) as writer:
             chunks, several = list(found.counts), -(-GROUP // parts.size)
             for group in (chunks[start : start + several] for start in range(0, len(chunks), several)):
-                tables = (read_part(parts.path(chunk)).replace_schema_metadata(None) for chunk in group)
+                tables = (_checked(parts, chunk).replace_schema_metadata(None) for chunk in group)
                 joined = _with_derived(loaded, pa.concat_tables(tables).combine_chunks())
                 writer.write_table(joined.replace_schema_metadata(metadata))
     return Collected(path, designs, loaded.count - designs)
+
+
+def _checked(parts: Parts, chunk: range) -> Any:
+    """Return the table of a part. Raises BadInput, which says what to do, where it does not match its seal."""
+    try:
+        return read_part(parts, chunk)
+    except FileNotFoundError:
+        fault = f"{parts.path(chunk)}: removed meanwhile"
+    except BadInput as error:
+        fault = str(error)
+    raise BadInput(f"{fault}; {RUN_AGAIN}")
 
 
 def _with_derived(loaded: LoadedStudy, stored: Any) -> Any:

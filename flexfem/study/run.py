@@ -1,7 +1,8 @@
 """A study on disk and the run that writes its parts.
 
 A part is a Parquet file of some designs. Its name contains a hash of the study, the range of designs and the versions
-of software. A part that exists is therefore complete, and parts of other inputs or versions are never used for it.
+of software, so parts of other inputs or versions are never used for it. Its metadata hold a seal of every column, which
+is a digest of the rows together with the same inputs: a part that was changed, exchanged or cut is computed again.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
 
-ABOUT = b"flexfem.study"  # key of the metadata of a part
+ABOUT = b"flexfem.study"  # key of the metadata of a part: the study and its versions
+SEAL = b"flexfem.seal"  # key of the metadata of a part: its first design, the first one after it, digests by column
+DIGEST_BYTES, NAMED = 16, 3  # of a digest; most changed columns that are named
 TEXTS = ["status", "reason"]
 PARQUET: Mapping[str, Any] = {"compression": "zstd", "use_dictionary": TEXTS, "write_page_checksum": True}
 # a read-ahead thread of Arrow would abort a process that ends while it reads
@@ -87,8 +90,32 @@ class Parts:
 
     def path(self, chunk: range) -> Path:
         """Return the path of the part of a chunk."""
-        digits = hashlib.sha256(f"{self._key} {chunk.start} {chunk.stop}".encode()).hexdigest()[:16]
+        digits = hashlib.sha256(self._inputs(chunk)).hexdigest()[:16]
         return self.folder / f"part-{chunk.start:010d}-{digits}.parquet"
+
+    def _inputs(self, chunk: range) -> bytes:
+        """Return the study, the versions and the designs of a chunk as text."""
+        return f"{self._key} {chunk.start} {chunk.stop}".encode()
+
+    def digests(self, chunk: range, table: Any) -> dict[str, str]:
+        """Return the digest of each column of the rows of a chunk, together with its name and the inputs."""
+        found = dict[str, str]()
+        for name in table.column_names:
+            column = table[name]
+            text = pa.types.is_string(column.type)
+            rows = (
+                json.dumps(column.to_pylist()).encode() if text else np.ascontiguousarray(column.to_numpy()).tobytes()
+            )
+            content = hashlib.blake2b(self._inputs(chunk), digest_size=DIGEST_BYTES)
+            content.update(f" {name} ".encode())
+            content.update(rows)
+            found[name] = content.hexdigest()
+        return found
+
+    def sealed(self, chunk: range, table: Any) -> Any:
+        """Return the table of a chunk with its seal in the metadata."""
+        seal = {"start": chunk.start, "stop": chunk.stop, "digests": self.digests(chunk, table)}
+        return table.replace_schema_metadata(table.schema.metadata | {SEAL: json.dumps(seal).encode()})
 
 
 def parts_of(loaded: LoadedStudy, output: Path, size: int | None = None) -> Parts:
@@ -119,10 +146,45 @@ def opened(path: Path, state: str, **options: Any) -> Iterator[Any]:
         raise BadInput(f"{path}: {state}") from None
 
 
-def read_part(path: Path, columns: list[str] | None = None) -> Any:
-    """Return the Arrow table of a part. Raises FileNotFoundError, or BadInput where its checksums show damage."""
+def read_part(parts: Parts, chunk: range, columns: list[str] | None = None) -> Any:
+    """Return some columns of a part as an Arrow table, by default all.
+
+    Raises
+    ------
+    FileNotFoundError
+    BadInput
+        The part is damaged, is not that of this chunk, or its rows are not those that were written; one line.
+    """
+    path = parts.path(chunk)
     with opened(path, "a damaged part") as file:
-        return file.read(columns=columns, use_threads=False)
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+        known = schema.equals(parts.schema)
+        table = file.read(columns=columns, use_threads=False) if known else None
+    fault = _fault(parts, chunk, schema, rows, table)
+    if fault:
+        raise BadInput(f"{path}: {fault}")
+    return table
+
+
+def _fault(parts: Parts, chunk: range, schema: Any, rows: int, table: Any) -> str:
+    """Return what is wrong with a part, "" if nothing is; the table is None where its columns are others."""
+    try:
+        about, seal = (json.loads(schema.metadata[key]) for key in (ABOUT, SEAL))
+        study = about["hash"], about["versions"]
+        start, stop, digests = seal["start"], seal["stop"], dict(seal["digests"])
+    except (KeyError, TypeError, ValueError):
+        return "a part without a seal, written by other software"
+    if study != (parts.loaded.hash, parts.versions):
+        return "a part of another study or of other versions"
+    if table is None:
+        return "a part with other columns"
+    if (start, stop) != (chunk.start, chunk.stop):
+        return f"a part of the designs from {start} up to {stop}, expected those from {chunk.start} up to {chunk.stop}"
+    if rows != len(chunk):
+        return f"a part with {rows} rows, expected {len(chunk)}"
+    changed = [name for name, digest in parts.digests(chunk, table).items() if digests.get(name) != digest]
+    more = f" and {len(changed) - NAMED} more" if len(changed) > NAMED else ""
+    return f"a part that was changed in {', '.join(changed[:NAMED])}{more}" if changed else ""
 
 
 def counts_of(table: Any) -> Counts:
@@ -141,12 +203,13 @@ def kind_of(reason: str) -> str:
 class Survey(NamedTuple):
     """Contents of the folder of a study.
 
-    counts : by chunk, the number of designs by status and kind of reason.   damaged : chunks with unreadable parts.
+    counts : by chunk, the number of designs by status and kind of reason.
+    damaged : by chunk, what is wrong with a part that is damaged or does not match its seal, one line with its path.
     stale : parts of other inputs or versions.   elsewhere : number of designs in parts of other shards.
     """
 
     counts: dict[range, Counts]
-    damaged: list[range]
+    damaged: dict[range, str]
     stale: list[Path]
     elsewhere: int
 
@@ -157,16 +220,16 @@ class Survey(NamedTuple):
 
 
 def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
-    """Read the status of all designs in the parts of a shard; with `whole` read every byte."""
+    """Read the status of all designs in the parts of a shard; with `whole` read and check every column."""
     names = set(os.listdir(parts.folder)) if parts.folder.is_dir() else set[str]()
-    of_shard, found = set(parts.chunks(shard)), Survey({}, [], [], 0)
+    of_shard, found = set(parts.chunks(shard)), Survey({}, {}, [], 0)
     present = [chunk for chunk in parts.chunks() if parts.path(chunk).name in names]
     for chunk in present:
         try:
             if chunk in of_shard:
-                found.counts[chunk] = counts_of(read_part(parts.path(chunk), None if whole else TEXTS))
-        except BadInput:
-            found.damaged.append(chunk)
+                found.counts[chunk] = counts_of(read_part(parts, chunk, None if whole else TEXTS))
+        except BadInput as fault:
+            found.damaged[chunk] = str(fault)
         except FileNotFoundError:  # removed meanwhile
             pass
     stale = sorted(names - {parts.path(chunk).name for chunk in present})
@@ -198,8 +261,8 @@ def run_parts(
     ComputationFailed : workers cannot start. Written parts are kept.
     """
     found, chunks, began = survey(parts, shard, whole=True), parts.chunks(shard), time.monotonic()
-    for chunk in found.damaged:
-        say(f"{parts.path(chunk)}: a damaged part, computed again")
+    for fault in found.damaged.values():
+        say(f"{fault}; computed again")
     if found.stale:
         say(f"{len(found.stale):,} parts of other inputs or versions in {parts.folder}: see flexfem study clean")
     failed = (chunk for chunk, counts in found.counts.items() if any(status in RETRIED for status, _ in counts))
@@ -215,9 +278,12 @@ def run_parts(
     def next_task() -> tuple[Any, ...] | None:
         while todo:
             chunk, piece = todo.popleft()
-            if piece != chunk or chunk in again or not parts.path(chunk).exists():
+            if piece != chunk or chunk in again:
                 return solve, parts, chunk, piece
-            counts.update(counts_of(read_part(parts.path(chunk), TEXTS)))  # written by another run since
+            try:
+                counts.update(counts_of(read_part(parts, chunk, TEXTS)))  # written by another run since
+            except (FileNotFoundError, BadInput):
+                return solve, parts, chunk, piece
         return None
 
     def limit(task: tuple[Any, ...]) -> float:
@@ -256,8 +322,9 @@ def progress_line(counts: Counts, designs: int, rate: float) -> str:
 
 
 def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
-    """Write the part of a chunk and return its counts."""
-    write_atomically(parts.path(chunk), lambda file: pq.write_table(table, file, **PARQUET), again=True)
+    """Write the part of a chunk with its seal and return its counts."""
+    sealed = parts.sealed(chunk, table)
+    write_atomically(parts.path(chunk), lambda file: pq.write_table(sealed, file, **PARQUET), again=True)
     return counts_of(table)
 
 

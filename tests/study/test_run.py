@@ -11,11 +11,13 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import psutil
+import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
@@ -24,11 +26,12 @@ from hypothesis import strategies as st
 
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.studies import shard_of, status_facts
+from flexfem.study import run
 from flexfem.study import table as table_of
 from flexfem.study import workers as worker_module
 from flexfem.study.collect import collect, read_table
 from flexfem.study.loaded import load_study
-from flexfem.study.run import parts_of, read_part, remove_stale, run_parts, survey
+from flexfem.study.run import parts_of, read_part, remove_stale, run_parts, survey, write_part
 from flexfem.study.workers import Workers, require_same_versions, versions_of
 
 from ..tolerances import DENSE
@@ -84,6 +87,16 @@ class Here:
             yield task, function(*task)
 
 
+class Unchecked(Here):
+    """Workers of other versions."""
+
+    def results(self, function, next_task, limit):
+        while (task := next_task()) is not None:
+            solve, parts, chunk, piece = task
+            rows = solve(parts.loaded, piece.start, piece.stop)
+            yield task, write_part(parts, chunk, run.table_of(parts, piece, rows))
+
+
 @pytest.fixture(scope="module")
 def workers():
     with Workers(2) as pool:
@@ -125,7 +138,7 @@ def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path
     content[len(content) // 3] ^= 4  # in a page: its checksum tells
     paths[1].write_bytes(content)
     paths[2].write_bytes(b"PAR1 torn")
-    assert survey(parts).damaged[-1:] == parts.chunks()[2:3] == survey(parts, whole=True).damaged[1:]
+    assert [*survey(parts).damaged][-1:] == parts.chunks()[2:3] == [*survey(parts, whole=True).damaged][1:]
     with pytest.raises(BadInput, match="damaged"):
         collect(parts, tmp_path / "t.parquet")
     here = Here()
@@ -135,6 +148,90 @@ def test_what_exists_is_not_computed_again_and_a_damaged_part_is(study, tmp_path
     assert table(parts).equals(expected)
     here = Here()
     assert run_parts(parts, here) == 300 and here.asked == []
+
+
+def changed(table, name, value):
+    """A table with another value in the last row of a column."""
+    place, values = table.column_names.index(name), table[name].to_pylist()
+    return table.set_column(place, table.field(name), pa.array([*values[:-1], value], table.field(name).type))
+
+
+def with_seal(table, content):
+    """A table with another seal."""
+    return table.replace_schema_metadata(table.schema.metadata | {b"flexfem.seal": content})
+
+
+TAMPERED = {  # the rows of the second part, and those of the first; what is said of the part
+    "rewritten": (lambda rows, _: changed(rows, "kxx_n_per_mm", 1.0), "was changed in kxx_n_per_mm;"),
+    "emptied": (lambda rows, _: changed(rows, "ktt_n_mm_per_rad", None), "was changed in ktt_n_mm_per_rad;"),
+    "renamed": (lambda rows, _: changed(rows, "status", "refused"), "was changed in status;"),
+    "swapped": (lambda rows, _: rows.take([1, 0, *range(2, 64)]), "in design, override.1.base.neck_mm, override.1."),
+    "doubled": (lambda rows, _: pa.concat_tables([rows, rows.slice(60)]), "a part with 68 rows, expected 64"),
+    "replaced": (lambda rows, _: pa.concat_tables([rows.slice(0, 63), rows.slice(62, 1)]), "was changed in design, "),
+    "missing": (lambda rows, _: rows.slice(0, 3), "a part with 3 rows, expected 64"),
+    "neighbour": (lambda _, before: before, "a part of the designs from 0 up to 64, expected those from 64 up to 128"),
+    "neighbour's rows": (
+        lambda rows, before: before.replace_schema_metadata(rows.schema.metadata), "was changed in design, "),
+    "without metadata": (lambda rows, _: rows.replace_schema_metadata(None), "a part without a seal"),
+    "one column less": (lambda rows, _: rows.drop_columns("coupling_xy"), "a part with other columns"),
+    "unreadable seal": (lambda rows, _: with_seal(rows, b"[1"), "a part without a seal"),
+    "seal of no table": (lambda rows, _: with_seal(rows, b"[1]"), "a part without a seal"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("tampered", TAMPERED)
+def test_a_part_whose_rows_are_not_those_that_were_written_is_named_and_computed_again(study, tmp_path, tampered):
+    parts, said = parts_of(load_study(study(designs=150)), tmp_path, 64), []
+    run_parts(parts, Here(), strange.plain)
+    expected = table(parts)
+    before, path = (parts.path(chunk) for chunk in parts.chunks()[:2])
+    change, fault = TAMPERED[tampered]
+    pq.write_table(change(pq.read_table(path), pq.read_table(before)), path)
+    with pytest.raises(BadInput) as refused:
+        collect(parts, tmp_path / "t.parquet", partial=True)
+    text = str(refused.value)
+    assert text.startswith(f"{path}: ") and fault in text and "\n" not in text
+    assert text.endswith("; flexfem study run computes these designs again") and not (tmp_path / "t.parquet").exists()
+    here = Here()
+    run_parts(parts, here, strange.plain, say=said.append)
+    assert sorted(here.asked) == [*range(64, 128)]
+    assert said[0].startswith(f"{path}: ") and fault in said[0] and said[0].endswith("; computed again")
+    assert table(parts).equals(expected)
+
+
+def test_a_part_of_another_study_or_version_is_named_and_computed_again(study, tmp_path):
+    """Under the name of one of this study, whose factors and outputs have the same names."""
+    parts = parts_of(load_study(study(designs=64)), tmp_path / "one")
+    run_parts(parts, Here(), strange.plain)
+    for edit in (("sd = 0.05", "sd = 0.04"), ("seed = 29", "seed = 30")):
+        other = parts_of(load_study(study(designs=64, edit=edit)), tmp_path / "two")
+        run_parts(other, Here(), strange.plain)
+        parts.path(range(64)).write_bytes(other.path(range(64)).read_bytes())
+        (fault,) = status_facts(parts)["damaged"]
+        assert fault == f"{parts.path(range(64))}: a part of another study or of other versions"
+        assert status_facts(parts)["open"] == 64
+        run_parts(parts, here := Here(), strange.plain)
+        assert here.asked == [*range(64)] and status_facts(parts)["damaged"] == []
+    newer = replace(parts, versions={**parts.versions, "numpy": "1.0"})
+    run_parts(newer, Unchecked(), strange.plain)
+    parts.path(range(64)).write_bytes(newer.path(range(64)).read_bytes())
+    assert "of other versions" in status_facts(parts)["damaged"][0]
+
+
+def test_a_part_that_another_run_has_left_damaged_is_computed(study, tmp_path):
+    """It appears between the look at the folder and the turn of its designs."""
+    parts = parts_of(load_study(study(designs=64)), tmp_path, 32)
+    first, second = parts.chunks()
+
+    class Beside(Here):
+        def results(self, function, next_task, limit):
+            for chunk in (first, second):
+                parts.folder.mkdir(exist_ok=True)
+                parts.path(chunk).write_bytes(b"PAR1 torn")
+            yield from super().results(function, next_task, limit)
+
+    run_parts(parts, Beside(), strange.plain)
+    assert len(table(parts)) == 64
 
 
 def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, monkeypatch):
@@ -149,7 +246,7 @@ def test_no_thread_of_arrow_waits_for_python_to_read_a_table(study, tmp_path, mo
             return super().read(*size)
 
     monkeypatch.setattr(Path, "open", lambda self, mode: Watched(self))
-    assert len(read_part(parts.path(range(40)))) == len(read_table(path).columns["kxx_n_per_mm"]) == len(table_of(path))
+    assert len(read_part(parts, range(40))) == len(read_table(path).columns["kxx_n_per_mm"]) == len(table_of(path))
     assert threads == {threading.get_ident()}
 
 
@@ -348,7 +445,7 @@ def test_killed_at_random_moments_the_table_is_that_of_an_uninterrupted_run(stud
         psutil.wait_procs(left, 10.0)
         assert not [child for child in left if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
     done = survey(parts, whole=True)
-    assert 0 < done.total.total() < 600 and done.damaged == []
+    assert 0 < done.total.total() < 600 and done.damaged == {}
     out, err = start(path, tmp_path / "killed").communicate(timeout=120)
     assert int(out.split()[-1]) == done.total.total(), err  # nothing that was there is computed again
     require_same(parts, whole)
