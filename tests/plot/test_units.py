@@ -26,6 +26,22 @@ def test_every_unit_has_its_size() -> None:
         assert key.number.factor == pytest.approx(SIZES[unit_of(path).name], rel=1e-15), path
 
 
+SI = {  # what one of a unit on the command line is in metre, newton, kilogram and rad
+    "m": 1.0, "mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "in": 0.0254, "rad": 1.0, "mrad": 1e-3, "µrad": 1e-6,
+    "°": 0.017453292519943295, "kN": 1e3, "N": 1.0, "mN": 1e-3, "µN": 1e-6, "N m": 1.0, "N mm": 1e-3, "mN m": 1e-3,
+    "µN m": 1e-6, "kg": 1.0, "g": 1e-3, "kg m²": 1.0, "kg mm²": 1e-6, "g mm²": 1e-9,
+}  # fmt: skip
+
+
+def test_a_number_with_a_unit_is_converted_to_every_similar_one() -> None:
+    assert {unit.name for each in units.SIMILAR for unit in each} == SI.keys()
+    for similar in units.SIMILAR:
+        for given in similar:
+            for wanted in similar:
+                expected = 3 * SI[given.name] / SI[wanted.name]
+                assert units.in_unit(f"3{given.plain}", wanted) == pytest.approx(expected, rel=1e-14), (given, wanted)
+
+
 def test_the_unit_of_a_column_or_key_is_what_its_name_ends_in() -> None:
     for name, unit in (("kxt_n", "N"), ("drift_gradient_um_per_k_per_mm", "µm/(K/mm)"), ("life_cycles", "")):
         assert unit_of(name).name == unit

@@ -141,3 +141,11 @@ def test_modes_write_shapes_animations_the_response_and_reduced_models(tmp_path,
     assert "drives engaged" in out and "the stacks is neglected" in out and "K_cb and M_cb are truncated" in out
     ends = (".json", ".png", ".pdf", ".vtu", ".npz", ".mat", "-1.gif", "-response.png", "-response.pdf")
     assert {each.name for each in (tmp_path / "out").iterdir()} == {f"mobility3-modes{end}" for end in ends}
+
+
+def test_a_payload_is_stated_in_kilograms(stage: Stage) -> None:
+    found = flexfem.modes(stage, payload=(0.35, 60.0), models="analytic")
+    assert found.settings["payload"] == "0.35 kg, 60 kg mm^2"
+    assert float(found.values["mass"]) - float(flexfem.modes(stage, models="analytic").values["mass"]) == (
+        pytest.approx(0.35e-3, rel=1e-9)
+    )
