@@ -96,6 +96,8 @@ def measure(loaded: LoadedStudy, folder: Path, workers: int, collected: bool) ->
 class InThisProcess:
     """In the place of workers: computes in this process."""
 
+    here = True
+
     def __enter__(self) -> InThisProcess:
         return self
 

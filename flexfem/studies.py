@@ -13,6 +13,7 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -30,7 +31,7 @@ from flexfem.study.collect import RUN_AGAIN, Collected, collect, counted_warning
 from flexfem.study.findings import ParetoFront, Record, Refused, Source, findings
 from flexfem.study.loaded import load_study
 from flexfem.study.run import Counts, Parts
-from flexfem.study.workers import Workers
+from flexfem.study.workers import workers_of
 
 
 class Facts(dict[str, Any]):
@@ -92,6 +93,8 @@ def run_study(
     workers: int | None = None,
     shard: str = "1/1",
     retry: bool = False,
+    scheduler: str | None = None,
+    executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Facts:
     """Compute the unfinished designs of a study. The same call continues a run that was stopped or killed.
@@ -103,11 +106,15 @@ def run_study(
     output : path
         Folder of results, with a folder for each study.
     workers : int, optional
-        Number of processes on this machine, at most 1024, by default one per processor.
+        Number of processes on this machine, at most 1024, by default one per processor. Not with another executor.
     shard : str
         Compute share I of N, written I/N, for job arrays.
     retry : bool
         Repeat designs that failed or ran out of time.
+    scheduler : str, optional
+        Compute on the workers of a Dask scheduler: its address, host:port, or the path of its scheduler file.
+    executor : concurrent.futures.Executor, optional
+        Compute on the workers of this executor, such as `client.get_executor()` of a Dask client.
     progress : callable, optional
         Called with a line of text after every part.
 
@@ -119,10 +126,12 @@ def run_study(
     """
     share, parts = shard_of(shard), parts_of(study, output)
     count = processors() if workers is None else integer("workers", workers, MOST_WORKERS)
+    if workers is not None and (scheduler is not None or executor is not None):
+        raise BadInput(f"workers = {workers}, expected none with a scheduler or an executor, which have their own")
     if not all(parts.path(chunk).exists() for chunk in parts.chunks(share)):
         require_extra_numbers(parts.loaded)
     check_folder(parts.folder)
-    with Workers(max(1, min(count, len(parts.chunks(share))))) as pool:
+    with workers_of(max(1, min(count, len(parts.chunks(share)))), scheduler, executor) as pool:
         run.run_parts(parts, pool, shard=share, retry=retry, say=progress or (lambda text: None))
     facts = status_facts(parts, share)
     folder = parts.folder.parents[1]

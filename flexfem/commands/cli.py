@@ -62,7 +62,8 @@ STUDY = {  # commands of `flexfem study`, with their functions
 HAND_WRITTEN = ("study", "design")  # the other commands are made from the functions in MADE
 MADE = {name: name.replace("-", "_") for group in GROUPS.values() for name in group if name not in HAND_WRITTEN}
 MADE |= {"new": "new_stage", "formulas": "hinge_formulas", "verify": "verification", "plot": "plot_results"}
-PYTHON_ONLY = ("progress", "law")  # parameters without an option
+ON_DASK = "Solve finite elements on a Dask cluster: host:port of its scheduler, or its scheduler file."
+PYTHON_ONLY = ("executor", "law", "progress")  # parameters without an option
 TYPES: dict[str, Any] = {"stage": Path, "files": list[Path], "sections": list[str]}  # of parameters, for typer
 MEASURED = {  # units of plain numbers of options, by direction for a vector
     **dict.fromkeys(("force", "load"), FORCES),
@@ -159,6 +160,7 @@ def design(
     requirements: Annotated[Path, typer.Argument(help="See flexfem schema requirements.", metavar="FILE")],
     output: OutputFolder = None,
     workers: Annotated[int, typer.Option(min=1, max=MOST_WORKERS, help="Processes for finite elements.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(help=ON_DASK)] = None,
     json: Json = False,
 ) -> None:
     """Find the best stage or mechanism for requirements, checked by finite elements; exit code 1 if none meets them."""
@@ -167,7 +169,7 @@ def design(
 
     began = time.monotonic()
     with streams.working("design", pause=streams.EVERY) as say:
-        found = run_design(requirements, output, workers, say)
+        found = run_design(requirements, output, workers, say, scheduler)
     if output is not None:
         from flexfem.plot.write import write_design_figures
 

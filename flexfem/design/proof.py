@@ -32,7 +32,7 @@ from flexfem.results import ANALYTIC, ELEMENTS, Progress
 from flexfem.study import columns as outputs
 from flexfem.study.answer import extra_numbers, solved_values
 from flexfem.study.loaded import LoadedStudy, designs_of, plate_of, stage_of
-from flexfem.study.workers import Failure, Workers, versions_of
+from flexfem.study.workers import ExecutorWorkers, Failure, Workers, versions_of
 
 SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck for stages with scattered necks
@@ -71,7 +71,7 @@ class ElementSolver:
 
     loaded: LoadedRequirements
     counts: Counter[str]
-    workers: Workers | None = None
+    workers: Workers | ExecutorWorkers | None = None
     folder: Path | None = None
     say: Progress = silent
     _known: dict[str, list[float]] = field(default_factory=dict, init=False)

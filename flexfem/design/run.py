@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Callable
+from concurrent.futures import Executor
 from contextlib import nullcontext, suppress
 from glob import escape
 from pathlib import Path
@@ -21,14 +22,19 @@ from flexfem.files.writing import check_folder, check_name, write_atomically
 from flexfem.refused import BadInput
 from flexfem.results import write_sealed
 from flexfem.study import MOST_WORKERS
-from flexfem.study.workers import Workers
+from flexfem.study.workers import workers_of
 
 PLATE = "{}-{}.toml"  # by the kind of the plate, "stage" or "mechanism"
 FRONT = "{}-front-{}.toml"  # by the number of the design on the front, from 1
 
 
 def run_design(
-    requirements: PathLike, output: PathLike | None = None, workers: int = 1, say: Callable[[str], object] = silent
+    requirements: PathLike,
+    output: PathLike | None = None,
+    workers: int = 1,
+    say: Callable[[str], object] = silent,
+    scheduler: str | None = None,
+    executor: Executor | None = None,
 ) -> Designed:
     """Find the best stage or mechanism for requirements, or the nearest one, and check it by finite elements.
 
@@ -44,6 +50,10 @@ def run_design(
         Processes for finite elements, 1 for this one.
     say : callable
         Called with a line of text on the progress.
+    scheduler : str, optional
+        Solve finite elements on the workers of a Dask scheduler: its address, host:port, or its scheduler file.
+    executor : concurrent.futures.Executor, optional
+        Solve finite elements on the workers of this executor.
 
     Returns
     -------
@@ -58,6 +68,9 @@ def run_design(
         Finite elements of a proposed design fail, or workers are lost.
     """
     workers = integer("workers", workers, MOST_WORKERS)
+    elsewhere = scheduler is not None or executor is not None
+    if workers > 1 and elsewhere:
+        raise BadInput(f"workers = {workers}, expected none with a scheduler or an executor, which have their own")
     if not callable(say):
         raise BadInput(f"say {say!r}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
@@ -72,7 +85,7 @@ def run_design(
         for name in sorted(names, key=len, reverse=True):
             check_name(folder / name, base, loaded.path)
     kept = None if folder is None else folder / f".{stem}-design.found"
-    with nullcontext() if workers == 1 else Workers(workers) as pool:
+    with workers_of(workers, scheduler, executor) if workers > 1 or elsewhere else nullcontext() as pool:
         found = designed(loaded, ElementSolver(loaded, Counter(), pool, kept, say))
     if folder is not None and kept is not None:
         _write(found, folder, base)

@@ -30,7 +30,7 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.study.answer import answer, needs_stages
 from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
-from flexfem.study.workers import Failure, Workers, require_same_versions, versions_of
+from flexfem.study.workers import ExecutorWorkers, Failure, Workers, require_same_versions, versions_of
 
 ABOUT = b"flexfem.study"  # key of the metadata of a part: the study and its versions
 SEAL = b"flexfem.seal"  # key of the metadata of a part: its first design, the first one after it, digests by column
@@ -239,13 +239,16 @@ def survey(parts: Parts, shard: slice = WHOLE, whole: bool = False) -> Survey:
 
 def run_parts(
     parts: Parts,
-    workers: Workers,
+    workers: Workers | ExecutorWorkers,
     solve: Solve = answer,
     shard: slice = WHOLE,
     retry: bool = False,
     say: Callable[[str], object] = lambda text: None,
 ) -> int:
     """Compute the missing parts of a study; several runs may work in the same folder at the same time.
+
+    Workers on this machine write the parts that they compute. Those of another executor return the rows, which are
+    written here: they need neither the study file nor the folder.
 
     Parameters
     ----------
@@ -278,21 +281,22 @@ def run_parts(
     def next_task() -> tuple[Any, ...] | None:
         while todo:
             chunk, piece = todo.popleft()
+            whole = workers.here and piece == chunk
             if piece != chunk or chunk in again:
-                return solve, parts, chunk, piece
+                return solve, parts, chunk, piece, whole
             try:
                 counts.update(counts_of(read_part(parts, chunk, TEXTS)))  # written by another run since
             except (FileNotFoundError, BadInput):
-                return solve, parts, chunk, piece
+                return solve, parts, chunk, piece, whole
         return None
 
     def limit(task: tuple[Any, ...]) -> float:
         study = parts.loaded.study
-        return ANALYTIC_LIMIT if study.model == "analytic" else len(task[-1]) * (study.time_limit + SLACK)
+        return ANALYTIC_LIMIT if study.model == "analytic" else len(task[3]) * (study.time_limit + SLACK)
 
     try:
         say(progress_line(counts, designs, 0.0))
-        for (_, _, chunk, piece), result in workers.results(solve_task, next_task, limit):
+        for (_, _, chunk, piece, _), result in workers.results(solve_task, next_task, limit):
             if isinstance(result, Failure) and len(piece) > 1:  # bisect to find the design at fault
                 middle = len(piece) // 2
                 todo.extendleft((chunk, half) for half in (piece[middle:], piece[:middle]))
@@ -328,9 +332,9 @@ def write_part(parts: Parts, chunk: range, table: Any) -> Counts:
     return counts_of(table)
 
 
-def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
-    """In a worker, solve a piece of a chunk: write the part and return its counts where the piece is the whole chunk,
-    else return its table; return a `Failure` where solving raises an error."""
+def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range, write: bool) -> Any:
+    """In a worker, solve a piece of a chunk: with `write` write the part and return its counts, else return its table;
+    return a `Failure` where solving raises an error."""
     require_same_versions(parts.versions)
     try:
         rows = solve(parts.loaded, piece.start, piece.stop)
@@ -338,7 +342,7 @@ def solve_task(solve: Solve, parts: Parts, chunk: range, piece: range) -> Any:
         kind = "" if isinstance(error, BadInput | ComputationFailed) else f"{type(error).__name__}: "
         return Failure("failed", kind + " ".join(str(error).split()))
     table = table_of(parts, piece, rows)
-    return write_part(parts, chunk, table) if piece == chunk else table
+    return write_part(parts, chunk, table) if write else table
 
 
 def remove_stale(parts: Parts, dry_run: bool = False) -> tuple[int, int]:

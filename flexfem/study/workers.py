@@ -1,7 +1,9 @@
-"""Worker processes on this machine, and versions of the software that they use."""
+"""Worker processes on this machine, other executors such as a Dask cluster, and versions of the software they use."""
 
 from __future__ import annotations
 
+import importlib
+import logging
 import os
 import signal
 import sys
@@ -9,11 +11,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -23,6 +26,10 @@ from flexfem.refused import BadInput, ComputationFailed
 from flexfem.sources import ONE_THREAD, PACKAGE, manifest, own_hash
 
 LOADING = 300.0  # s, for the first worker to start on a busy machine
+CONNECTING = 10.0  # s, for a scheduler to respond
+SILENCE = 900.0  # s without a result besides the time limit of a task; Dask notices a paused worker after 300 s
+SUBMITTED = 1024  # tasks that an executor has at a time: some for every worker, and few enough for its memory
+KILLED_WORKER = "KilledWorker"  # error of Dask on a task during which several workers have died
 POLL = 0.25  # s
 HELD = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 
@@ -35,10 +42,16 @@ class Failure(NamedTuple):
 
 
 CRASHED = Failure("crashed", "the worker died")
+_ALONE = threading.Lock()
 
 
 class Workers:
-    """A number of processes that compute tasks; a process that dies or exceeds a limit is replaced."""
+    """A number of processes that compute tasks; a process that dies or exceeds a limit is replaced.
+
+    They have the folders of this machine (`here`), and therefore write what they compute.
+    """
+
+    here = True
 
     def __init__(self, count: int) -> None:
         self._count, self._idle, self._ready = count, list[Any](), False
@@ -113,6 +126,147 @@ class Workers:
         return process
 
 
+class ExecutorWorkers:
+    """The workers of any executor of `concurrent.futures`, on any machine; they return what they compute.
+
+    An executor cannot end a task that hangs. It is expected to repeat tasks of workers that die or no longer respond,
+    as Dask does.
+    """
+
+    here = False
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
+
+    def results(
+        self,
+        function: Callable[..., Any],
+        next_task: Callable[[], tuple[Any, ...] | None],
+        limit: Callable[[tuple[Any, ...]], float],
+    ) -> Iterator[tuple[tuple[Any, ...], Any]]:
+        """Compute `function(*task)`, and yield each task with its result or a `Failure` in the order of completion.
+
+        The arguments are those of `Workers.results`. A task may wait for a worker while others are computed, so its
+        limit counts from the last result of any task.
+
+        Raises
+        ------
+        BadInput, ComputationFailed : raised by the function; a worker has other versions; the executor has lost its
+            workers; or no result arrives in `SILENCE` seconds besides the limit.
+        """
+        running: dict[Future[Any], tuple[Any, ...]] = {}
+        versions = dict(versions_of())
+        silent = 0.0  # s, counted in polls: a pause of this process is no silence of the executor
+        try:
+            while True:
+                while len(running) < SUBMITTED and (task := next_task()) is not None:
+                    running[self._submitted(versions, function, task)] = task
+                if not running:
+                    return
+                done = wait(running, POLL, FIRST_COMPLETED).done
+                for future in done:
+                    yield running.pop(future), _executed(future)
+                silent = 0.0 if done else silent + POLL
+                longest = SILENCE + max(map(limit, running.values()), default=0.0)
+                if silent > longest:
+                    about = f"no result of {len(running)} tasks in {longest:g} s"
+                    raise ComputationFailed(f"{about}: does the executor have workers, and do they respond?")
+        finally:
+            for future in running:
+                future.cancel()
+
+    def _submitted(self, versions: Mapping[str, str], function: Callable[..., Any], task: tuple[Any, ...]) -> Any:
+        try:
+            return self._executor.submit(compute_alone, versions, function, *task)
+        except (BrokenExecutor, OSError, RuntimeError) as error:
+            raise ComputationFailed(f"the executor takes no tasks: {_line(error)}") from None
+
+
+def _executed(future: Future[Any]) -> Any:
+    """Return the result of a task of an executor, or `CRASHED` where several workers have died of it."""
+    try:
+        return future.result()
+    except (BadInput, ComputationFailed):
+        raise
+    except (BrokenExecutor, CancelledError) as error:
+        raise ComputationFailed(f"the executor has lost its workers: {_line(error)}") from None
+    except Exception as error:
+        if type(error).__name__ == KILLED_WORKER:
+            return CRASHED
+        raise ComputationFailed(f"a worker failed: {_line(error)}") from None
+
+
+def compute_alone(versions: Mapping[str, str], function: Callable[..., Any], *task: Any) -> Any:
+    """In a worker, compute a task with the versions of the runner.
+
+    One task at a time: samples, meshers and solvers keep their state in the process, and a worker may have threads.
+    """
+    require_same_versions(versions)
+    with _ALONE:
+        return function(*task)
+
+
+def _line(error: BaseException) -> str:
+    """Return an error that another package has raised as one line."""
+    return one_line(f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": "), 200)
+
+
+@contextmanager
+def workers_of(
+    count: int, scheduler: str | None = None, executor: Executor | None = None
+) -> Iterator[Workers | ExecutorWorkers]:
+    """Yield `count` processes on this machine, or the workers of a Dask scheduler or of an executor. Raises BadInput.
+
+    scheduler : `host:port`, or the path of a scheduler file.
+    """
+    if scheduler is not None and executor is not None:
+        raise BadInput("scheduler and executor, expected one of them")
+    if executor is not None:
+        if not isinstance(executor, Executor):
+            raise BadInput(f"executor {one_line(repr(executor), 200)}, expected one of concurrent.futures")
+        yield ExecutorWorkers(executor)
+    elif scheduler is not None:
+        with dask_client(scheduler) as client:
+            yield ExecutorWorkers(client.get_executor(pure=False))
+    else:
+        with Workers(count) as workers:
+            yield workers
+
+
+@contextmanager
+def dask_client(scheduler: str) -> Iterator[Any]:
+    """Yield a client of a Dask scheduler that has workers.
+
+    Raises
+    ------
+    BadInput : Dask is not installed, or no scheduler responds.
+    ComputationFailed : the scheduler has no workers.
+    """
+    named = f"--scheduler {one_line(str(scheduler), 200)}"
+    expected = "expected host:port of a Dask scheduler, or its scheduler file"
+    if not isinstance(scheduler, str) or not (":" in scheduler or Path(scheduler).is_file()):
+        raise BadInput(f"{named}: {expected}")
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise BadInput(f"{named}: Dask is not installed, expected flexfem[dask]") from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # an error is one line, that of flexfem
+    place = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {"address": scheduler}
+    try:
+        client: Any = distributed.Client(**place, timeout=CONNECTING, set_as_default=False)
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
+        raise BadInput(f"{named}: {expected}: {_line(error)}") from None
+    try:
+        try:
+            client.wait_for_workers(1, timeout=LOADING)
+        except TimeoutError:
+            raise ComputationFailed(f"{named}: no worker has joined in {LOADING:g} s") from None
+        yield client
+    finally:
+        with suppress(Exception):  # the scheduler may have ended
+            client.close(timeout=CONNECTING)
+
+
 def _submitted(process: Any, function: Callable[..., Any], task: tuple[Any, ...]) -> Future[Any]:
     try:
         with signals_held():
@@ -134,8 +288,7 @@ def _result(future: Future[Any], seconds: float | None = None) -> Any:
     except (BadInput, ComputationFailed):
         raise
     except Exception as error:
-        reason = one_line(f"{type(error).__name__}: {' '.join(str(error).split())}", 200)
-        raise ComputationFailed(f"a worker failed: {reason}") from None
+        raise ComputationFailed(f"a worker failed: {_line(error)}") from None
 
 
 def _end(process: Any) -> None:

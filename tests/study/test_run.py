@@ -78,12 +78,14 @@ def study(tmp_path):
 class Here:
     """In the place of workers: computes in this process, and remembers the designs."""
 
+    here = True
+
     def __init__(self):
         self.asked = []
 
     def results(self, function, next_task, limit):
         while (task := next_task()) is not None:
-            self.asked += task[-1]
+            self.asked += task[3]
             yield task, function(*task)
 
 
@@ -92,7 +94,7 @@ class Unchecked(Here):
 
     def results(self, function, next_task, limit):
         while (task := next_task()) is not None:
-            solve, parts, chunk, piece = task
+            solve, parts, chunk, piece, _ = task
             rows = solve(parts.loaded, piece.start, piece.stop)
             yield task, write_part(parts, chunk, run.table_of(parts, piece, rows))
 
