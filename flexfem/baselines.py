@@ -2,6 +2,7 @@
 
 A stage, a mechanism and a case are also solved on a mesh that is stored beside the baseline. When these numbers are
 unchanged and others move, the mesh generator has changed and not the solver.
+A baseline holds numbers in internal units, so that another unit of a quantity does not move them.
 """
 
 from __future__ import annotations
@@ -165,7 +166,7 @@ def baseline(*files: Path, reason: str, baselines: Path | None = None, progress:
             "history": [*history, {"when": now, "reason": reason.strip(), "versions": versions()}],
             "inputs": inputs_of(path),
             "numbers": {
-                question: {key: _stored(number.value, number.band) for key, number in found.items()}
+                question: {key: _stored(number) for key, number in found.items()}
                 for question, found in numbers_of(path, target.parent)
             },
         }
@@ -178,8 +179,10 @@ def _relative(path: Path, folder: Path) -> str:
     return Path(os.path.relpath(path, folder)).as_posix()
 
 
-def _stored(value: float, band: float) -> list[Any]:
-    """Return a number and its band for JSON: "inf" where unlimited, a single entry without a band."""
+def _stored(number: Number) -> list[Any]:
+    """Return a number and its band in internal units for JSON: "inf" where unlimited, one entry without a band."""
+    value = number.value / number.unit.factor
+    band = number.band / number.unit.factor
     plain = value if np.isfinite(value) else str(value)
     return [plain] if np.isnan(band) else [plain, band if np.isfinite(band) else str(band)]
 
@@ -229,19 +232,22 @@ def _moved(name: str, was: Mapping[str, Any], now: Mapping[str, Numbers]) -> Ite
         old, new = was.get(question, {}), now.get(question, {})
         for key in dict.fromkeys([*old, *new]):
             place = f"{name}: {question}.{key}"
-            if key not in new or key not in old:
-                change = f"gone, was {float(old[key][0]):.12g}" if key in old else f"new: {new[key].value:.12g}"
-                yield f"{place} is {change}"
+            if key not in new:
+                yield f"{place} is gone, was {float(old[key][0]):.12g} in internal units"
                 continue
             one = new[key]
-            before, *bands = map(float, old[key])
+            unit = f" {one.unit.plain}".rstrip()
+            if key not in old:
+                yield f"{place} is new: {one.value:.12g}{unit}"
+                continue
+            before, *bands = (float(each) * one.unit.factor for each in old[key])
             if not math.isclose(one.value, before, rel_tol=0.0, abs_tol=one.accepted):
                 moved = f"moved {one.value - before:+.3g}, accepted {one.accepted:.2g}"
-                yield f"{place} was {before:.15g}, is {one.value:.15g}, {moved}"
+                yield f"{place} was {before:.15g}, is {one.value:.15g}{unit}, {moved}"
             larger = max(1.0, bands[0] / one.band) if bands and one.band > 0 else 1.0
             accepted = one.accepted_band * larger + one.accepted
             if bands and not np.isnan(one.band) and not math.isclose(one.band, *bands, rel_tol=0.0, abs_tol=accepted):
-                yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}, accepted {one.accepted_band:.2g}"
+                yield f"{place}: its band was {bands[0]:.6g}, is {one.band:.6g}{unit}, accepted {one.accepted_band:.2g}"
         # round-off decides which of equal stresses has the band, so bands are compared by quantity
         had = {key.partition(".")[0] for key, each in old.items() if len(each) == 2}
         for quantity in had ^ {key.partition(".")[0] for key, each in new.items() if not np.isnan(each.band)}:
@@ -304,19 +310,25 @@ def numbers_of(path: Path, folder: Path) -> Iterator[tuple[str, Numbers]]:
                 questions = {name: one for name, one in (QUESTIONS | OF_MECHANISMS).items() if name != "summary"}
             for name, question in questions.items():
                 try:
-                    yield name, _by_path(question(plate).entries())
+                    yield name, _compared(question(plate))
                 except BadInput:  # the question does not apply to the plate
                     continue
             yield "mesh", kept(plate, path, folder)
         case "case":
             loaded = LoadedCase(path)
-            yield "errors", _by_path(run_case(loaded).entries())
+            yield "errors", _compared(run_case(loaded))
             if loaded.case.model == "fe":
                 for curve in loaded.case.curve:
                     stage, file = loaded.stages[curve.label], loaded.stage_path(curve)
                     yield f"mesh of {curve.label}", kept(stage, file, folder)
         case _:
             yield "table", _by_path(_of_study(path))
+
+
+def _compared(found: Result) -> Numbers:
+    """Return the numbers of a result by path, without those that repeat others."""
+    repeated = {name for name, quantity in found.quantities.items() if quantity.repeated}
+    return _by_path(each for each in found.entries() if each.path.partition(".")[0] not in repeated)
 
 
 def _by_path(found: Iterable[Number]) -> Numbers:

@@ -1,8 +1,9 @@
 """Results of questions, declared once as `Quantity` attributes of a subclass of `Result`.
 
 Tables, JSON documents with their schema, columns of studies, the reference in the documentation and the gates of
-`regression` follow from the declaration. Values are held in N, mm, MPa, rad, tonne and s (inside units). Printed and
-stored numbers have the units of the declaration.
+`regression` follow from the declaration. A number has the unit of its declaration everywhere: as an attribute, by `at`
+and `band`, in JSON, tables and study columns. Tables may add an SI prefix to lengths and angles. The code computes in
+N, mm, MPa, rad, tonne and s (internal units); a result keeps these numbers apart, as `internal`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from html import escape
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
@@ -55,7 +56,7 @@ Scale: TypeAlias = Literal["value", "axis", "all", "pose", "wrench", "matrix"]
 
 
 class Gate(NamedTuple):
-    """Change that `regression` accepts: relative to the scale, relative to the band, and absolute in inside units."""
+    """Change that `regression` accepts: relative to the scale, relative to the band, and absolute in internal units."""
 
     relative: float
     band: float = 0.05
@@ -72,7 +73,7 @@ MAGNITUDE = 0.9  # accepted change of a band relative to the larger of both: mes
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity of a result: a descriptor that returns the array of an instance.
+    """A quantity of a result: a descriptor that returns the array of an instance, in the unit of the declaration.
 
     Parameters
     ----------
@@ -87,6 +88,7 @@ class Quantity:
     note : an explanation that is printed below the tables.
     only : the plates that have it, by default both; the others have no such key.
     uneven : the gate of a mechanism, by default that of the coarser meshes, without symmetry, of the same number.
+    repeated : whether another quantity of the result has the same numbers; `regression` does not compare them again.
     """
 
     meaning: str
@@ -98,6 +100,7 @@ class Quantity:
     note: str = ""
     only: Literal["", "stage", "mechanism"] = ""
     uneven: Gate | None = None
+    repeated: bool = False
     name: str = field(default="", init=False)
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -135,21 +138,34 @@ class Quantity:
         """Whether tables choose a prefix for every number (um, nm, mrad): for lengths and angles by direction."""
         return isinstance(self.unit, tuple) and {"mm", "rad"}.issuperset(np.ravel(self.unit))
 
+    @property
+    def unit_axes(self) -> tuple[str, ...]:
+        """Axes along which the unit may differ: none, that of the direction or the last one, or the last two."""
+        if isinstance(self.unit, str):
+            return ()
+        if isinstance(self.unit[0], tuple):
+            return self.over[-2:]
+        return ("direction",) if "direction" in self.over else self.over[-1:]
+
+    @cached_property
+    def units(self) -> AnyArray:
+        """Units along `unit_axes`, an array of `Unit`."""
+        names = np.array(self.unit)
+        units = np.empty(names.shape, object)
+        for place, name in np.ndenumerate(names):
+            units[place] = UNITS[name] if name else NONE
+        return units
+
     def unit_at(self, place: tuple[int, ...]) -> Unit:
         """Return the unit of the value at an index of the array."""
-        name: Any = self.unit
-        if isinstance(name, tuple) and isinstance(name[0], str):
-            name = name[place[self.over.index("direction") if "direction" in self.over else -1]]
-        elif isinstance(name, tuple):
-            name = name[place[-2]][place[-1]]
-        return UNITS[name] if name else NONE
+        found: Unit = self.units[tuple(place[self.over.index(axis)] for axis in self.unit_axes)]
+        return found
 
     def factors(self, shape: tuple[int, ...]) -> Array:
-        """Return factors (shape) from inside units to the declared units."""
-        found = np.ones(shape)
-        for place in np.ndindex(shape):
-            found[place] = self.unit_at(place).factor
-        return found
+        """Return factors (shape) from internal units to the declared units."""
+        along = [size if axis in self.unit_axes else 1 for axis, size in zip(self.over, shape, strict=True)]
+        factors = np.array([unit.factor for unit in self.units.flat])
+        return np.broadcast_to(factors.reshape(along), shape)
 
 
 class About(NamedTuple):
@@ -164,7 +180,7 @@ class About(NamedTuple):
 
 
 class Number(NamedTuple):
-    """One number of a result: path, value and band in inside units, and the accepted changes of value and band."""
+    """One number of a result: path, value, band, their unit, and the accepted changes of value and band in it."""
 
     path: str
     value: float
@@ -201,20 +217,36 @@ class Fields(NamedTuple):
     stress: AnyArray  # (n,), von Mises, MPa
 
 
+class Arrays(NamedTuple):
+    """Values and bands by quantity."""
+
+    values: dict[str, Array]
+    bands: dict[str, Array]
+
+
 class Result:
     """Quantities with labelled axes, their bands, and their subject.
+
+    Each quantity is an attribute. Every number has the unit that its quantity declares and `unit` returns: in
+    attributes, `values`, `bands`, `at`, `band`, `entries`, documents, data frames, tables and study columns. Tables may
+    add an SI prefix to lengths and angles. Only `internal` is in other units.
 
     A kind of result of stages may have a subclass for mechanisms, which is declared with `mechanism=True` and inherits
     the quantities.
 
     Parameters
     ----------
-    values : arrays by quantity, inside units; nan where there is no value. Quantities not computed are absent.
-    bands : half-widths of the numerical uncertainty, same shapes; nan where none is known.
+    values : arrays by quantity, in internal units; nan where there is no value. Quantities not computed are absent.
+    bands : half-widths of the numerical uncertainty, same units and shapes; nan where none is known.
     axes : labels of the axes that the class does not fix.
     settings : settings of the question, such as models and resolutions.
     warnings, notes : limits of validity, and explanations of the tables.
     fields : finite-element fields for figures; they are not stored.
+
+    Attributes
+    ----------
+    values, bands : arrays by quantity, in the declared units.
+    internal : the same in N, mm, MPa, rad, tonne and s, for the code.
     """
 
     title: ClassVar[str] = ""
@@ -258,15 +290,20 @@ class Result:
         self.axes = {
             axis: tuple(labels) for axis, labels in {**AXES, **self.labels, **(axes or {})}.items() if axis in used
         }
-        self.values: dict[str, Array] = {}
-        self.bands: dict[str, Array] = {}
-        for target, source in ((self.values, values), (self.bands, bands or {})):
+        self.internal = Arrays({}, {})
+        declared = Arrays({}, {})
+        for kept, shown, source in zip(self.internal, declared, (values, bands or {}), strict=True):
             for name, given in source.items():
-                shape = tuple(len(self.axes[axis]) for axis in self.quantities[name].over)
+                quantity = self.quantities[name]
+                shape = tuple(len(self.axes[axis]) for axis in quantity.over)
                 array = np.array(given, dtype=float)
                 assert array.shape == shape, f"{self.kind()}.{name}: shape {array.shape}, declared {shape}"
-                array.flags.writeable = False
-                target[name] = array
+                kept[name] = array
+                shown[name] = np.asarray(array * quantity.factors(shape))  # of one number, too
+                kept[name].flags.writeable = False
+                shown[name].flags.writeable = False
+        self.values = declared.values
+        self.bands = declared.bands
 
     @classmethod
     def kind(cls) -> str:
@@ -276,14 +313,28 @@ class Result:
     # access
 
     def at(self, quantity: str, **labels: str) -> Array:
-        """Return a quantity at labels of some of its axes; the other axes keep their order."""
+        """Return a quantity at labels of some of its axes, in its unit; the other axes keep their order."""
         return self._part(self.values, quantity, labels)
 
     def band(self, quantity: str, **labels: str) -> Array:
-        """Return the bands of the same part; nan where there are none."""
+        """Return the bands of the same part, in the same unit; nan where there are none."""
         return self._part(self.bands, quantity, labels)
 
-    def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
+    def unit(self, quantity: str, **labels: str) -> Any:
+        """Return the unit of the numbers that `at` returns, in ASCII; "" for pure numbers.
+
+        Where units differ, it is a list with the unit at each label of an axis, such as that of the directions, or of
+        two axes of a matrix. Raises BadInput as `at`.
+        """
+        self._place(quantity, labels)
+        one = self.quantities[quantity]
+        place = tuple(self.axes[axis].index(labels[axis]) if axis in labels else slice(None) for axis in one.unit_axes)
+        names = np.vectorize(lambda unit: unit.plain, otypes=[object])(one.units)[place]
+        different = {*np.ravel(names)}
+        return np.array(names).tolist() if len(different) > 1 else different.pop()
+
+    def _place(self, quantity: str, labels: Mapping[str, str]) -> tuple[int | slice, ...]:
+        """Return the index of a part of a quantity. Raises BadInput for an unknown quantity, axis or label."""
         if quantity not in self.values:
             raise BadInput(f"{self.kind()}.{quantity} is not in this result, expected one of: {', '.join(self.values)}")
         over = self.quantities[quantity].over
@@ -291,7 +342,10 @@ class Result:
             if axis not in over or label not in self.axes[axis]:
                 known = ", ".join(self.axes.get(axis, over))
                 raise BadInput(f"{self.kind()}.{quantity}: {axis} {label!r}, expected one of: {known}")
-        place = tuple(self.axes[a].index(labels[a]) if a in labels else slice(None) for a in over)
+        return tuple(self.axes[axis].index(labels[axis]) if axis in labels else slice(None) for axis in over)
+
+    def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
+        place = self._place(quantity, labels)
         array = arrays[quantity] if quantity in arrays else np.full_like(self.values[quantity], np.nan)
         return np.asarray(array[place])
 
@@ -303,21 +357,24 @@ class Result:
     def entries(self) -> Iterator[Number]:
         """Yield all numbers with their paths `quantity.label.label`; blanks in labels become underscores."""
         for name, values in self.values.items():
-            quantity, sizes, bands = self.quantities[name], self.sizes(name), self.band(name)
+            quantity = self.quantities[name]
+            sizes = self.sizes(name)
+            bands = self.band(name)
             for at, labels in self._places(quantity.over):
-                accepted = quantity.gate.relative * float(sizes[at]) + quantity.gate.absolute
-                path, band = ".".join([name, *labels]).replace(" ", "_"), float(bands[at])
-                yield Number(
-                    path, float(values[at]), band, quantity.unit_at(at), accepted, quantity.gate.band * abs(band)
-                )
+                path = ".".join([name, *labels]).replace(" ", "_")
+                unit = quantity.unit_at(at)
+                accepted = (quantity.gate.relative * float(sizes[at]) + quantity.gate.absolute) * unit.factor
+                band = float(bands[at])
+                yield Number(path, float(values[at]), band, unit, accepted, quantity.gate.band * abs(band))
 
     def _places(self, over: Sequence[str]) -> Iterator[tuple[tuple[int, ...], tuple[str, ...]]]:
         for each in product(*(enumerate(self.axes[axis]) for axis in over)):
             yield tuple(k for k, _ in each), tuple(label for _, label in each)
 
     def sizes(self, name: str) -> Array:
-        """Return the reference sizes of changes and round-off of a quantity, in its shape."""
-        values, scale = np.abs(np.nan_to_num(self.values[name], posinf=0.0, neginf=0.0)), self.quantities[name].scale
+        """Return the reference sizes of changes and round-off of a quantity, in its shape and in internal units."""
+        values = np.abs(np.nan_to_num(self.internal.values[name], posinf=0.0, neginf=0.0))
+        scale = self.quantities[name].scale
         if scale == "value":
             return values
         if scale == "all":
@@ -336,15 +393,14 @@ class Result:
         found = {}
         for name, values in self.values.items():
             quantity = self.quantities[name]
-            factors = quantity.factors(values.shape)
             found[name] = {
                 "meaning": quantity.meaning,
                 "unit": np.array(quantity.unit).tolist(),
                 "over": list(quantity.over),
             }
-            found[name]["values"] = _nested(values * factors)
+            found[name]["values"] = _nested(values)
             if name in self.bands:
-                found[name]["bands"] = _nested(self.bands[name] * factors)
+                found[name]["bands"] = _nested(self.bands[name])
         about = {key: list(part) if isinstance(part, tuple) else part for key, part in self.about._asdict().items()}
         return {
             "result": self.kind(),
@@ -492,7 +548,7 @@ class Result:
 
     def _shown(self, quantity: Quantity, over: Sequence[str], place: Sequence[int]) -> list[tuple[int, ...]]:
         """Return the array indices shown in the cells of a row: the first of the largest values of each column."""
-        spread, sizes = self._spread(quantity), np.abs(self.values[quantity.name])
+        spread, sizes = self._spread(quantity), np.abs(self.internal.values[quantity.name])
         sizes, found = np.where(np.isnan(sizes), -1.0, sizes), []
         for k in range(len(self.axes[spread]) if spread else 1):
             known = dict(zip(over, place, strict=True)) | {spread: k}
@@ -503,7 +559,8 @@ class Result:
         return found
 
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
-        value, band = float(self.values[quantity.name][at]), float(self.band(quantity.name)[at])
+        value = float(self.internal.values[quantity.name][at])
+        band = float(self._part(self.internal.bands, quantity.name, {})[at])
         size = self.sizes(quantity.name)[at]
         round_off = ROUND_OFF * size
         if abs(value) <= (round_off if band > 0 else UNEVEN * size):
@@ -528,10 +585,11 @@ class Result:
 
         There is none from a value that is zero within its band.
         """
-        values, sizes, last = self.values[quantity.name], self.sizes(quantity.name), self._shown(quantity, over, place)
+        values = self.internal.values[quantity.name]
+        sizes, last = self.sizes(quantity.name), self._shown(quantity, over, place)
         if "model" not in quantity.over:
             return [""] * len(last)
-        found, bands = [], np.nan_to_num(self.bands.get(quantity.name, np.zeros_like(values)))
+        found, bands = [], np.nan_to_num(self.internal.bands.get(quantity.name, np.zeros_like(values)))
         for a, b in zip(self._shown(quantity, over, (*place[:-1], 0)), last, strict=True):
             known = np.isfinite(values[a]) and abs(values[b]) > max(ROUND_OFF * sizes[b], bands[b])
             found.append(f"{100 * (values[a] / values[b] - 1):+.2f}" if known else "")
@@ -601,7 +659,7 @@ class Result:
         """Return all numbers as a pandas DataFrame: path, value, band, unit."""
         import pandas as pd
 
-        rows = [(e.path, e.value * e.unit.factor, e.band * e.unit.factor, e.unit.plain) for e in self.entries()]
+        rows = [(each.path, each.value, each.band, each.unit.plain) for each in self.entries()]
         return pd.DataFrame(rows, columns=["path", "value", "band", "unit"])
 
     def to_xarray(self) -> Any:
@@ -614,14 +672,13 @@ class Result:
 
         dims = {axis: f"{axis}_label" if axis in self.values else axis for axis in self.axes}
         found = {}
-        for name, values in self.values.items():
+        for name in self.values:
             one = self.quantities[name]
-            units = [UNITS[unit].plain if unit else "1" for unit in np.ravel(one.unit)]
+            units = [unit.plain or "1" for unit in one.units.flat]
             attributes = {"meaning": one.meaning, "unit": ", ".join(units if len({*units}) > 1 else units[:1])}
             for key, arrays in ((name, self.values), (f"{name}_band", self.bands)):
                 if name in arrays:
-                    array = arrays[name] * one.factors(values.shape)
-                    found[key] = ([dims[axis] for axis in one.over], array, attributes)
+                    found[key] = ([dims[axis] for axis in one.over], arrays[name], attributes)
         coordinates = {dims[axis]: list(labels) for axis, labels in self.axes.items()}
         return xr.Dataset(found, coordinates, {"title": self.heading(), "hash": self.about.hash})
 

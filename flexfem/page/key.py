@@ -100,7 +100,8 @@ def rows_at_rest(found: Result, model: str, analytic: str) -> list[list[str]]:
     """
     K, width = (np.diagonal(part, axis1=1, axis2=2) for part in (found.at("stiffness"), found.band("stiffness")))
     force, share = found.at("yield_force"), found.band("yield_range") / found.at("yield_range")
-    found.bands.setdefault("yield_force", force * (share + width / K))
+    bands = {"yield_force": force * (share + width / K)} | found.internal.bands
+    found = type(found)(found.about, found.internal.values, bands, found.axes)
     held = [found.texts("stiffness", model=model, component=axis)[k] for k, axis in enumerate(DIRECTIONS)]
     rows = [["stiffness, other directions held", *held]]
     rows += [[title, *found.texts(name, model=model)] for name, title in AT_REST.items()]

@@ -73,11 +73,11 @@ def _numbers(values: Any, units: Any) -> str:
 
 def plot_strokes(ax: Axes, found: Drive) -> Axes:
     """Draw the strokes from rest, a bar per actuator and criterion, over the available strokes; return `ax`."""
-    um, differential = MICROMETRE.factor, drive_of(found.fields).differential
-    low, high = um * found.shortest, um * found.longest
+    differential = drive_of(found.fields).differential
+    low, high = found.shortest, found.longest
     look: dict[str, Any] = {"height": 0.94, "color": PALE, "edgecolor": GREY, "linewidth": 0.6}
     ax.barh(np.arange(len(low)), high - low, left=low, label="available strokes", **look)
-    _bars(ax, dict(zip(found.axes["criterion"], um * found.command.T, strict=True)))
+    _bars(ax, dict(zip(found.axes["criterion"], found.command.T, strict=True)))
     stacks = [[str(k + 1) for k in np.flatnonzero(column)] for column in differential.T]
     actuators = zip(found.axes["actuator"], stacks, strict=True)
     _label_rows(ax, [f"{name} ({', '.join(numbers)})" for name, numbers in actuators])
@@ -194,11 +194,10 @@ LIMIT_HATCHES = dict(zip(KINDS, ("", "////", "\\\\\\\\", "...."), strict=True))
 @style.in_house_style
 def reach_figure(found: Reach) -> Figure:
     """Draw the reachable poses with the limits that bound them: the section at theta = 0, and the solid."""
-    um = MICROMETRE
     load = f"load {_numbers(found.load, FORCES)}" if np.any(found.load) else "no load"
     lines = [
         f"Limits: stroke, contact opening, blocking force and yield at the necks; {load}. Model: "
-        f"{found.settings['analytic model']}. Largest ball of poses about rest: {um.factor * found.ball:.4g} {um}, "
+        f"{found.settings['analytic model']}. Largest ball of poses about rest: {found.ball:.4g} {MICROMETRE}, "
         f"with θ as l₃ θ, l₃ = {found.about.lever:g} {LENGTH}."
     ]
     title = f"{found.about.name}: reachable poses within all limits of the drive"
@@ -228,7 +227,8 @@ def plot_section(ax: Axes, found: Reach) -> Axes:
         look: Any = {"linestyles": dashes, "colors": INK, "linewidths": 2.2 - 0.3 * (index % 3)}
         ax.add_collection(LineCollection(lines, label=" and ".join(kinds) or "no limit", zorder=3, **look))
     if found.circle > 0:
-        (x, y), radius = unit.factor * rest, unit.factor * float(found.circle)
+        x, y = unit.factor * rest
+        radius = float(found.circle)
         ax.add_patch(Circle((x, y), radius, fill=False, edgecolor=GREY, linewidth=0.9))
         text = f"largest circle about rest\nradius {radius:.4g} {unit}"
         ax.text(x, y - 0.75 * radius, text, ha="center", va="center", color=GREY)

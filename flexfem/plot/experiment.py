@@ -109,8 +109,8 @@ def identification_figure(found: Identification) -> Figure:
 
 def plot_region(ax: Axes, found: Identification) -> Axes:
     """Draw the joint confidence region of neck offset and fixture, the best fit and the single causes; return `ax`."""
-    name, um, limit = found.axes["number"][0], MICROMETRE.factor, float(found.region_limit)
-    x, y, above = um * found.region_offset, found.region_fixture, found.region_above.T
+    name, limit = found.axes["number"][0], float(found.region_limit)
+    x, y, above = found.region_offset, found.region_fixture, found.region_above.T
     ax.contourf(x, y, above, levels=[min(float(np.min(above)), 0.0) - 1.0, limit], colors=[PALE])
     ax.contour(x, y, above, levels=[limit], colors=[INK], linewidths=1.3)
     ax.plot([], [], color=INK, linewidth=1.3, label=f"joint region of {found.settings['confidence']}")
@@ -121,7 +121,7 @@ def plot_region(ax: Axes, found: Identification) -> Axes:
     offsets = [found.offset, *found.cause_offset[1:]]
     numbers = [found.fixture[0], *found.cause_fixture[1:, 0]]
     for k, (offset, number, label) in enumerate(zip(offsets, numbers, labels, strict=True)):
-        ax.plot(um * offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
+        ax.plot(offset, number, MARKERS[k], color=COLOURS[k], markersize=8, label=label, zorder=4)
     ax.axvline(0.0, **LIMIT_LINE)
     ylabel = f"fixture in {name} ({COMPLIANCES[0 if name == 'translation' else 2]})"
     if name == "pole":

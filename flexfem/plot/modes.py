@@ -79,7 +79,7 @@ def _header(found: NaturalModes) -> str:
     text = "Finite elements in three dimensions," if solid else "Plane finite elements, motion in the plane only,"
     text += f" drives {settings['drives']}," + (f" payload {settings['payload']}," if settings["payload"] else "")
     text += (
-        f" mass {mass.factor * float(found.mass):.4g} {mass}. Displacements are exaggerated, each mode by its own "
+        f" mass {float(found.mass):.4g} {mass}. Displacements are exaggerated, each mode by its own "
         "factor; grey: at rest. Effective mass: the largest share of the mass, or of the moment of inertia in rotation."
     )
     mid_plane = " The mid-plane is drawn; contours: deflection w in steps of 0.2 of its maximum, "
@@ -88,9 +88,9 @@ def _header(found: NaturalModes) -> str:
 
 def title_of(found: NaturalModes, number: int) -> str:
     """Label, frequency with band and largest effective mass of a mode."""
-    share, hertz = found.share[number - 1], UNITS["hz"].factor
+    share = found.share[number - 1]
     largest = int(np.argmax(share))
-    value, band = (float(hertz * values[number - 1, -1]) for values in (found.frequency, found.band("frequency")))
+    value, band = (float(values[number - 1, -1]) for values in (found.frequency, found.band("frequency")))
     direction = found.axes["base"][largest].replace("theta", NAMES["theta"]).replace("x", "X").replace("y", "Y")
     mode = f"mode {found.axes['mode'][number - 1]}: {digits(value, band)} {UNITS['hz']}"
     return f"{mode}\neffective mass {share[largest]:.2g} % in {direction}"

@@ -83,7 +83,7 @@ class Drive(Result):
     )
     stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
     change = Quantity(
-        "change of engaged stiffness by stack forces (%)", "", ("state", "direction"), Gate(1e-9, absolute=1e-8), "all"
+        "change of engaged stiffness by stack forces", "percents", ("state", "direction"), Gate(1e-9, absolute=1e-8), "all"
     )
     push_spread = Quantity("spread of the engaged stiffness (±)", "stiffness", ("direction",), SOLVED)
     error = Quantity(
@@ -125,7 +125,7 @@ class MechanismDrive(Result):
     force = Quantity("force of the actuator at full stroke", "n", ("actuator", "model"), ON_MESHES)
     stress = Quantity("highest hinge stress at full stroke", "mpa", ("actuator", "model", "hinge"), PEAK, "all")
     engaged = Quantity(
-        "stiffness of the output with all actuators", "stiffness", ("model", "direction"),
+        "stiffness of the output with all actuators, other directions held", "stiffness", ("model", "direction"),
         ON_MESHES._replace(relative=1e-3),  # it has that of bodies at small contacts
     )  # fmt: skip
 
@@ -204,7 +204,7 @@ def drive(
     --------
     >>> import flexfem
     >>> found = flexfem.drive(flexfem.load("geometry/mobility6.toml"), pose=(2e-3, 1e-3, 0.0), models="analytic")
-    >>> [round(1e3 * float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
+    >>> [round(float(stroke), 2) for stroke in found.at("command", criterion="least energy")]  # um, six pairs
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     if isinstance(stage, Mechanism):

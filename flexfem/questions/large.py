@@ -67,9 +67,9 @@ class Large(Result):
         "other two directions, rotations multiplied by the lever; at: command in % of the amplitude",
     )
     amplitude = Quantity("amplitude", ("mm", "mm", "rad"), ("direction",))
-    stiffness = Quantity("change of the tangent stiffness (%)", "", ("direction", "at", "theory"), PERCENT)
-    error = Quantity("error of the linear position along (%)", "", ("direction", "at", "theory"), PERCENT)
-    aside = Quantity("error of the linear position across (%)", "", ("direction", "at", "theory"), PERCENT, "all")
+    stiffness = Quantity("change of the tangent stiffness", "percent", ("direction", "at", "theory"), PERCENT)
+    error = Quantity("error of the linear position along", "percent", ("direction", "at", "theory"), PERCENT)
+    aside = Quantity("error of the linear position across", "percent", ("direction", "at", "theory"), PERCENT, "all")
     position = Quantity("largest error of the linear position, all poses", "percent", ("within",), PERCENT)
     terms = Quantity("change of the tangent compliance by second-order terms", "percent", ("within",), PERCENT)
     tangent = Quantity(

@@ -301,7 +301,7 @@ def modes(
     --------
     >>> import flexfem
     >>> found = flexfem.modes(flexfem.load("geometry/mobility6.toml"), count=3, models="elements", resolution=4)
-    >>> (found.frequency[:, 0] / 6.283185).round()  # Hz, of rad/s
+    >>> found.frequency[:, 0].round()  # Hz
     array([131., 131., 194.])
     """
     mesh, solid = mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None

@@ -61,6 +61,9 @@ SHARED = {
     "layers : int, optional": "Three-dimensional model with this number of layers in half the thickness, from 3.",
     "progress : callable, optional": "Called with a line of text after each completed part.",
 }
+CONVENTION = """
+    Every number has the unit that its quantity declares, as an attribute, by `at` and `band`, in JSON, tables and study
+    columns (tables may add an SI prefix to lengths and angles): `unit` returns it, `flexfem schema {}` lists it."""
 RAISES = """Raises
 ------
 BadInput
@@ -85,6 +88,9 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
             shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
     kinds = str(function.__annotations__["return"]).split(" | ")
     returns = ", or ".join(kinds) + " of a mechanism" * (len(kinds) > 1)
+    kind = function.__globals__.get(kinds[0])
+    if isinstance(kind, type) and issubclass(kind, Result):
+        returns += CONVENTION.format(kind.kind())
     added = "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES])
     text = text.replace("{shared}", added.replace("The stage", f"The stage{of_mechanism.lower()}"))
     for key in not_for.split():

@@ -45,7 +45,14 @@ class Stiffness(Result):
     main = ("free", {})
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
-    free = Quantity("stiffness, other directions free", "stiffness", ("model", "direction"), COARSER)
+    held = Quantity(
+        "stiffness, other directions held", "stiffness", ("model", "direction"), COARSER, repeated=True,
+        note="K_ii, the diagonal of the stiffness matrix",
+    )  # fmt: skip
+    free = Quantity(
+        "stiffness, other directions free", "stiffness", ("model", "direction"), COARSER,
+        note="1 / C_ii, of the diagonal of the compliance matrix",
+    )  # fmt: skip
     stress = Quantity(
         "highest hinge stress per displacement, other directions held", "stress per motion", (*NECKS, "direction"),
         STRESS, "all",
@@ -216,7 +223,7 @@ def at_rest(compliance: Array) -> dict[str, Array]:
     """Return the stiffness of the output from its compliance (3, 3)."""
     K = np.asarray(np.linalg.inv(compliance))
     K = (K + K.T) / 2
-    return {"compliance": compliance, "stiffness": K, "free": free_stiffness(K)}
+    return {"compliance": compliance, "stiffness": K, "held": np.diag(K), "free": free_stiffness(K)}
 
 
 def of_ports(plate: Stage | Mechanism, response: Responses) -> dict[str, Any]:
@@ -275,6 +282,7 @@ def _with_bounds(stage: Stage, mesh: Mesh, found: dict[str, ModelAnswer]) -> dic
     widths, K, C = dict(bands), np.abs(values["stiffness"]), bands["compliance"]
     parts = {name: widths.pop(name) for name in ("band_plane", "band_thickness") if name in widths}
     widths["stiffness"] = K @ C @ K  # dK = -K dC K
+    widths["held"] = np.diag(widths["stiffness"])
     if "force" in values:
         widths["pose"] = C @ np.abs(values["force"])
     if mesh.layers:
@@ -318,12 +326,12 @@ def bounding(stage: Stage, response: Response) -> tuple[Array, Array]:
     return soft, hard
 
 
-def _ends(part: Callable[..., Array], model: str) -> dict[str, Array]:
-    """Return the ranges of the drive by one model; `part` returns the values or bands of an answer of `reach`."""
+def _ends(ends: Array) -> dict[str, Array]:
+    """Return the ranges of the drive by the last model from the `ends` of `reach`, or from their bands."""
     return {
-        f"{name}_{end}": np.where(np.abs(one := part("ends", others=others, end=end, model=model)) < 1e-12, 0.0, one)
-        for name, others in (("held", "zero"), ("free", "free"))
-        for end in ("low", "high")
+        f"{others}_{end}": np.where(np.abs(pose) < 1e-12, 0.0, pose)
+        for others, by_end in zip(("held", "free"), ends[:, :, -1], strict=True)
+        for end, pose in zip(("low", "high"), by_end, strict=True)
     }
 
 
@@ -367,7 +375,7 @@ def summary(
     parts: tuple[dict[str, Array], dict[str, Array]] = ({}, {})
     reached: Result | None = None
     values, bands = parts
-    for target, source in zip(parts, (found.values, found.bands), strict=True):
+    for target, source in zip(parts, found.internal, strict=True):
         names = source.keys() & {"free", "yield_range", "yield_force", "stress", "thickness"}
         target |= {name: np.moveaxis(source[name], -1, 0) for name in names}
         if "stiffness" in source:
@@ -376,8 +384,8 @@ def summary(
             target |= {"amplification": source["amplification"][0].T, "input_stiffness": source["input_stiffness"][0]}
     if isinstance(stage, Mechanism):
         first = modes(stage, count=1, **mesh)
-        values["frequency"] = first.frequency[0]
-        bands |= {name: band[0] for name, band in first.bands.items() if name == "frequency"}
+        values["frequency"] = first.internal.values["frequency"][0]
+        bands |= {name: band[0] for name, band in first.internal.bands.items() if name == "frequency"}
         if stage.layout.actuators:
             reached = of_mechanism(stage, setup.mesh_of(stage, **mesh), models)
             drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
@@ -389,8 +397,9 @@ def summary(
         except ComputationFailed as failure:
             warnings.append(str(failure))
     if reached is not None:
-        for target, part in zip(parts, (reached.at, reached.band)[: 1 + bool(reached.bands)], strict=False):
-            target |= _ends(part, reached.axes["model"][-1])
+        for target, source in zip(parts, reached.internal, strict=True):
+            if "ends" in source:
+                target |= _ends(source["ends"])
         warnings += reached.warnings
     kind = setup.kind_of(Summary, stage)
     return kind(found.about, values, bands, found.axes, settings, warnings, notes)

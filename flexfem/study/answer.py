@@ -178,7 +178,7 @@ def extra_numbers(loaded: LoadedStudy, stage: Stage | Mechanism) -> Array:
         both = {"models": "both"} if words and models not in words else {}  # it has no finite elements alone
         result = question(stage, **{key: value for key, value in (settings | both).items() if key in parameters})
         for entry in result.entries():
-            numbers[f"{name}.{entry.path}"] = entry.value * entry.unit.factor, entry.band * entry.unit.factor
+            numbers[f"{name}.{entry.path}"] = entry.value, entry.band
     for path in study.ask:
         if path not in numbers:
             close = suggestion(path, numbers) or f", such as {next(iter(numbers))}"

@@ -83,7 +83,7 @@ def test_numbers_of_the_page_are_those_of_the_records(written):
     hinges = {(int(row[0]), row[1]): row[-3:-1] for row in rows if len(row) == 7 and row[0].isdigit()}
     assert len(hinges) == 9 and hinges[2, "base"] == ["4", "0.5"] and hinges[3, "elbow"] == ["1.5", "0.5"]
     reach = flexfem.reach(flexfem.load(STAGE), models="analytic")
-    assert f"{1e3 * float(reach.circle):.5g} µm" in found
+    assert f"{float(reach.circle):.5g} µm" in found
 
 
 def test_assumed_numbers_are_counted_first_and_listed(written):

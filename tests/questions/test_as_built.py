@@ -42,7 +42,7 @@ def test_measured_necks_give_their_own_stiffness(stage, tmp_path):
     found = flexfem.as_built(stage, written(tmp_path / "n.csv", lines()[::-1]), analytic=OWN)
     K = flexfem.analyse(stage.replace(override=MADE), links=True, formula="calibrated").stiffness
     np.testing.assert_allclose(found.stiffness, K, rtol=DENSE)
-    np.testing.assert_allclose(found.necks, np.array(NECKS) / 1e3)
+    np.testing.assert_allclose(found.necks, NECKS)
     drawn = flexfem.analyse(stage, links=True, formula="calibrated").stiffness
     held = found.at("deviation", others="held")
     np.testing.assert_allclose(held, 100 * (np.diag(K) / np.diag(drawn) - 1), rtol=DENSE)
@@ -159,7 +159,7 @@ def test_leaves_guide_with_the_sum_of_their_cubes_and_carry_with_the_sum_of_thei
     cubes = 0.45**3 + 0.5**3 + 0.62**3
     assert found.deviation[0, :2] == pytest.approx([100 * (cubes / 0.375 - 1), 100 * (1.57 / 1.5 - 1)], abs=0.35)
     assert found.stiffness[0, 0] == pytest.approx(70e3 * 10 * cubes / 40**3, rel=0.025)  # the ends yield
-    np.testing.assert_allclose(found.necks, [0.45, 0.5, 0.62])
+    np.testing.assert_allclose(found.necks, [450, 500, 620])
     assert any(note.startswith("1 of 3 hinges are not listed") for note in found.notes)
     assert "spread" not in found.values
 
@@ -179,7 +179,7 @@ def test_the_scatter_of_leaves_follows_from_their_cubes(guide, tmp_path):
     unit = 70e3 * 10 / 40**3
     expected = unit * np.linalg.norm([3 * 0.45**2 * 4e-3, 3 * 0.5**2 * 9e-3, 3 * 0.62**2 * 6e-3])
     assert found.spread[0, 0] == pytest.approx(expected, rel=0.04)
-    np.testing.assert_allclose(found.sd, [4e-3, 9e-3, 6e-3])
+    np.testing.assert_allclose(found.sd, [4, 9, 6])
     wide = as_made(guide, tmp_path, {"b 2": "500,90"}, "hinge,neck_um,sd_um")
     limits = [unit * (2 * 0.125 + (0.5 + side * 1.96 * 0.09) ** 3) for side in (-1, 1)]
     assert [wide.low[0, 0], wide.high[0, 0]] == pytest.approx(limits, rel=0.04)

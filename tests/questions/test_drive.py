@@ -169,7 +169,7 @@ def test_the_command_prints_and_keeps_what_the_function_gives(tmp_path, capsys, 
     options = ["--pose", *map(str, POSE), "--models", "analytic", "--json", "-o", str(tmp_path)]
     cli.app(["drive", str(STAGE), *options], standalone_mode=False)
     printed = json.loads(capsys.readouterr().out)["quantities"]
-    np.testing.assert_allclose(printed["stroke"]["values"], 1e3 * found.stroke)
+    np.testing.assert_allclose(printed["stroke"]["values"], found.stroke)
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".json", ".pdf", ".png"]
 
 
@@ -197,7 +197,7 @@ def test_the_figure_draws_the_numbers_of_the_result(drawn):
     _, (strokes, forces, sketch) = pyplot.subplots(3)
     plot_strokes(strokes, drawn)
     for k, bars in enumerate(strokes.containers[1:]):
-        np.testing.assert_allclose([bar.get_width() for bar in bars], 1e3 * drawn.command[:, k], atol=1e-12)
+        np.testing.assert_allclose([bar.get_width() for bar in bars], drawn.command[:, k], atol=1e-12)
     plot_forces(forces, drawn)
     np.testing.assert_allclose([bar.get_width() for bar in forces.containers[0]], drawn.force[:, 0])
     plot_drive(sketch, drawn)

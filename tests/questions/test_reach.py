@@ -128,8 +128,8 @@ def test_ranges_of_the_reference_stages(stage, reached):
     found, both = reached, np.array([[-1.0, 1.0]])
     np.testing.assert_allclose(ends(found, "zero"), both * [[23.989], [25.852], [1.0780]], rtol=1e-4)
     np.testing.assert_allclose(ends(found, "free"), both * [[28.675], [27.248], [1.0780]], rtol=1e-4)
-    assert 1e3 * np.array([found.circle, found.ball]) == pytest.approx([23.807, 18.980], rel=1e-4)
-    assert found.volume == pytest.approx(2.01660e-6, rel=1e-4)
+    assert np.array([found.circle, found.ball]) == pytest.approx([23.807, 18.980], rel=1e-4)
+    assert found.volume == pytest.approx(2.01660e3, rel=1e-4)
     assert list(poses_of(stage).ranges()[1]["zero", "x", "high"]) == [
         "stroke of elbow, chain 1, longest",
         "stroke of base, chain 3, longest",
@@ -202,7 +202,7 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     np.testing.assert_allclose(elements[1, 0], model[1, 0], rtol=1.2e-2)
     assert np.all(elements[0, 1] != model[0, 1])
     one = modelled(own)
-    X = found.commands
+    X = found.commands / 1e3  # mm
     for x in X:
         assert max(np.max(used) for used in one.system.shares(x, load).values()) < 1 + DENSE
         force = one.system.drive.preload + one.system.moved(x, load).force
@@ -216,9 +216,9 @@ def test_an_own_stage_with_unlike_chains_single_stacks_and_a_load(own):
     np.testing.assert_allclose(section, np.roll([edge.end for edge in edges], 1, axis=0), atol=1e-10)
     along = np.linspace(0.0, 1.0, 1001)[:, None, None]
     boundary = section + along * (np.roll(section, -1, axis=0) - section)
-    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(float(found.circle), rel=1e-4)
+    assert np.min(np.linalg.norm(boundary - rest[:2], axis=-1)) == pytest.approx(float(found.circle) / 1e3, rel=1e-4)
     left = found.fields.supports - found.fields.normals @ (SCALE * rest)
-    assert np.min(left) == pytest.approx(float(found.ball)) and found.ball > 1e-3
+    assert np.min(left) == pytest.approx(float(found.ball) / 1e3) and found.ball > 1.0
 
 
 def test_preloads_of_single_stacks_stress_necks_and_those_of_pairs_do_not(stage, reached):
