@@ -11,7 +11,8 @@
     flexfem.export(thin, "part.dxf", kerf=0.3)         # the part for the workshop, also .step and .svg
     flexfem.run_study("cases/study-reach.toml")        # many designs; flexfem.study.table(path) for pandas
 
-Numbers are mm, N, MPa and rad, vectors x, y, theta. Nothing is loaded before it is used.
+Arguments are in mm, N, MPa and rad, vectors x, y, theta. Numbers of a result have the units of its tables, which
+`found.unit(name)` returns. Nothing is loaded before it is used.
 """
 
 import re

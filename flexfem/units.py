@@ -1,4 +1,4 @@
-"""Units of all output: their names, and their factors on internal numbers (N, mm, MPa, rad)."""
+"""Units of all output: their names, and their factors on internal numbers (N, mm, MPa, rad, tonne, s)."""
 
 from __future__ import annotations
 

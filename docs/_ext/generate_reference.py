@@ -46,7 +46,8 @@ RESULTS = """# Results
 
 Each result has the quantities below in its JSON document, in tables, as columns of studies and in `regression`. In
 Python, `found.at("pose", model="analytic")` returns the part of a quantity at labels of its axes, `found.band` returns
-its numerical uncertainty, and `found.to_frame()` returns all numbers.
+its numerical uncertainty, `found.unit` returns its unit, and `found.to_frame()` returns all numbers. A number has the
+unit of the table below in every place. Tables may add an SI prefix to lengths and angles.
 """
 QUANTITIES = """## Quantities
 

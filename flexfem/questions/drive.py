@@ -83,7 +83,11 @@ class Drive(Result):
     )
     stiffness = Quantity("stiffness", "stiffness", ("state", "direction"), SOLVED)
     change = Quantity(
-        "change of engaged stiffness by stack forces", "percents", ("state", "direction"), Gate(1e-9, absolute=1e-8), "all"
+        "change of engaged stiffness by stack forces",
+        "percents",
+        ("state", "direction"),
+        Gate(1e-9, absolute=1e-8),
+        "all",
     )
     push_spread = Quantity("spread of the engaged stiffness (±)", "stiffness", ("direction",), SOLVED)
     error = Quantity(

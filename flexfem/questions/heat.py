@@ -70,24 +70,24 @@ class Drift(Result):
         "all numbers are proportional to the difference of the two coefficients of expansion",
     )
     pose = Quantity(
-        "displacement", "motion", ("case", "point", "model", "direction"), CASE_DRIFT, "pose",
+        "displacement per K or K/mm", "motion", ("case", "point", "model", "direction"), CASE_DRIFT, "pose",
         uneven=ON_MESHES._replace(absolute=1e-8),
     )  # fmt: skip
-    stress = Quantity("highest hinge stress", "mpa", ("case", "model", "chain", "hinge"), STRESS, "all")
+    stress = Quantity("highest hinge stress per K or K/mm", "mpa", ("case", "model", "chain", "hinge"), STRESS, "all")
     edges = Quantity(
-        "highest stress at clamped edges", "mpa", ("case", "model", "chain"), STRESS, "all", only="stage",
+        "highest stress at clamped edges per K or K/mm", "mpa", ("case", "model", "chain"), STRESS, "all", only="stage",
         note="excludes a fifth of each edge at both corners, where stress is singular",
     )  # fmt: skip
     tilt = Quantity(
-        "displacement and rotations about x and y by a gradient in z", ("mm", "rad", "rad"), ("model", "out of plane"),
+        "displacement and rotations about x and y by a gradient of 1 K/mm in z", ("mm", "rad", "rad"), ("model", "out of plane"),
         FRESH, "all", only="stage",
     )  # fmt: skip
     unlike = Quantity(
-        f"displacement with the necks of some chains changed by {UNLIKE:g} %, analytic", "motion",
+        f"displacement per K or K/mm with the necks of some chains changed by {UNLIKE:g} %, analytic", "motion",
         ("case", "direction"), SOLVED, "pose", only="stage",
     )  # fmt: skip
     reaction = Quantity(
-        "reaction of the ground about the platform's centre", "wrench", ("case", "model", "chain", "direction"), FRESH,
+        "reaction of the ground about the platform's centre per K or K/mm", "wrench", ("case", "model", "chain", "direction"), FRESH,
         "all", shown=False, only="stage",
     )  # fmt: skip
     columns = ("direction", "out of plane")

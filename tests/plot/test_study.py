@@ -348,7 +348,7 @@ def test_keys_of_different_values_have_no_base_value(tmp_path: Path) -> None:
         ("modes.frequency.2.analytic", True, "natural frequency, mode 2 (Hz)"),
         ("modes.frequency.2.analytic", False, "natural frequency, mode 2 (Hz)"),
         ("drift.stress.uniform.analytic.chain_1.base", False,
-         "highest hinge stress, case uniform, chain 1, hinge base (MPa)"),
+         "highest hinge stress per K or K/mm, case uniform, chain 1, hinge base (MPa)"),
     ],
 )  # fmt: skip
 def test_a_path_becomes_words_with_the_unit(path: str, mechanism: bool, said: str) -> None:
