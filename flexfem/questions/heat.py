@@ -79,16 +79,16 @@ class Drift(Result):
         note="excludes a fifth of each edge at both corners, where stress is singular",
     )  # fmt: skip
     tilt = Quantity(
-        "displacement and rotations about x and y by a gradient of 1 K/mm in z", ("mm", "rad", "rad"), ("model", "out of plane"),
-        FRESH, "all", only="stage",
+        "displacement and rotations about x and y by a gradient of 1 K/mm in z", ("mm", "rad", "rad"),
+        ("model", "out of plane"), FRESH, "all", only="stage",
     )  # fmt: skip
     unlike = Quantity(
         f"displacement per K or K/mm with the necks of some chains changed by {UNLIKE:g} %, analytic", "motion",
         ("case", "direction"), SOLVED, "pose", only="stage",
     )  # fmt: skip
     reaction = Quantity(
-        "reaction of the ground about the platform's centre per K or K/mm", "wrench", ("case", "model", "chain", "direction"), FRESH,
-        "all", shown=False, only="stage",
+        "reaction of the ground about the platform's centre per K or K/mm", "wrench",
+        ("case", "model", "chain", "direction"), FRESH, "all", shown=False, only="stage",
     )  # fmt: skip
     columns = ("direction", "out of plane")
 

@@ -88,9 +88,9 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
             shared += [head + of_mechanism * (name == "stage"), f"    {description}"]
     kinds = str(function.__annotations__["return"]).split(" | ")
     returns = ", or ".join(kinds) + " of a mechanism" * (len(kinds) > 1)
-    kind = function.__globals__.get(kinds[0])
+    kind = function.__globals__.get(kinds[0].removeprefix("list[").removesuffix("]"))
     if isinstance(kind, type) and issubclass(kind, Result):
-        returns += CONVENTION.format(kind.kind())
+        returns += CONVENTION.format("KIND" if kind is Result else kind.kind())
     added = "\n".join([*shared, "", "Returns", "-------", returns, "", RAISES])
     text = text.replace("{shared}", added.replace("The stage", f"The stage{of_mechanism.lower()}"))
     for key in not_for.split():
