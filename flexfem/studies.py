@@ -235,7 +235,8 @@ def plot_study(study: PathLike, output: PathLike = REPORTS, *, partial: bool = F
     table, source, found = study_findings(study, output, partial)
     written = [str(path) for path in (table.path, *write_study_figures(found, table.path.parent))]
     refused = {name: finding.reason for name, finding in found.items() if isinstance(finding, Refused)}
-    warnings, figures = source.table.warnings, {name: facts_of(finding) for name, finding in found.items()}
+    warnings = [*run.warnings_of_factors(parts_of(study, output)), *source.table.warnings]
+    figures = {name: facts_of(finding) for name, finding in found.items()}
     lines = [*written, *(f"warning: {text}" for text in warnings)]
     lines += [f"{name} is not drawn: {reason}" for name, reason in refused.items()]
     return Facts({"written": written, "warnings": warnings, "findings": figures}, lines, bool(refused))
@@ -278,7 +279,7 @@ def status_facts(parts: Parts, share: slice = slice(None)) -> dict[str, Any]:
         "refused": by_status["refused"],
         "failed": sum(by_status[status] for status in run.RETRIED),
         "reasons": {status: dict(_reasons(counts, status)) for status in sorted(by_status) if status != "ok"},
-        "warnings": counted_warnings(_reasons(counts, "ok")),
+        "warnings": [*run.warnings_of_factors(parts), *counted_warnings(_reasons(counts, "ok"))],
         "open": designs - by_status.total(),
         "open_elsewhere": loaded.count - designs - found.elsewhere,
         "folder": str(parts.folder),

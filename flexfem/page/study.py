@@ -15,6 +15,9 @@ from flexfem.plot.study import page_of
 from flexfem.plot.text import significant
 from flexfem.results import TextTable, thousands
 from flexfem.study import findings
+from flexfem.study.factors import Factor
+from flexfem.study.loaded import LoadedStudy
+from flexfem.study.plan import limits_text
 
 DIGITS = 5
 TEN = 10  # designs of a front that are listed at once
@@ -87,6 +90,50 @@ def setup_section(source: findings.Source, status: dict[str, Any]) -> PageSectio
         facts(settings.items()),
         notes(status["warnings"]),
         table(TextTable(["reason", "status", "designs"], rows, 2, "Designs without a result")),
-        folded("Study file: factors, outputs, constraints and their sources", file),
+        factor_table(loaded),
+        output_table(loaded),
+        constraint_table(source),
+        folded("Study file and the sources of its numbers", file),
     ]
     return PageSection("study-asked", "Settings of the study", Markup("\n").join(html))
+
+
+def factor_table(loaded: LoadedStudy) -> Markup:
+    """Return the factors of a study with their values or distributions."""
+    rows = list[list[str]]()
+    for column in loaded.columns:
+        axis = findings.axis_of(loaded, column.name)
+        rows.append([axis.name, ", ".join(column.keys), axis.unit, spread_words(column.factor)])
+    return Markup(table(TextTable(["factor", "keys", "unit", "values"], rows, 4, "Factors")))
+
+
+def spread_words(factor: Factor) -> str:
+    """Return the values of a factor in words."""
+    match factor.kind:
+        case "given":
+            return "column of the table of designs"
+        case "values":
+            return ", ".join(f"{value:g}" for value in factor.values or ())
+        case "normal":
+            limits = limits_text(factor.lower, factor.upper)
+            return f"normal, mean {factor.mean:g}, standard deviation {factor.sd:g}{f', {limits}' if limits else ''}"
+        case "uniform":
+            return f"uniform from {factor.lower:g} to {factor.upper:g}"
+    points = f", {factor.points} points" if factor.points else ""
+    return f"from {factor.start:g} to {factor.end:g}{points}{', logarithmic' if factor.scale == 'log' else ''}"
+
+
+def output_table(loaded: LoadedStudy) -> Markup:
+    """Return the outputs of a study, with the expressions of derived ones."""
+    derived = {output.name: output.expression for output in loaded.study.output}
+    rows = list[list[str]]()
+    for name in (*loaded.outputs, *derived):
+        axis = findings.axis_of(loaded, name)
+        rows.append([axis.name, name, axis.unit, derived.get(name, "")])
+    return Markup(table(TextTable(["output", "column", "unit", "expression"], rows, 4, "Outputs")))
+
+
+def constraint_table(source: findings.Source) -> Markup:
+    """Return the constraints of a study; the table is empty in a study without any."""
+    rows = [[each.label or "", each.value, each.expected] for each in source.loaded.study.constraint]
+    return Markup(table(TextTable(["constraint", "expression", "limits"], rows, 3, "Constraints")))

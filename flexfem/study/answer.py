@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
-from itertools import pairwise
+from itertools import compress, pairwise
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -17,7 +17,7 @@ from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import analyse, hinge_compliances, in_range, invalid_hinges
 from flexfem.analytic.network import Dynamics
 from flexfem.analytic.paper import freedoms_of, mobility
-from flexfem.arrays import AnyArray, Array
+from flexfem.arrays import ROUND_OFF, AnyArray, Array
 from flexfem.fem.mesher import Limit, MeshTimeout
 from flexfem.files.refusals import suggestion
 from flexfem.files.toml import bad_key
@@ -25,7 +25,7 @@ from flexfem.hinges.strength import KEY, required_law
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.drives import drive_of, drives_of
 from flexfem.mechanism.feasibility import Broken, check_feasible, conditions
-from flexfem.mechanism.keys import keys
+from flexfem.mechanism.keys import LIFE_CONSTANTS, keys
 from flexfem.mechanism.materials import STRENGTHS, UNLIKELY, unlikely
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
@@ -35,7 +35,7 @@ from flexfem.questions.driven import Driven, drive_ranges
 from flexfem.questions.life import CyclicMotion, cyclic_motion, preload_warnings
 from flexfem.questions.modes import payload_of
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.columns import Rows, row_of, values_of
+from flexfem.study.columns import Rows, row_of, sizes_of, values_of
 from flexfem.study.loaded import LoadedStudy, designs_of, judge, plate_of, refusals_of, sample, stage_of
 from flexfem.study.plan import Study
 
@@ -278,3 +278,64 @@ def base_factor_values(loaded: LoadedStudy) -> dict[str, float]:
     """Return the factor values of the base stage by column, file units, without factors whose keys differ there."""
     values = {c.name: {keys()[path].value_in(loaded.base) for path in c.keys} for c in loaded.columns}
     return {name: value for name, (value, *others) in values.items() if not others and value is not None}
+
+
+LOOKED_AT = 1000  # designs of a sample between whose extremes a factor is varied
+INELASTIC = frozenset({"yield_strength", "density", "expansion", *LIFE_CONSTANTS})  # they leave the mesh as it is
+
+
+def changed_outputs(loaded: LoadedStudy) -> dict[str, list[str]]:
+    """Return the outputs that each factor changes, by column, without factors whose effect is not known.
+
+    The analytic model computes a design of the sample, and the same with one factor after the other at its least and
+    greatest value in the sample. In studies by finite elements only factors that leave their mesh and stiffness as
+    they are can change nothing, such as a yield strength; the others are left out.
+    """
+    study, drawn = loaded.study, sample(loaded, 0, min(loaded.count, LOOKED_AT))
+    checked = [index for index, column in enumerate(loaded.columns) if np.ptp(drawn[:, index]) > 0]
+    if study.model != "analytic":
+        attributes = [{keys()[path].attribute for path in column.keys} for column in loaded.columns]
+        checked = [index for index in checked if not study.on_mechanism and attributes[index] <= INELASTIC]
+        study = study.model_copy(update={"model": "analytic", "bands": False})
+    if not checked:
+        return {}
+    study = study.model_copy(update={"check": "closed_form", "constraint": ()})
+    ends = np.stack([drawn.min(axis=0), drawn.max(axis=0)])
+    varied = np.tile(drawn[len(drawn) // 2], (1 + 2 * len(checked), 1))
+    for place, index in enumerate(checked):
+        varied[1 + 2 * place : 3 + 2 * place, index] = ends[:, index]
+    alike = replace(loaded, study=study)
+    values = answer_designs(alike, varied).values
+    before, after = values[0], values[1:].reshape(len(checked), 2, -1)
+    size = np.abs(before)
+    for name, scale in sizes_of(dict(zip(alike.outputs, before, strict=True))).items():
+        if name in alike.outputs:
+            size[alike.outputs.index(name)] = scale
+    known = np.isfinite(before).all() & np.isfinite(after).all(axis=2)
+    changed = (np.abs(after - before) > ROUND_OFF * size) & known[..., None]
+    return {
+        loaded.columns[index].name: list(compress(alike.outputs, changed[place].any(axis=0)))
+        for place, index in enumerate(checked)
+        if known[place].all()
+    }
+
+
+def factor_warnings(loaded: LoadedStudy, changes: dict[str, list[str]]) -> list[str]:
+    """Return a warning for each factor that changes none of the requested numbers.
+
+    These are the outputs in figures and constraints, or all outputs where there are none.
+
+    Parameters
+    ----------
+    changes : from `changed_outputs`.
+    """
+    study = loaded.study
+    figured = [name for figure in study.figure for name, _ in figure.columns.values()]
+    used = study.behind(figured) | study.names_of(*(constraint.value for constraint in study.constraint))
+    requested = [name for name in loaded.outputs if name in used] or list(loaded.outputs)
+    warnings = list[str]()
+    for name, changed in changes.items():
+        if not {*changed} & {*requested} and name not in used - {*figured}:
+            others = f"; it changes {', '.join(changed)} only" if changed else ""
+            warnings.append(f"factor {name} changes none of {', '.join(requested)}{others}")
+    return warnings

@@ -15,7 +15,7 @@ import re
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 
 from flexfem.files.writing import write_atomically
 from flexfem.refused import BadInput, ComputationFailed
-from flexfem.study.answer import answer, needs_stages
+from flexfem.study.answer import answer, changed_outputs, factor_warnings, needs_stages
 from flexfem.study.columns import Rows, row_of
 from flexfem.study.loaded import LoadedStudy, sample
 from flexfem.study.workers import ExecutorWorkers, Failure, Workers, require_same_versions, versions_of
@@ -275,7 +275,11 @@ def run_parts(
     counts: Counts = sum((n for chunk, n in found.counts.items() if chunk not in again), Counter())
     designs, known, pieces = sum(map(len, chunks)), counts.total(), defaultdict[range, list[Any]](list)
     if todo:
-        content = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
+        content: dict[str, Any] = {"study": os.path.relpath(parts.loaded.path, parts.folder.parent)}
+        content |= {"hash": parts.loaded.hash, "changes": stored_changes(parts)}
+        if content["changes"] is None:
+            with suppress(Exception):  # whatever a formula of the user raises is the reason of a design
+                content["changes"] = changed_outputs(parts.loaded)
         write_atomically(parts.folder.parent / FILE, lambda file: file.write(json.dumps(content).encode()), again=True)
 
     def next_task() -> tuple[Any, ...] | None:
@@ -315,6 +319,20 @@ def run_parts(
         stop.add_note(f"stopped; {kept}; the same command continues the run")
         raise
     return known
+
+
+def stored_changes(parts: Parts) -> dict[str, list[str]] | None:
+    """Return the outputs that each factor changes, as a run of this study has stored them; None without such a run."""
+    try:
+        content = json.loads((parts.folder.parent / FILE).read_text(encoding="utf-8"))
+        return dict(content["changes"]) if content["hash"] == parts.loaded.hash else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def warnings_of_factors(parts: Parts) -> list[str]:
+    """Return a warning for each factor that changes none of the requested numbers, as far as a run has found out."""
+    return factor_warnings(parts.loaded, stored_changes(parts) or {})
 
 
 def progress_line(counts: Counts, designs: int, rate: float) -> str:

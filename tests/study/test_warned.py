@@ -1,12 +1,12 @@
-"""What a study says of its answers: a formula out of its range."""
+"""What a study says of its answers: a formula out of its range, a factor that nothing requested depends on."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from flexfem.studies import plot_study, status_facts
-from flexfem.study.answer import answer
+from flexfem.studies import plot_study, run_study, status_facts, study_status
+from flexfem.study.answer import answer, changed_outputs, factor_warnings
 from flexfem.study.loaded import sample
 from flexfem.study.run import parts_of, table_of, write_part
 
@@ -42,3 +42,47 @@ def test_designs_beyond_the_range_of_a_formula_are_answered_and_counted(studies)
     (row,) = facts["findings"]["study-sensitivity"]["rows"]
     assert "total" not in row and row["first"] == pytest.approx(1.0, abs=0.1)
     assert "no factor changes it" in facts["findings"]["study-sensitivity-2"]["refused"]
+
+
+WIDTH = 'label = "w"\nkey = "chain.link_width_mm"\nfrom = 8.8\nto = 9.4'
+STRENGTH = 'key = "material.yield_strength_mpa"\nfrom = 300.0\nto = 500.0'
+SUM = f'[[output]]\nname = "d"\nexpression = "range_x_um + envelope_mm"\n{KXX.replace("kxx_n_per_mm", "d")}'
+RANGE = '[[constraint]]\nvalue = "range_x_um"\nleast = 1'
+OF_STRENGTH = "factor material.yield_strength_mpa changes none of kxx_n_per_mm; it changes range_x_um, range_y_um"
+
+
+@pytest.mark.parametrize(
+    ("head", "tail", "said"),
+    [
+        (
+            'model = "analytic"',
+            KXX,
+            ["factor w changes none of kxx_n_per_mm; it changes envelope_mm only", OF_STRENGTH],
+        ),
+        ('model = "fe"', KXX, [OF_STRENGTH]),  # wider links are stiffer
+        ('model = "analytic"', "", []),  # some output depends on each
+        ('model = "analytic"', SUM, []),
+        ('model = "analytic"', f"{KXX}\n{RANGE}", ["factor w changes none of kxx_n_per_mm, range_x_um"]),
+        ('model = "analytic"', f'{KXX}\n[[constraint]]\nvalue = "kxx_n_per_mm / w"\nleast = 1', [OF_STRENGTH]),
+    ],
+)
+def test_a_factor_that_changes_no_requested_number_is_named(studies, head: str, tail: str, said: list[str]) -> None:
+    loaded = studies.of(FEW, NECK, WIDTH, STRENGTH, head=head, tail=tail)
+    found = factor_warnings(loaded, changed_outputs(loaded))
+    assert len(found) == len(said) and all(one.startswith(text) for text, one in zip(said, found, strict=True)), found
+
+
+def test_the_warning_about_a_factor_is_stored_by_a_run_and_follows_the_figures(studies, tmp_path) -> None:
+    loaded = studies.of(FEW, NECK, WIDTH, tail=KXX)
+    assert any("factor w changes none of" in text for text in run_study(loaded.path, tmp_path, workers=1)["warnings"])
+    assert any("factor w changes none of" in text for text in study_status(loaded.path, tmp_path)["warnings"])
+    studies.of(FEW, NECK, WIDTH, tail=KXX.replace("kxx_n_per_mm", "envelope_mm"))
+    assert not any("factor w" in text for text in study_status(loaded.path, tmp_path)["warnings"])
+
+
+def test_a_factor_that_a_table_of_designs_never_varies_is_not_named(studies) -> None:
+    names = "hinges.base.neck_mm,w"
+    (studies.folder / "d.csv").write_text(f"{names}\n0.5,9.0\n0.55,9.0\n")
+    factors = 'key = "hinges.base.neck_mm"', 'label = "w"\nkey = "chain.link_width_mm"'
+    loaded = studies.of('method = "table"\nfile = "d.csv"', *factors, tail=KXX)
+    assert factor_warnings(loaded, changed_outputs(loaded)) == []
