@@ -135,5 +135,5 @@ def output_table(loaded: LoadedStudy) -> Markup:
 
 def constraint_table(source: findings.Source) -> Markup:
     """Return the constraints of a study; the table is empty in a study without any."""
-    rows = [[each.label or "", each.value, each.expected] for each in source.loaded.study.constraint]
+    rows = [[each.title, each.value, each.expected] for each in source.loaded.study.constraint]
     return Markup(table(TextTable(["constraint", "expression", "limits"], rows, 3, "Constraints")))

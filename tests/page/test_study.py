@@ -112,3 +112,43 @@ def test_a_study_that_was_run_becomes_a_page(flexfem):
     assert said["bytes"] == len(html.encode()) < 1e6 and said["written"] == "page.html"
     assert said["sections"][:2] == ["Stiffness XX against range in X at yield", "Settings of the study"]
     assert "flexfem report small.toml -o page.html --folder kept" in html
+
+
+def test_factors_outputs_and_constraints_are_tables(tmp_path):
+    """Of every kind of factor; a constraint without a label is named by its expression."""
+    sobol = GRID.replace('"grid"', '"sobol"\ndesigns = 12\nseed = 1').replace("points = 4\n", 'scale = "log"\n')
+    more = """
+[[factor]]
+key = "material.youngs_modulus_gpa"
+distribution = "normal"
+mean = 70.0
+sd = 1.5
+lower = 66.0
+[[factor]]
+key = "thickness_mm"
+values = [8.0, 10.5]
+[[output]]
+name = "ratio"
+expression = "kxx_n_per_mm / kyy_n_per_mm"
+label = "Kxx over Kyy"
+unit = "1"
+[[constraint]]
+value = "kxx_n_per_mm"
+least = 12.5
+most = 400
+[[constraint]]
+label = "<small>"
+value = "envelope_mm"
+most = 200
+"""
+    html = page_of(source_of(study(tmp_path, sobol.replace("points = 3\n", "") + more)))
+    rows = rows_of(html)
+    assert rows["radius of base hinges"] == ["hinges.base.radius_mm", "mm", "from 2 to 3.5, logarithmic"]
+    assert rows["other necks"] == ["hinges.elbow.neck_mm, hinges.platform.neck_mm", "mm", "from 0.4 to 0.8"]
+    normal = "normal, mean 70, standard deviation 1.5, at least 66"
+    assert rows["Young&#39;s modulus"] == ["material.youngs_modulus_gpa", "GPa", normal]
+    assert rows["thickness"] == ["thickness_mm", "mm", "8, 10.5"]
+    assert rows["stiffness XX"] == ["kxx_n_per_mm", "N/mm", ""]
+    assert rows["Kxx over Kyy"] == ["ratio", "1", "kxx_n_per_mm / kyy_n_per_mm"]
+    assert rows["kxx_n_per_mm"] == ["kxx_n_per_mm", "at least 12.5 and at most 400"]
+    assert rows["&lt;small&gt;"] == ["envelope_mm", "at most 200"]
