@@ -33,7 +33,7 @@ SMALLEST = 0.01  # mm, of kerf and holes; a smaller value is a unit error: wires
 LARGEST_KERF = 10.0  # mm, some 30 times a common kerf
 LARGEST_HOLE = 1e3  # mm
 TOLERANCE = 1e-9  # relative, of the volume of a solid that is read back
-OF_ARCS = 1e-5  # the same for a mechanism, where arcs may stand for splines
+OF_ARCS = 1e-5  # the same for a mechanism, where arcs may stand for other curves
 METAL, HOLES, GROUND = "METAL", "HOLES", "GROUND"  # HOLES: the round ones; GROUND: fixed bodies and clamped edges
 MARKS, SIZES, WIRE = "CENTRE_MARKS", "DIMENSIONS", "WIRE_PATH"
 COLOURS = {  # of each layer, dark on white
@@ -161,7 +161,7 @@ def write_step(name: str, layout: Layout, part: Part, path: Path) -> None:
     file cannot be written.
     """
     pieces, thickness = sum(area(loop) > 0 for loop in part.loops), layout.thickness
-    curves = [curve for joint in layout.joints for curve in joint.profile.half()]
+    curves = [curve for joint in layout.joints for curve in joint.profile.edge()]
     most = TOLERANCE if all(isinstance(curve, Segment) for curve in curves) else OF_ARCS
     with replacing(path) as temporary:
         read = run_mesher(PlateSolid(str(temporary), regions_of(layout, circles=True), thickness), TIME_LIMIT)

@@ -27,7 +27,7 @@ import numpy as np
 from flexfem.arrays import AnyArray
 from flexfem.mechanism.layout import Move
 from flexfem.mechanism.outlines import Face, Segment, area, reverse
-from flexfem.mechanism.profiles import Curve, Spline
+from flexfem.mechanism.profiles import Bezier, Curve
 from flexfem.refused import ComputationFailed
 from flexfem.sources import child_command
 
@@ -297,7 +297,7 @@ def _draw_region(kernel: Any, region: Region) -> list[tuple[int, int]]:
 
 def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
     """Draw a closed loop of curves, each of which begins where the one before it ends."""
-    ends = [(curve.points[0], curve.points[-1]) if isinstance(curve, Spline) else curve[:2] for curve in loop]
+    ends = [(curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else curve[:2] for curve in loop]
     if len(loop) == 1 and isinstance(circle := loop[0], Segment) and circle.centre is not None:
         centre, spoke = circle.centre, circle.start - circle.centre
         axes = {"zAxis": [0.0, 0.0, 1.0], "xAxis": [spoke.real, spoke.imag, 0.0]}
@@ -311,8 +311,8 @@ def _draw_loop(kernel: Any, loop: Sequence[Curve]) -> int:
 
 
 def _draw_curve(kernel: Any, curve: Curve, start: int, end: int) -> int:
-    if isinstance(curve, Spline):
-        return int(kernel.addSpline([start, *(_point(kernel, z) for z in curve.points[1:-1]), end]))
+    if isinstance(curve, Bezier):
+        return int(kernel.addBezier([start, *(_point(kernel, z) for z in curve.points[1:-1]), end]))
     if curve.centre is None:
         return int(kernel.addLine(start, end))
     centre = _point(kernel, curve.centre)

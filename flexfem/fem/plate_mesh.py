@@ -90,9 +90,10 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
                 length = min(abs(corner - point) for corner in end_corners(joint, side))
                 gradings.setdefault((length / 2, length), []).append(point)
         sizes = joint.profile.sizes(fine)
-        at_neck = [size for points, size, radius in sizes if min(map(abs, points)) <= radius]
+        middle = joint.profile.section
+        at_neck = [size for points, size, radius in sizes if min(abs(z - middle) for z in points) <= radius]
         if at_neck:
-            divisions[f"neck {index}"] = math.ceil(float(joint.profile.height(np.array(0.0))) / min(at_neck) - 1e-6)
+            divisions[f"neck {index}"] = math.ceil(float(joint.profile.height(np.array(middle))) / min(at_neck) - 1e-6)
         for points, size, radius in sizes:
             at = (complex(joint.place + z * cmath.exp(1j * joint.heading)) for z in points)
             gradings.setdefault((size, radius), []).extend(at)
@@ -132,8 +133,8 @@ def symmetry_of(layout: Layout) -> list[Move]:
             else:  # wherever circles are divided into arcs
                 marks.append((centre, centre, (*kind, round(abs(edge.start - centre), DECIMALS))))
     for one in layout.joints:
-        ahead, high = cmath.exp(1j * one.heading), one.profile.height(ALONG * one.profile.length)
-        ways = (ahead, -ahead) if np.allclose(high, high[::-1], 1e-9) else (ahead,)
+        ahead, x = cmath.exp(1j * one.heading), np.append(ALONG * one.profile.length, one.profile.breaks)
+        ways = (ahead, -ahead) if np.allclose(one.profile.height(x), one.profile.height(-x), 1e-9) else (ahead,)
         marks += [(one.place, one.place + way, (one.profile, one.cut)) for way in ways]
     count = len(layout.joints)
     if not count:

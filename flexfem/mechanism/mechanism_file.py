@@ -120,7 +120,10 @@ class PlateHinge(Table):
     table: Annotated[tuple[Point, ...], Field(max_length=MOST)] | None = Field(
         default=None, alias="table_mm", examples=[[[0.0, 4.0], [2.0, 0.5], [4.0, 4.0]]]
     )
-    """Rows of ascending position along the axis and height of a `profile`, at least three; its middle is the centre"""
+    """Rows of ascending position along the axis and height of a `profile`, at least three, joined by straight lines;
+    their middle is the centre"""
+    smooth: bool | None = Field(default=None, examples=[True])
+    """Whether a smooth curve, a monotone cubic, joins the rows of `table_mm` instead of straight lines"""
     cut: Length | None = Field(default=None, alias="cut_mm", examples=[12.0])
     """Height over which both bodies are cut away along the profile; by default 2 % more than the larger of the height
     of the ends of the profile and the widths of those bodies that are bars"""
@@ -131,7 +134,7 @@ class PlateHinge(Table):
         return {name: getattr(self, name) for name in OF_PROFILES if getattr(self, name) is not None}
 
 
-OF_PROFILES = ("neck", "length", "radius", "depth", "fillet", "angle", "root_radius", "table")
+OF_PROFILES = ("neck", "length", "radius", "depth", "fillet", "angle", "root_radius", "table", "smooth")
 
 
 class Copies(Table):

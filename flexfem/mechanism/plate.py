@@ -57,9 +57,10 @@ def joint_loop(joint: Joint) -> list[Curve]:
 
 
 def neck_line(joint: Joint) -> Segment:
-    """Return the section at the centre of a hinge, a little longer than its neck."""
-    high = 0.5j * (1 + OVERSHOOT) * float(joint.profile.height(np.array(0.0)))
-    return Segment(_position(joint, -high), _position(joint, high))
+    """Return the section of a hinge that edges of triangles follow, and a little beyond its edges."""
+    middle = joint.profile.section
+    high = 0.5j * (1 + OVERSHOOT) * float(joint.profile.height(np.array(middle)))
+    return Segment(_position(joint, middle - high), _position(joint, middle + high))
 
 
 def end_corners(joint: Joint, side: int) -> tuple[complex, complex]:
@@ -75,7 +76,8 @@ def end_lines(joint: Joint, side: int) -> list[Segment]:
     the edge where it gets steeper than 60 degrees, and the corner beyond them belongs to the body.
     """
     profile, half = joint.profile, joint.profile.length / 2
-    x = half * ENDING
+    breaks = side * np.array(profile.breaks)
+    x = np.union1d(half * ENDING, breaks[breaks > half * ENDING[0]])
     y = profile.height(side * x) / 2
     gentle = np.flatnonzero(np.diff(y) <= STEEP * np.diff(x))
     leave = gentle[-1] + 1 if len(gentle) else 0
@@ -135,7 +137,8 @@ def _common(one: shapely.Geometry, other: shapely.Geometry) -> float:
 
 def joint_polygon(joint: Joint, shares: Array = ALONG) -> Any:
     """Return the polygon of a hinge between positions on its axis, per length."""
-    x = shares * joint.profile.length
+    x, breaks = shares * joint.profile.length, np.array(joint.profile.breaks)
+    x = np.union1d(x, breaks[(breaks > x[0]) & (breaks < x[-1])])
     upper = x + 0.5j * joint.profile.height(x)
     z = joint.place + np.concatenate([upper, np.conj(upper[::-1])]) * cmath.exp(1j * joint.heading)
     return shapely.Polygon(np.column_stack([z.real, z.imag]))

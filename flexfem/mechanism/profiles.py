@@ -1,13 +1,15 @@
 """Hinge profiles: height along the axis, edge as exact curves, beam integrals, surface stress and triangle sizes.
 
 A profile is symmetric about its axis, the local x axis, and lies between x = -length / 2 and length / 2, mm. A new
-shape is one subclass with an entry in `SHAPES`: half its edge as curves, or its length and height, and its root radius.
+shape is one subclass with an entry in `SHAPES`: half its edge as curves, its root radius, and its height where a curve
+is of the kind `Bezier`.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from itertools import pairwise
@@ -17,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
-from flexfem.mechanism.outlines import SHORTEST, Segment
+from flexfem.mechanism.outlines import SHORTEST, Segment, polyline
 from flexfem.refused import BadInput
 
 SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
@@ -28,7 +30,12 @@ STUBBY = 0.5  # root radius per neck below which the radius sets the triangle si
 ARC = 1.0  # triangle size on a fillet, per radius and resolution; with 2, gmsh divided it alike on coarse meshes
 MOST_DISCS = 32  # of one size in a row along half a profile
 CORNER_POWER = 0.4555  # of the distance in the stress at a right-angled inner corner, negative
-SPLINE_POINTS = 33  # of half an edge that is no arc
+SHARP_TURN = math.radians(3.0)  # of the edge at an inner corner; the stress there grows by 2 % per halved triangle
+GRADED_TURN = math.radians(20.0)  # the same from which triangles are graded towards the corner
+LOW_END = 2.0  # height of an end over that of the neck, below which its corners with the body count as sharp
+PER_PIECE = 5  # positions between two rows at which the curvature of a smooth table sets the triangle size
+UNIFORM = 0.1  # change of the height per length up to which a part of a table is meshed as the middle of a leaf
+APART = 1e-9  # rad, between pieces of a smooth edge: OpenCASCADE joins tangent ones, and then misses areas by 1 %
 SLIGHTEST = 1e-6  # neck over root radius below which there is no stress concentration
 FILE_KEYS = {"span": "length", "root": "root_radius"}  # dimensions whose key in a file differs from their name
 
@@ -58,8 +65,8 @@ class BadDimension(BadInput):
         return type(self), (self.key, self.expected)
 
 
-class Spline(NamedTuple):
-    """A smooth curve through complex points (n,), mm, in their order."""
+class Bezier(NamedTuple):
+    """A Bezier curve with complex control points (n,), mm, of which the first and the last one are its ends."""
 
     points: tuple[complex, ...]
 
@@ -73,14 +80,14 @@ class Ellipse(NamedTuple):
     major: complex
 
 
-Curve = Segment | Spline | Ellipse
+Curve = Segment | Bezier | Ellipse
 Refinement = tuple[tuple[complex, ...], float, float]
 
 
 def mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
     """Return a curve after a rigid motion or a reflection of its points."""
-    if isinstance(curve, Spline):
-        return Spline(tuple(map(move, curve.points)))
+    if isinstance(curve, Bezier):
+        return Bezier(tuple(map(move, curve.points)))
     start, end = move(curve.start), move(curve.end)
     if isinstance(curve, Ellipse):
         centre = move(curve.centre)
@@ -90,7 +97,9 @@ def mapped(curve: Curve, move: Callable[[complex], complex]) -> Curve:
 
 def backwards(curve: Curve) -> Curve:
     """Return the same curve in the opposite direction."""
-    return Spline(curve.points[::-1]) if isinstance(curve, Spline) else curve._replace(start=curve.end, end=curve.start)
+    if isinstance(curve, Bezier):
+        return Bezier(curve.points[::-1])
+    return curve._replace(start=curve.end, end=curve.start)
 
 
 class Concentration(NamedTuple):
@@ -167,6 +176,16 @@ class Profile:
         return (*(-x for x in reversed(ends)), 0.0, *ends)
 
     @property
+    def section(self) -> float:
+        """Position, mm, of the section near the middle of the axis that edges of triangles follow."""
+        return 0.0
+
+    @property
+    def sharp(self) -> bool:
+        """Whether the edge has a sharp inner corner, at which the stress of finite elements is singular."""
+        return False
+
+    @property
     def root_radius(self) -> float:
         """Radius of curvature of the edge at the neck, mm."""
         raise NotImplementedError
@@ -180,9 +199,8 @@ class Profile:
         return np.asarray(found)
 
     def half(self) -> list[Curve]:
-        """Return the upper edge from 0 to length / 2, as lines and arcs that begin at their lowest points."""
-        x = np.linspace(0, self.length / 2, SPLINE_POINTS)
-        return [Spline(tuple((x + 0.5j * self.height(x)).tolist()))]
+        """Return the upper edge from 0 to length / 2, as curves that begin at their lowest points."""
+        raise NotImplementedError
 
     def edge(self) -> list[Curve]:
         """Return the upper edge from -length / 2 to length / 2, split at 0; the lower edge is its mirror image."""
@@ -302,7 +320,7 @@ class Profile:
 
 
 def _ends(curve: Curve) -> tuple[complex, complex]:
-    return (curve.points[0], curve.points[-1]) if isinstance(curve, Spline) else (curve.start, curve.end)
+    return (curve.points[0], curve.points[-1]) if isinstance(curve, Bezier) else (curve.start, curve.end)
 
 
 def _rise(x: Array, curve: Curve, step: complex) -> Array:
@@ -310,7 +328,7 @@ def _rise(x: Array, curve: Curve, step: complex) -> Array:
 
     Without cancellation: `r - sqrt(r^2 - x^2) = x^2 / (r + sqrt(r^2 - x^2))`.
     """
-    assert not isinstance(curve, Spline)
+    assert not isinstance(curve, Bezier)
     if curve.centre is None:
         return np.asarray(x * (step.imag / step.real))
     if isinstance(curve, Ellipse):  # scaled to a circle
@@ -379,6 +397,10 @@ class Leaf(Spanned):
         straight, centre = Segment(y, half - r + y), half - r + y + 1j * r
         return [straight, Segment(centre - 1j * r, centre + r, centre)] if r > SHORTEST else [straight]
 
+    @property
+    def sharp(self) -> bool:
+        return self.fillet <= SHORTEST
+
     def concentration(self, x: Array) -> Concentration:
         """Return the concentration (n,) at the fillets, `shoulder`; one on the straight part and at sharp roots."""
         if self.fillet <= SHORTEST:
@@ -421,6 +443,10 @@ class Parabolic(Spanned):
     def height(self, x: Array) -> Array:
         return np.asarray(self.neck + 2 * self.depth * (x / (self.span / 2)) ** 2)
 
+    def half(self) -> list[Curve]:
+        lowest, half = 0.5j * self.neck, self.span / 2
+        return [Bezier((lowest, lowest + half / 2, lowest + complex(half, self.depth)))]
+
 
 @dataclass(frozen=True)
 class Vee(Profile):
@@ -457,29 +483,35 @@ class Vee(Profile):
 class Tabulated(Profile):
     """A profile through rows of position and height, mm; positions from the middle of the table.
 
-    Between the rows it is the monotone cubic of F. N. Fritsch, J. Butland, SIAM J. Sci. Stat. Comput. 5, 300 (1984),
-    so that no height lies outside those of the rows beside it.
+    Straight lines join the rows. With `smooth` it is the monotone cubic of F. N. Fritsch, J. Butland, SIAM J. Sci.
+    Stat. Comput. 5, 300 (1984), instead, so that no height lies outside those of the rows beside it.
     """
 
     neck: float = field(init=False)
     table: tuple[tuple[float, float], ...]
+    smooth: bool = False
 
     def __post_init__(self) -> None:
         rows = np.array(self.table, dtype=float)
         if rows.ndim != 2 or rows.shape[1] != 2 or len(rows) < 3 or not np.all(np.isfinite(rows)):
             raise BadDimension("table", "at least 3 rows of a position and a height")
-        if np.any(np.diff(rows[:, 0]) <= SHORTEST) or np.any(rows[:, 1] <= 0):
-            raise BadDimension("table", "ascending positions and heights > 0")
+        low = np.flatnonzero(rows[:, 1] <= 0)
+        if len(low):
+            raise BadDimension("table", f"heights > 0, unlike that of row {low[0] + 1}")
+        back = np.flatnonzero(np.diff(rows[:, 0]) <= SHORTEST)
+        if len(back):
+            pair = f"rows {back[0] + 1} and {back[0] + 2}"
+            raise BadDimension("table", f"ascending positions, unlike those of {pair}; a step is a steep flank")
         object.__setattr__(self, "neck", float(rows[:, 1].min()))
 
     def with_neck(self, neck: float) -> Tabulated:
-        return Tabulated(tuple((x, height + neck - self.neck) for x, height in self.table))
+        return replace(self, table=tuple((x, height + neck - self.neck) for x, height in self.table))
 
     @classmethod
     def of(cls, height: Callable[[Array], Array], length: float, rows: int = 129) -> Tabulated:
-        """Return the profile of a height (n,) that is a function of the position (n,) on the axis, from its middle."""
+        """Return the smooth profile of a height (n,) that is a function of the position (n,) on the axis."""
         x = np.linspace(-length / 2, length / 2, rows)
-        return cls(tuple(zip(x.tolist(), np.asarray(height(x)).tolist(), strict=True)))
+        return cls(tuple(zip(x.tolist(), np.asarray(height(x)).tolist(), strict=True)), smooth=True)
 
     @cached_property
     def _rows(self) -> tuple[Array, Array]:
@@ -488,12 +520,11 @@ class Tabulated(Profile):
         return x - (x[0] + x[-1]) / 2, h
 
     @cached_property
-    def _curve(self) -> Callable[[Array], Array]:
-        """Height (...) at positions (...)."""
+    def _curve(self) -> Any:
+        """Height (...) at positions (...) of a smooth profile, as an interpolator of scipy."""
         from scipy.interpolate import PchipInterpolator  # takes a fifth of a second to import, for tables alone
 
-        curve: Callable[[Array], Array] = PchipInterpolator(*self._rows)
-        return curve
+        return PchipInterpolator(*self._rows)
 
     @property
     def length(self) -> float:
@@ -505,30 +536,120 @@ class Tabulated(Profile):
         return tuple(np.concatenate([x[x < -SHORTEST], [0.0], x[x > SHORTEST]]).tolist())
 
     @property
+    def section(self) -> float:
+        """As of any profile; at a row instead of so near to it that triangles between them would be needles."""
+        x = self._rows[0]
+        after = int(np.searchsorted(x, 0.0))
+        nearest = float(min(x[after - 1], x[after], key=abs))
+        return nearest if abs(nearest) < (x[after] - x[after - 1]) / 4 else 0.0
+
+    @property
     def _neck_place(self) -> float:
         x, h = self._rows
         return float(x[np.argmin(h)])
 
     @property
     def root_radius(self) -> float:
-        """Radius of the parabola through the lowest row and those beside it, mm; infinite at an end or in a flat."""
+        """Radius of the parabola through the lowest row and those beside it, mm; infinite at an end or in a flat.
+
+        It is infinite between straight lines too: the stress of the beam at a corner is nominal.
+        """
         x, h = self._rows
         k = int(np.argmin(h))
-        if k in (0, len(h) - 1):
+        if not self.smooth or k in (0, len(h) - 1):
             return math.inf
         slope = np.diff(h[k - 1 : k + 2]) / np.diff(x[k - 1 : k + 2])
         return float((x[k + 1] - x[k - 1]) / (slope[1] - slope[0])) if slope[1] > slope[0] else math.inf
 
     def height(self, x: Array) -> Array:
-        return np.asarray(self._curve(np.clip(x, *self._rows[0][[0, -1]])))
+        if self.smooth:
+            return np.asarray(self._curve(np.clip(x, *self._rows[0][[0, -1]])))
+        return np.asarray(np.interp(x, *self._rows))
 
     def edge(self) -> list[Curve]:
-        ends, per_row = self.breaks, max(2, 4 * SPLINE_POINTS // len(self.table))
-        pieces = [np.linspace(a, b, per_row, endpoint=False) for a, b in pairwise(ends)]
-        x = np.append(np.concatenate(pieces), ends[-1])
-        points = (x + 0.5j * self.height(x)).tolist()
-        middle = int(np.argmin(np.abs(x)))
-        return [Spline(tuple(points[: middle + 1])), Spline(tuple(points[middle:]))]
+        x, h = self._rows
+        points = (x + 0.5j * h).tolist()
+        if not self.smooth:
+            return list[Curve](polyline(*points))
+        slopes = (1 + 0.5j * self._curve(x, 1)).tolist()
+        pieces = list[Curve]()
+        for k, third in enumerate((np.diff(x) / 3).tolist()):
+            leaving = points[k] + third * slopes[k] * cmath.exp(1j * APART)
+            arriving = points[k + 1] - third * slopes[k + 1]
+            pieces.append(Bezier((points[k], leaving, arriving, points[k + 1])))
+        return pieces
+
+    @cached_property
+    def _turns(self) -> Array:
+        """Turn (n,), rad, of the upper edge at every row, positive at inner corners; at the ends, to an upright side.
+
+        The corner at an end counts only where the end is not much higher than the neck.
+        """
+        x, h = self._rows
+        angle = np.arctan(np.diff(h) / np.diff(x) / 2)
+        inside = np.zeros(len(x) - 2) if self.smooth else np.diff(angle)
+        ends = np.pi / 2 - np.array([-angle[0], angle[-1]])
+        first, last = np.where(h[[0, -1]] < LOW_END * self.neck, ends, 0.0)
+        return np.array([first, *inside, last])
+
+    @property
+    def sharp(self) -> bool:
+        return bool(np.any(self._turns > SHARP_TURN))
+
+    def sizes(self, resolution: float) -> list[Refinement]:
+        """Return sizes that follow the height and the edge, a quarter of the triangles across uniform parts.
+
+        They are graded at sharp inner corners, and small where rows lie close together or the edge is tightly curved.
+        """
+        found: dict[tuple[float, float], list[complex]] = {}
+
+        def refine(points: Iterable[complex], size: float, reach: float) -> None:
+            found.setdefault((size, reach), []).extend(points)
+
+        x, h = self._rows
+        for at, high, coarser in self._stations(max(1.0, resolution / 4)):
+            refine([complex(at)], coarser * high / resolution, high)
+        for place, height, turn in zip(x.tolist(), h.tolist(), self._turns.tolist(), strict=True):
+            if turn > GRADED_TURN:
+                corners = [complex(place, height / 2), complex(place, -height / 2)]
+                for k in (1, 2, 3):
+                    refine(corners, height / resolution / 2**k, height / 2 ** (k + 1))
+        for place, height, length in self._details():
+            if length < height / resolution:
+                size = self._rounded(length)
+                refine([complex(place, height / 2), complex(place, -height / 2)], size, size)
+        return [(tuple(points), size, reach) for (size, reach), points in found.items()]
+
+    def _stations(self, coarser: float) -> Iterator[tuple[float, float, float]]:
+        """Yield positions on the axis, the heights there, and factors of the triangle size, `coarser` or one."""
+        x, h = self._rows
+        for (start, end), (low, high) in zip(pairwise(x.tolist()), pairwise(h.tolist()), strict=True):
+            uniform = abs(high - low) <= UNIFORM * (end - start)
+            way = 1 if low <= high else -1
+            at = start if way == 1 else end
+            while start <= at <= end:
+                here = float(self.height(np.array(at)))
+                inside = min(at - start, end - at) > max(low, high)
+                yield at, self._rounded(here), coarser if uniform and inside else 1.0
+                at += way * here / 2
+        yield float(x[-1]), self._rounded(float(h[-1])), 1.0
+
+    def _details(self) -> Iterator[tuple[float, float, float]]:
+        """Yield positions, the heights there, and the triangle size, mm, that the edge needs there."""
+        x, h = self._rows
+        steps = 2 * np.abs(np.diff(x + 0.5j * h))
+        near = np.minimum(np.append(steps, np.inf), np.insert(steps, 0, np.inf))
+        yield from zip(x.tolist(), h.tolist(), near.tolist(), strict=True)
+        if self.smooth:
+            share = np.linspace(0, 1, PER_PIECE)[:, None]
+            places = np.ravel(x[:-1] + share * np.diff(x))
+            slope, bend = self._curve(places, 1) / 2, np.abs(self._curve(places, 2)) / 2
+            radius = (1 + slope**2) ** 1.5 / np.maximum(bend, SHORTEST)
+            yield from zip(places.tolist(), self.height(places).tolist(), (radius / 2).tolist(), strict=True)
+
+    def _rounded(self, length: float) -> float:
+        """Round a length, mm, down to one of few, so that many places share a triangle size."""
+        return float(self.neck * 2 ** (math.floor(2 * math.log2(length / self.neck)) / 2))
 
 
 SHAPES: dict[str, type[Profile]] = {
@@ -547,7 +668,7 @@ def profile_of(shape: str, dimensions: Mapping[str, Any]) -> Profile:
 
     The keys are radius and neck of a circular hinge; length, depth and neck of an elliptical or parabolic one; length,
     neck and perhaps fillet of a leaf, which is the filleted one; angle, root_radius, depth and neck of a v; table, rows
-    of position and height, of a profile.
+    of position and height, and perhaps smooth of a profile.
     """
     if shape not in SHAPES:
         raise BadDimension("shape", f"one of {', '.join(SHAPES)}")

@@ -39,7 +39,6 @@ from flexfem.files.tables import once
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.profiles import Leaf
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
 from flexfem.results import AXES, About, Progress, Result
@@ -342,10 +341,10 @@ def answer(
 
 
 def sharp_roots(layout: Layout) -> list[str]:
-    """Warn of leaves without fillets, whose stress and strain by finite elements are singular."""
-    sharp = [joint.name for joint in layout.joints if isinstance(joint.profile, Leaf) and not joint.profile.fillet]
+    """Warn of hinges with sharp inner corners, where stress and strain by finite elements are singular."""
+    sharp = [joint.name for joint in layout.joints if joint.profile.sharp]
     named = ", ".join(sharp[:3]) + f" and {len(sharp) - 3} more" * (len(sharp) > 3)
     return [
-        f"hinges without fillets ({named}): stress and strain of finite elements at their roots grow without limit as "
-        "the mesh is refined, and the range at yield falls with them; state fillet_mm"
+        f"hinges with sharp inner corners ({named}): stress and strain of finite elements there grow without limit as "
+        "the mesh is refined, and the range at yield falls with them; state fillet_mm, or smooth = true of a table"
     ] * bool(sharp)

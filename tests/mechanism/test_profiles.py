@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.interpolate import BPoly
 
 from flexfem.hinges.formulas import formula
 from flexfem.hinges.shapes import SHAPE_FORMULAS
 from flexfem.mechanism.profiles import (
     SHAPES,
     BadDimension,
+    Bezier,
     Circular,
     Ellipse,
     Elliptical,
@@ -18,7 +22,6 @@ from flexfem.mechanism.profiles import (
     Parabolic,
     Profile,
     Segment,
-    Spline,
     Tabulated,
     Vee,
     profile_of,
@@ -26,6 +29,7 @@ from flexfem.mechanism.profiles import (
 )
 
 TAPER = ((2.0, 1.0), (6.0, 1.8), (12.0, 3.0))  # a straight edge: h = 2 + 0.2 x from the middle of the table
+UNEVEN = ((-4.0, 3.0), (-3.0, 0.5), (0.3, 0.7), (2.0, 0.55), (5.0, 2.5))  # unsymmetric, with two necks
 EACH = (
     Circular(0.4, 3.0),
     Elliptical(0.3, 10.0, 2.0),
@@ -35,6 +39,9 @@ EACH = (
     Parabolic(0.2, 6.0, 2.5),
     Vee(0.6, np.deg2rad(70), 0.3, 2.0),
     Tabulated(TAPER),
+    Tabulated(TAPER, smooth=True),
+    Tabulated(UNEVEN),
+    Tabulated(UNEVEN, smooth=True),
 )
 
 
@@ -83,11 +90,64 @@ def test_a_tapered_table_couples_force_and_moment():
     assert C[1, 2] == C[2, 1] == pytest.approx(-12 * first, rel=1e-9)
 
 
+def test_a_v_of_three_rows_has_straight_edges():
+    """By hand: the height is 1 + |x|, so the integral of 1 / h^3 is 1 - 1 / 36 and that of 1 / h is 2 ln 6."""
+    E, b = 71700.0, 10.0
+    vee = Tabulated(((-5.0, 6.0), (0.0, 1.0), (5.0, 6.0)))
+    C = vee.compliance(E, 0.33, b)
+    assert 1 / C[2, 2] == pytest.approx(61457.14, abs=0.01)
+    assert C[0, 0] == pytest.approx(2 * np.log(6) / (E * b), rel=1e-12)
+    bending = 12 * 2 * (np.log(6) - 2 * (1 - 1 / 6) + (1 - 1 / 36) / 2)  # x^2 / h^3 with x = h - 1
+    assert C[1, 1] == pytest.approx((bending + 1.2 * 2.66 * 2 * np.log(6)) / (E * b), rel=1e-12)
+    assert vee.with_neck(1.5).height(np.array([-2.5, 0, 5])) == pytest.approx([4.0, 1.5, 6.5])
+
+
+def test_a_smooth_table_differs_from_straight_edges():
+    """Three rows of a V by the monotone cubic: 22,775 N mm/rad."""
+    C = Tabulated(((-5.0, 6.0), (0.0, 1.0), (5.0, 6.0)), smooth=True).compliance(71700.0, 0.33, 10.0)
+    assert 1 / C[2, 2] == pytest.approx(22775, abs=1)
+
+
+def test_sharp_corners_of_a_table():
+    """Each edge of the parabola 1 + x^2 / 20 turns by spacing / 20 at a row: by 1.4 and 5.7 degrees."""
+    fine, coarse = (
+        Tabulated(tuple((x, 1 + x**2 / 20) for x in np.arange(-8, 8.1, spacing).tolist())) for spacing in (0.5, 2.0)
+    )
+    assert not fine.sharp and coarse.sharp and not replace(coarse, smooth=True).sharp
+    assert Tabulated(((-5.0, 6.0), (-4.0, 1.0), (4.0, 1.0), (5.0, 6.0))).sharp
+    assert Tabulated(((0.0, 1.0), (4.0, 1.2), (8.0, 5.0)), smooth=True).sharp  # its low end meets a body
+    assert not Tabulated(((0.0, 5.0), (1.0, 1.0), (4.0, 0.95), (8.0, 5.0)), smooth=True).sharp
+
+
+def test_triangles_follow_every_neck_and_corner_of_a_table():
+    """Two necks, 0.5 and 0.55 mm high, 5 mm apart, and a corner of 51 + 4 degrees at the first."""
+    sizes = Tabulated(UNEVEN).sizes(8.0)
+
+    def size_at(z: complex) -> float:
+        return min(size for points, size, reach in sizes for point in points if abs(point - z) <= reach)
+
+    assert size_at(-3.5) == pytest.approx(0.5 / 8)
+    assert 0.55 / 8 / 2**0.5 < size_at(1.5) < 0.55 / 8
+    assert size_at(-3.5 + 0.25j) == pytest.approx(0.5 / 64)
+
+
+def test_the_section_of_a_table_is_at_a_row_or_well_between_two():
+    for middle, expected in ((0.3, -0.2), (1.4, 0.9), (2.4, 0.0)):  # table from -4 to 5: its middle is 0.5
+        table = Tabulated(
+            (
+                (-4.0, 3.0),
+                (middle, 1.0),
+                (5.0, 3.0),
+            )
+        )
+        assert table.section == pytest.approx(expected)
+
+
 def test_a_table_is_smooth_and_monotone():
     parabola = Parabolic(0.4, 6.0, 2.0)
     table = Tabulated.of(parabola.height, 6.0)
     assert table.compliance(1.0, 0.3, 1.0) == pytest.approx(parabola.compliance(1.0, 0.3, 1.0), rel=2e-3, abs=1e-9)
-    step = Tabulated(((0, 3), (1, 3), (1.1, 0.5), (4, 0.5), (5, 2)))
+    step = Tabulated(((0, 3), (1, 3), (1.1, 0.5), (4, 0.5), (5, 2)), smooth=True)
     heights = step.height(np.linspace(-2.5, 2.5, 1001))
     assert (step.neck, heights.min(), heights.max()) == pytest.approx((0.5, 0.5, 3), rel=1e-12)
     assert step.height(np.array([-1.5, 1.0])) == pytest.approx([3.0, 0.5])
@@ -102,15 +162,17 @@ def test_integrals_and_edges_follow_the_height(profile: Profile):
     )
     assert profile.compliance(1.0, 0.3, 1.0)[2, 2] == pytest.approx(12 * expected, rel=1e-9)
     ends, on = [], []
+    share = np.array([0.0, 0.3, 0.7, 1.0])
     for curve in profile.edge():
-        inside = [curve.at(np.array([0.3, 0.7]))] if isinstance(curve, Segment) else []
+        z = curve.at(share) if isinstance(curve, Segment) else np.array(curve[:2])
+        if isinstance(curve, Bezier):
+            z = BPoly(np.array(curve.points)[:, None], [0, 1])(share)
         if isinstance(curve, Ellipse):
             a, b = profile.length / 2, profile.depth
             assert (abs(curve.major), curve.centre) == pytest.approx((max(a, b), 1j * (0.15 + b)))
-        z = np.concatenate([curve.points if isinstance(curve, Spline) else curve[:2], *inside])
-        on, ends = [*on, *z], [*ends, z[0], curve.points[-1] if isinstance(curve, Spline) else curve.end]
+        on, ends = [*on, *z], [*ends, z[0], z[-1]]
     assert np.imag(on) == pytest.approx(profile.height(np.real(on)) / 2, abs=1e-7)
-    assert (ends[0].real, ends[-1].real) == pytest.approx((-half, half)) and any(abs(z.real) < 1e-12 for z in ends)
+    assert (ends[0].real, ends[-1].real) == pytest.approx((-half, half))
     assert ends[1:-1:2] == pytest.approx(ends[2::2], abs=1e-12)
 
 
@@ -141,7 +203,9 @@ def test_stress_is_raised_at_necks_and_fillets():
         assert (pull * 0.8, moment * 0.16 / 3) == pytest.approx((1 + 2 * a / 3, 1 + 0.4 * a), rel=0.02)
 
 
-@pytest.mark.parametrize("profile", [*EACH[:3], *EACH[5:7], Tabulated(((-1, 2), (0, 0.5), (1, 2), (4, 7)))], ids=repr)
+@pytest.mark.parametrize(
+    "profile", [*EACH[:3], *EACH[5:7], Tabulated(((-1, 2), (0, 0.5), (1, 2), (4, 7)), smooth=True)], ids=repr
+)
 def test_root_radius(profile: Profile):
     x = np.array([-1e-3, 0, 1e-3]) if not isinstance(profile, Tabulated) else np.array([-2.5, -1.5, -0.5])
     curvature = np.polyfit(x, profile.height(x) / 2, 2)[0] * 2
@@ -169,6 +233,8 @@ def test_sizes_resolve_the_neck(profile: Profile):
         ("v", {"angle": 1.0, "root_radius": 9.0, "depth": 2.0, "neck": 1.0}, "depth"),
         ("profile", {"table": [[0, 1], [2, 1]]}, "table"),
         ("profile", {"table": [[0, 1], [2, 1], [1, 1]]}, "table"),
+        ("profile", {"table": [[0, 1], [2, 1], [2, 4], [3, 4]]}, "table"),
+        ("leaf", {"length": 4.0, "neck": 1.0, "smooth": True}, "smooth"),
     ],
 )
 def test_refusals_name_the_key(shape: str, dimensions: dict[str, object], key: str):
