@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 import ezdxf
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import flexfem
 from flexfem import cad
@@ -303,3 +304,63 @@ def test_a_part_never_replaces_its_stage(tmp_path):
     with pytest.raises(BadInput, match=r"stage\.svg: is an input of this command, expected another file"):
         flexfem.export(flexfem.load(path), path)
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+TABLES = {
+    "v": [[0, 4.0], [3, 0.5], [10, 3.0]],
+    "flat": [[0, 4.0], [2, 0.5], [8, 0.5], [10, 4.0]],
+    "leaf": [[0, 0.5], [4, 0.5], [10, 0.5]],
+    "steps": [[0, 4.0], [2, 4.0], [2.01, 0.6], [9, 0.7], [10, 5.0]],
+}
+ARCS = 1e-5  # relative area, of arcs within 0.1 um of a cubic
+
+
+@pytest.mark.parametrize("smooth", [False, True], ids=["lines", "smooth"])
+@pytest.mark.parametrize("name", TABLES)
+def test_a_hinge_by_table_is_exported_as_it_is(tmp_path, name, smooth):
+    """Area and volume by hand: of the two blocks of 12 x 8 mm, and below the edges."""
+    rows, plate = TABLES[name], tmp_path / "plate.toml"
+    table = f"smooth = {str(smooth).lower()}\ntable_mm = {rows}"
+    plate.write_text(BETWEEN_BLOCKS + table)
+    mechanism = flexfem.load(plate)
+    x, h = np.array(rows).T
+    below = PchipInterpolator(x, h).integrate(0, 10) if smooth else np.trapezoid(h, x)
+    expected = 2 * 12 * 8 + below
+    found = cad.export(mechanism, tmp_path / "plate.step")
+    assert found.area == pytest.approx(expected, rel=ARCS if smooth else REL)
+    with gmsh_session() as gmsh:
+        solids = gmsh.model.occ.importShapes(str(tmp_path / "plate.step"))
+        assert [dim for dim, _ in solids] == [3]
+        assert gmsh.model.occ.getMass(*solids[0]) == pytest.approx(6.5 * expected, rel=REL)
+    cad.export(mechanism, tmp_path / "plate.dxf")
+    (loop,) = chained(list(dxf_pieces(ezdxf.readfile(tmp_path / "plate.dxf").modelspace(), "METAL")))
+    assert abs(sum(piece.swept for piece in loop)) == pytest.approx(expected, rel=ARCS if smooth else REL)
+    drawn = np.array([piece.start for piece in loop])
+    corners = np.abs(drawn[:, None] - (x - 5 + 0.5j * h)).min(axis=0) < NEAR
+    if not smooth:
+        assert not any(piece.turn for piece in loop)
+        assert corners[[0, -1]].all() and corners[1:-1].all() == (name != "leaf")  # its edge is one line
+
+
+BETWEEN_BLOCKS = """
+name = "two blocks"
+thickness_mm = 6.5
+[material]
+name = "al-7075-t6"
+[[body]]
+name = "ground"
+fixed = true
+outline_mm = [[-17, -4], [-5, -4], [-5, 4], [-17, 4]]
+[[body]]
+name = "tip"
+outline_mm = [[5, -4], [17, -4], [17, 4], [5, 4]]
+[output]
+body = "tip"
+at_mm = [5, 0]
+[[hinge]]
+name = "neck"
+between = ["ground", "tip"]
+at_mm = [0, 0]
+direction_deg = 0
+shape = "profile"
+"""

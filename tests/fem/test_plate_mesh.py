@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 from scipy.spatial import cKDTree
 
 import flexfem
@@ -119,6 +120,52 @@ def test_a_table_of_heights_is_meshed():
     mesh = mesh_layout(layout_of([GROUND, STAGE], [LEAF._replace(profile=profile)]), 4)
     x, weights = profile.quadrature
     assert area_of(mesh, 0, 1, 2) == pytest.approx(230 + weights @ profile.height(x), rel=1e-5)
+
+
+TABLES = {
+    "two necks": ((0, 7.0), (1, 0.6), (4.1, 0.9), (5.2, 0.62), (10, 5.0)),
+    "steep flanks": ((0, 5.0), (0.01, 0.8), (9.7, 0.6), (10, 3.0)),
+    "scan": tuple((x / 20, 1 + (x - 90) ** 2 / 4e3 + 0.004 * np.sin(9.0 * x * x)) for x in range(201)),
+}
+OUTLINE = 1e-10  # relative, of the area within straight lines; round-off is 1e-14
+CUBICS = 2e-5  # relative area, of parabolas in place of cubics
+
+
+@pytest.mark.parametrize("rows", TABLES.values(), ids=TABLES)
+def test_rows_of_a_table_are_vertices_of_the_mesh(rows):
+    """Joined by lines, so that the mesh has exactly the area of the trapezoids between the rows."""
+    mesh = mesh_layout(layout_of([GROUND, STAGE], [LEAF._replace(profile=Tabulated(table=rows), cut=7.5)]), 4)
+    x, h = np.array(rows).T
+    bodies = 10 * 10 + 13 * 10
+    assert area_of(mesh, 0, 1, 2) == pytest.approx(bodies + np.trapezoid(h, x), rel=OUTLINE)
+    distance, _ = cKDTree(mesh.nodes).query(np.column_stack([10 + x, h / 2])[1:-1])
+    assert distance.max() < ON_CURVE
+
+
+@pytest.mark.parametrize("rows", TABLES.values(), ids=TABLES)
+def test_a_smooth_table_is_meshed_as_drawn(rows):
+    mesh = mesh_layout(layout_of([GROUND, STAGE], [LEAF._replace(profile=Tabulated(rows, smooth=True), cut=7.5)]), 4)
+    x, h = np.array(rows).T
+    exact = 10 * 10 + 13 * 10 + PchipInterpolator(x, h).integrate(x[0], x[-1])
+    assert area_of(mesh, 0, 1, 2) == pytest.approx(exact, rel=CUBICS)
+
+
+def test_a_bump_between_samples_of_a_table_breaks_its_symmetry():
+    plain = ((0, 5.0), (4, 0.6), (6, 0.6), (10, 5.0))
+    bumpy = (*plain[:2], (5.02, 0.6), (5.03, 0.63), (5.04, 0.6), *plain[2:])
+    found = [symmetry_of(halves_of(Tabulated(rows))) for rows in (plain, bumpy)]
+    assert [len(moves) for moves in found] == [1, 0]
+
+
+def halves_of(profile):
+    """A hinge between two equal elastic bodies, without a symmetry about its axis."""
+    right = box(20, -5, 30, 6)
+    left = tuple(segment.reversed() for segment in reversed(mirrored(right)))
+    return layout_of([Body("left", left), Body("right", right)], [LEAF._replace(profile=profile)])
+
+
+def mirrored(loop):
+    return [Segment(*(30 - z.conjugate() for z in segment[:2])) for segment in loop]
 
 
 AROUND = GROUND._replace(outline=box(0, -5, 19, 5))

@@ -215,4 +215,4 @@ def test_a_largest_strain_or_stress_at_sharp_roots_is_printed_with_the_warning_t
         (Mechanism.model_validate(GUIDE), Mesh(4, 0), 0),
     ):
         found = answer(kind, plate, {}, mesh, {}, values, {"model": ["any"]})
-        assert sum("hinges without fillets (a, b)" in text for text in found.warnings) == warned
+        assert sum("hinges with sharp inner corners (a, b)" in text for text in found.warnings) == warned
