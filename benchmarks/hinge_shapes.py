@@ -24,6 +24,7 @@ from flexfem.mechanism.outlines import polyline
 from flexfem.mechanism.profiles import Profile, profile_of
 
 E, NU, THICKNESS = 7e4, 0.3, 10.0  # MPa, 1, mm
+KNEES = [(-4, 3.0), (-3, 1.5), (-2, 0.8), (0, 0.5), (3, 0.6), (6, 0.9), (8, 2.5)]
 CASES: list[tuple[str, dict[str, Any]]] = [
     *(("circular", {"radius": 5.0, "neck": neck}) for neck in (0.1, 0.5, 1.0, 2.5)),
     *(("elliptical", {"length": 12.0, "depth": 3.0, "neck": neck}) for neck in (0.1, 0.5, 1.0)),
@@ -32,8 +33,8 @@ CASES: list[tuple[str, dict[str, Any]]] = [
     *(("v", {"angle": np.deg2rad(a), "root_radius": 0.5, "depth": 4.0, "neck": 0.5}) for a in (30, 60, 90)),
     *(("leaf", {"length": length, "neck": 0.5}) for length in (2.5, 5.0, 10.0, 25.0)),
     *(("filleted", {"length": 10.0, "neck": 0.5, "fillet": fillet}) for fillet in (0.05, 0.1, 0.25, 0.5, 1.0, 2.0)),
-    ("profile", {"table": [(x, 0.5 + 0.02 * x**2 + 0.002 * x**4) for x in np.linspace(-6, 6, 25)]}),
-    ("profile", {"table": [(-4, 3.0), (-3, 1.5), (-2, 0.8), (0, 0.5), (3, 0.6), (6, 0.9), (8, 2.5)]}),
+    ("profile", {"table": [(x, 0.5 + 0.02 * x**2 + 0.002 * x**4) for x in np.linspace(-6, 6, 25)], "smooth": True}),
+    *(("profile", {"table": KNEES, "smooth": smooth}) for smooth in (True, False)),
 ]
 
 
@@ -67,6 +68,7 @@ def main() -> None:
     for shape, dimensions in CASES:
         profile = profile_of(shape, dimensions)
         sizes = {"length": profile.length, "neck": profile.neck} if shape == "profile" else dimensions
+        shape = f"smooth {shape}" if dimensions.get("smooth") else shape
         name = f"{shape} {', '.join(f'{key} {value:.3g}' for key, value in sizes.items())}"
         compliance, stress, triangles = compared(profile, resolution)
         order = [2, 0, 1]

@@ -40,7 +40,7 @@ def hinge(rng: Random, width: float) -> tuple[Part, float]:
         "circular": {"neck": neck, "radius": depth},
         "leaf": {"neck": neck, "length": rng.uniform(5, 25) * neck, "fillet": rng.uniform(0.2, 1) * neck},
         "v": {"neck": neck, "depth": depth, "angle": rng.uniform(0.7, 1.6), "root_radius": rng.uniform(0.5, 2) * neck},
-        "": {"table": np.column_stack([length * x, heights]).tolist()},
+        "": {"table": np.column_stack([length * x, heights]).tolist(), "smooth": True},
     }
     form = forms.get(shape, {"neck": neck, "depth": depth, "length": length})
     return {"shape": shape or "profile", **form}, profile_of(shape or "profile", form).length

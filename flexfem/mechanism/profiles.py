@@ -501,7 +501,7 @@ class Tabulated(Profile):
         back = np.flatnonzero(np.diff(rows[:, 0]) <= SHORTEST)
         if len(back):
             pair = f"rows {back[0] + 1} and {back[0] + 2}"
-            raise BadDimension("table", f"ascending positions, unlike those of {pair}; a step is a steep flank")
+            raise BadDimension("table", f"ascending positions, unlike those of {pair}; draw a step as a steep flank")
         object.__setattr__(self, "neck", float(rows[:, 1].min()))
 
     def with_neck(self, neck: float) -> Tabulated:
