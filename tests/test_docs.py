@@ -51,7 +51,7 @@ def now(source):
     if name.startswith("cases/design-"):
         found = load_requirements(ROOT / name)
         asked = found.requirements.model_dump(mode="json", exclude={"name", "stage", "provenance"})
-        return digest([asked, found.base.model_dump(mode="json", exclude={"name", "units", "provenance"})])[:16]
+        return digest([asked, found.base.hash])[:16]
     if not path:
         return (load_study if "study-" in name else load)(ROOT / name).hash[:16]
     question, _, key = path.partition(".")
