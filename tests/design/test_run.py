@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
@@ -45,6 +47,9 @@ def test_one_process_two_and_a_resumed_search_write_the_same_files_as_finite_ele
     found = flexfem.run_design(path, tmp_path / "one")
     assert found.feasible and found.agreed
     flexfem.run_design(path, tmp_path / "two", workers=2)
+    with ProcessPoolExecutor(2, get_context("spawn")) as pool:
+        flexfem.run_design(path, tmp_path / "executor", executor=pool)
+    assert written(tmp_path / "one") == written(tmp_path / "executor")
     original, count = proof.solved, []
 
     def stopped(*task):
@@ -104,7 +109,8 @@ def test_a_name_too_long_for_figures_is_refused_before_anything_is_computed(load
         flexfem.run_design(long, tmp_path / "out")
 
 
-@pytest.mark.parametrize("argument", [{"workers": 0}, {"workers": True}, {"workers": 2000}, {"say": 5}])
+@pytest.mark.parametrize("argument", [{"workers": 0}, {"workers": True}, {"workers": 2000}, {"say": 5},
+                                      {"executor": "dask"}, {"workers": 2, "scheduler": "a:1"}])  # fmt: skip
 def test_an_argument_that_cannot_be_is_refused_in_one_line(load, argument):
     with pytest.raises(BadInput, match=rf"^{next(iter(argument))} .*, expected [^\n]*$"):
         flexfem.run_design(load(NECK, RANGE).path, **argument)
