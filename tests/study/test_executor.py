@@ -142,6 +142,21 @@ def test_an_executor_that_is_shut_or_breaks_ends_the_run_in_one_line(loaded, tmp
         run_parts(parts_of(loaded, tmp_path), ExecutorWorkers(Gone()))
 
 
+def test_a_worker_with_threads_computes_one_task_at_a_time():
+    """Samples, meshers and solvers keep their state in the process."""
+    inside, together = [], []
+
+    def task(number):
+        inside.append(number)
+        time.sleep(0.01)
+        together.append(len(inside))
+        inside.remove(number)
+
+    with ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda number: compute_alone(versions_of(), task, number), range(8)))
+    assert together == [1] * 8
+
+
 def test_a_worker_with_other_versions_is_refused():
     assert compute_alone(versions_of(), max, 1, 2) == 2
     with pytest.raises(BadInput, match=r"a worker has numpy .*, the runner 1\.0, expected the same versions"):
