@@ -13,6 +13,7 @@ from flexfem.analytic.responses import dynamics
 from flexfem.commands import cli
 from flexfem.mechanism.bodies import Payload
 from flexfem.mechanism.stage import Stage
+from flexfem.plot.modes import modes_figure
 from flexfem.questions.modes import ABOVE_THIRD, frequency_convergence
 
 from ..conftest import ROOT, UNLIKE, with_changes
@@ -146,6 +147,9 @@ def test_modes_write_shapes_animations_the_response_and_reduced_models(tmp_path,
 def test_a_payload_is_stated_in_kilograms(stage: Stage) -> None:
     found = flexfem.modes(stage, payload=(0.35, 60.0), models="analytic")
     assert found.settings["payload"] == "0.35 kg, 60 kg mm^2"
+    drawn = modes_figure(flexfem.modes(stage, count=3, models="elements", resolution=4))
+    kilograms = 1e3 * float(flexfem.modes(stage, models="analytic").values["mass"])
+    assert f"mass {kilograms:.4g} kg. Displacements" in " ".join(text.get_text() for text in drawn.texts)
     assert float(found.values["mass"]) - float(flexfem.modes(stage, models="analytic").values["mass"]) == (
         pytest.approx(0.35e-3, rel=1e-9)
     )

@@ -27,6 +27,7 @@ from flexfem.fem.structure import structure
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.outlines import Face, Segment
 
+from ..tolerances import SOLVED
 from .fields import meshed
 from .problem import Finding, problem
 
@@ -102,7 +103,7 @@ def _listed(values: Array, unit: str = "") -> str:
 
 E, NU = 71.7e3, 0.33  # MPa; as of aluminium
 NECK, COARSE = 0.3 * RADIUS, 3  # mm; triangles across it
-SAME = 1e-8  # relative: the same equations by another route, neither refined iteratively
+SAME = SOLVED  # relative: the same equations by another route, neither refined iteratively
 FOIL, DEEP = 0.03, (100.0, 300.0)  # b/t
 THIN, THICK = 5e-4, 1e-3  # of the mesh: w is continuous from triangle to triangle; of three layers
 DEPTHS = (1.0, 10.0, 100.0)  # b/t

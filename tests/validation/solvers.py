@@ -22,13 +22,14 @@ from flexfem.mechanism.stage import Stage, load_stage
 from flexfem.units import DENSITY, UNITS
 
 from ..conftest import UNLIKE, with_changes
+from ..tolerances import SOLVED
 from . import calculix, ngsolve
 from .ngsolve import COUNT
 from .problem import Finding, problem
 
 HERTZ = UNITS["hz"].factor
 RESOLUTION = 2  # triangles across a neck: the algebra does not care, and CalculiX takes a minute for more
-NGSOLVE = 1e-8  # measured: pose 1e-12, displacement 6e-12, stress 2e-10, frequencies 2e-11
+NGSOLVE = SOLVED  # measured: pose 1e-12, displacement 6e-12, stress 2e-10, frequencies 2e-11
 FULL = 12  # degree of our quadrature; with two triangles across a neck 4 leave 7e-7 of the pose, 8 leave 1e-9
 THIN_PARTS, THIN = 50.0, 32e-5  # of the narrowest neck make the thin sheet; of its pose, falls with the mesh (calculix)
 SAME = "exact: the same equations, by another program"

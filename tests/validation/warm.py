@@ -13,7 +13,7 @@ from flexfem.hinges.strength import fit_basquin, required_law
 from flexfem.mechanism.materials import materials
 
 from .fields import Support, on_chords, solve
-from .problem import Finding, on_axes, polar, problem, quarter_ring
+from .problem import ROUND_OFF, Finding, on_axes, polar, problem, quarter_ring
 
 PLATE = Plate(youngs_modulus=100e3, poissons_ratio=0.3, thickness=1.0)
 STRAIN = 1e-3  # alpha dT of the hot spot: as of NAFEMS T1, whose target is the 50 MPa of an infinite plate
@@ -55,7 +55,7 @@ def warm_free_body() -> list[Finding]:
         stress = warmed(mesh, PLATE, strains, supports)[1]
         largest = max(float(np.max(np.abs(each))) for each in stress) / (HELD * hottest)
         what = f"largest stress over E alpha dT, {name}"
-        rows.append(Finding(what, 0.0, largest, 1e-12, unknowns=2 * len(mesh.nodes)))
+        rows.append(Finding(what, 0.0, largest, ROUND_OFF, unknowns=2 * len(mesh.nodes)))
     return rows
 
 
