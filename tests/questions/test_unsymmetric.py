@@ -1,6 +1,6 @@
 """Every question about a mechanism without symmetry, against a network that is written out slowly without flexfem.
 
-Literal numbers are those of `slow_network`. Values are read in inside units: N, mm, rad, tonne and s.
+Literal numbers are those of `slow_network`. Values are read in internal units: N, mm, rad, tonne and s.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def test_the_mirror_image_of_a_turned_copy_is_where_both_moves_take_it(mechanism
 
 
 def test_stiffness_amplification_and_stress_are_those_of_the_slow_network(mechanism, slow):
-    found, C = analytic(flexfem.stiffness, mechanism, force=tuple(FORCE)).values, slow.compliance()
+    found, C = analytic(flexfem.stiffness, mechanism, force=tuple(FORCE)).internal.values, slow.compliance()
     K = np.linalg.inv(C[:3, :3])
     np.testing.assert_allclose(found["stiffness"][0], K, rtol=QUADRATURE)
     np.testing.assert_allclose(found["free"][0], 1 / np.diag(C)[:3], rtol=QUADRATURE)
@@ -85,7 +85,7 @@ def test_stiffness_amplification_and_stress_are_those_of_the_slow_network(mechan
 
 def test_each_actuator_moves_the_output_and_opens_the_other_one(mechanism, slow):
     """The second column of a table of openings is not its second row: 2.8 and 5.0 % of unlike strokes."""
-    found = analytic(flexfem.drive, mechanism).values
+    found = analytic(flexfem.drive, mechanism).internal.values
     for k, other in ((0, 1), (1, 0)):
         strokes = slow.STROKES * (np.arange(2) == k)
         u, stroke = slow.driven(strokes), slow.STROKES[k]
@@ -106,14 +106,14 @@ def test_each_actuator_moves_the_output_and_opens_the_other_one(mechanism, slow)
 def test_the_first_actuator_alone_at_twice_its_stroke_doubles_its_own_stress(mechanism):
     """With the blocking force doubled too, which keeps its stiffness."""
     stronger = mechanism.replace(actuator={"first": {"stroke": 24e-3, "blocking_force": 600.0}})
-    before, after = (analytic(flexfem.drive, one).values["stress"] for one in (mechanism, stronger))
+    before, after = (analytic(flexfem.drive, one).internal.values["stress"] for one in (mechanism, stronger))
     np.testing.assert_allclose(after[0], 2 * before[0], rtol=DENSE)
     np.testing.assert_allclose(after[1], before[1], rtol=DENSE)
 
 
 def test_actuators_answer_each_other_alike_and_their_work_is_the_energy_of_the_hinges(mechanism, slow):
     """Reciprocity: the second opens by a stroke of the first times k1 as the first by one of the second times k2."""
-    found, k, s = flexfem.drive(mechanism, resolution=4).values, slow.SPRINGS, slow.STROKES
+    found, k, s = flexfem.drive(mechanism, resolution=4).internal.values, slow.SPRINGS, slow.STROKES
     coupling = found["coupling"] / 100  # of each model
     np.testing.assert_allclose(coupling[0, 1] * k[1], coupling[1, 0] * k[0], rtol=SOLVED)
     for network in (plates.network(mechanism), plates.network(mechanism, elastic=True)):
@@ -131,10 +131,10 @@ def test_actuators_answer_each_other_alike_and_their_work_is_the_energy_of_the_h
 
 def test_finite_elements_answer_as_the_network_of_elastic_parts(mechanism):
     """And as their compliance says: the drive, whose springs are written out, and the lever of errors."""
-    rest = flexfem.stiffness(mechanism, resolution=4).values
+    rest = flexfem.stiffness(mechanism, resolution=4).internal.values
     np.testing.assert_allclose(rest["free"][1], rest["free"][2], rtol=0.05)
     assert np.all(rest["free"][0] > 1.2 * rest["free"][2]), "stout notches are as stiff as the bodies"
-    C, found = plates.solved(mechanism, 4).compliance, flexfem.drive(mechanism, resolution=4).values
+    C, found = plates.solved(mechanism, 4).compliance, flexfem.drive(mechanism, resolution=4).internal.values
     Y = np.linalg.inv(np.diag([1 / 25e3, 1 / 45e3]) + C[9:, 9:])
     strokes = np.diag([12e-3, 20e-3])
     np.testing.assert_allclose(found["motion"][:, :, 2].reshape(2, 9), (C[:9, 9:] @ Y @ strokes).T, rtol=10 * SOLVED)
@@ -145,9 +145,9 @@ def test_finite_elements_answer_as_the_network_of_elastic_parts(mechanism):
 
 def test_natural_frequencies_have_the_payload_and_the_masses_of_actuators(mechanism, slow):
     for drives, springs in (("disengaged", (0.0, 0.0)), ("engaged", slow.SPRINGS)):
-        found = analytic(flexfem.modes, mechanism, drives=drives).values["frequency"][:, 0]
+        found = analytic(flexfem.modes, mechanism, drives=drives).internal.values["frequency"][:, 0]
         np.testing.assert_allclose(found, slow.frequencies(springs)[:6], rtol=DRAWN)
-    assert analytic(flexfem.modes, mechanism).values["frequency"][0, 0] == pytest.approx(2961.650, rel=DRAWN)
+    assert analytic(flexfem.modes, mechanism).internal.values["frequency"][0, 0] == pytest.approx(2961.650, rel=DRAWN)
 
 
 def test_a_payload_tilts_with_half_of_its_inertia_about_the_normal(mechanism):
@@ -160,13 +160,13 @@ def test_a_payload_tilts_with_half_of_its_inertia_about_the_normal(mechanism):
 
 
 def test_weight_displaces_every_point(mechanism, slow):
-    found = analytic(flexfem.gravity, mechanism, angle=-60.0).values
+    found = analytic(flexfem.gravity, mechanism, angle=-60.0).internal.values
     u = slow.weighed(9806.65 * np.array([0.5, -math.sqrt(0.75)]))
     size = np.abs(slow.ports[:9] @ u).max()
     np.testing.assert_allclose(found["pose"][0].ravel(), slow.ports[:9] @ u, rtol=0, atol=10 * DRAWN * size)
     np.testing.assert_allclose(found["stress"][0], slow.stress(u), rtol=1e-3)  # small differences of large terms
     doubled = mechanism.replace(payload={"mass": 440e-6, "inertia": 0.06})
-    more = analytic(flexfem.gravity, doubled, angle=-60.0).values["pose"] - found["pose"]
+    more = analytic(flexfem.gravity, doubled, angle=-60.0).internal.values["pose"] - found["pose"]
     weight = 220e-6 * 9806.65 * np.array([0.5, -math.sqrt(0.75), 0.0])
     np.testing.assert_allclose(more[0].ravel(), slow.compliance()[:9, :3] @ weight, rtol=100 * QUADRATURE)
 
@@ -174,7 +174,7 @@ def test_weight_displaces_every_point(mechanism, slow):
 def test_a_life_follows_from_the_highest_stress(mechanism, slow):
     """Basquin's law, half of (stress / 900 MPa)^-10 cycles, and the amplitude for 1e5 cycles."""
     law = flexfem.Basquin(900.0, -0.1)
-    found = analytic(flexfem.life, mechanism, amplitude=tuple(POSE), law=law, cycles=1e5).values
+    found = analytic(flexfem.life, mechanism, amplitude=tuple(POSE), law=law, cycles=1e5).internal.values
     stress = slow.stress(slow.held_at(POSE))
     np.testing.assert_allclose(found["equivalent"][0], stress, rtol=SAMPLED)
     np.testing.assert_allclose(found["cycles"][0], 0.5 * (stress / 900) ** -10, rtol=20 * SAMPLED)
@@ -187,7 +187,7 @@ def test_a_life_follows_from_the_highest_stress(mechanism, slow):
 
 def test_the_reach_is_the_sum_of_what_each_stroke_moves(mechanism, slow):
     """Two strokes cannot hold two other directions at zero."""
-    found = analytic(flexfem.reach, mechanism).values["ends"][:, :, 0]
+    found = analytic(flexfem.reach, mechanism).internal.values["ends"][:, :, 0]
     by_stroke = np.array([slow.output @ slow.driven(slow.STROKES * (np.arange(2) == k)) for k in range(2)])
     assert np.all(np.isnan(found[0]))
     np.testing.assert_allclose(found[1, 0], np.minimum(by_stroke, 0).sum(axis=0), rtol=10 * QUADRATURE, atol=1e-12)
@@ -204,7 +204,7 @@ def test_small_loads_on_unlike_ports_displace_exact_beams_by_the_linear_complian
 
 
 def test_large_displacements_begin_as_the_linear_ones(mechanism, slow):
-    found = flexfem.large(mechanism, force=tuple(FORCE), resolution=4).values
+    found = flexfem.large(mechanism, force=tuple(FORCE), resolution=4).internal.values
     linear, exact, elements = np.moveaxis(found["pose"], 1, 0)
     C = slow.compliance()[:3, :3]
     np.testing.assert_allclose(linear, found["force"] @ C, rtol=10 * QUADRATURE)
@@ -247,10 +247,10 @@ def test_errors_refer_to_the_farthest_hinge_of_the_output(mechanism, slow):
     error = plates.solved(mechanism, 8).compliance[:3, :3] @ K - np.eye(3)
     scale = np.array([1.0, 1.0, LEVER])
     expected = (100 * error * scale[:, None] / scale).T  # by command, then direction
-    found = verification(mechanism).values
+    found = verification(mechanism).internal.values
     np.testing.assert_allclose(found["percent"][0], expected, rtol=10 * SOLVED, atol=10 * SOLVED)
     np.testing.assert_allclose(found["stiffness"][0], np.diag(K), rtol=10 * QUADRATURE)
-    share = flexfem.budget(mechanism, plane=True).values["share"]
+    share = flexfem.budget(mechanism, plane=True).internal.values["share"]
     np.testing.assert_allclose(share[-1], np.diag(expected), rtol=10 * SOLVED)
     np.testing.assert_allclose(np.sum(share[:3], axis=0), share[-1], rtol=10 * SOLVED)
 
@@ -259,7 +259,7 @@ def test_measured_necks_change_the_stiffness_as_drawn_ones_do(mechanism, tmp_pat
     """All three copies of one notch, 27 um wider."""
     measured = tmp_path / "necks.csv"
     measured.write_text("hinge, neck_um\ntip, 1170\ntip 2, 1170\ntip 3, 1170\n")
-    found = flexfem.as_built(mechanism, measured).values
+    found = flexfem.as_built(mechanism, measured).internal.values
     drawn, wider = (plates.network(one, elastic=True).compliance[:3, :3] for one in (
         mechanism, mechanism.replace(parameters={"neck_in": 1.170 / 25.4})))  # fmt: skip
     np.testing.assert_allclose(found["drawn"], np.linalg.inv(drawn), rtol=SOLVED)
@@ -288,7 +288,7 @@ def test_the_least_band_of_a_highest_stress_falls_with_the_square_of_the_resolut
         bands = value_bands(sizes, [{"stress": np.array([100.0, 20.0])}] * 3)
         np.testing.assert_allclose(bands["stress"], [least, least / 5])
     found = flexfem.stiffness(mechanism, models="elements", resolution=4)
-    assert np.all(found.bands["stress"] >= 0.04 * found.values["stress"] * (1 - SOLVED))
+    assert np.all(found.internal.bands["stress"] >= 0.04 * found.internal.values["stress"] * (1 - SOLVED))
 
 
 ASKED = ("modes.frequency.1.finite_elements", "stiffness.yield_range.finite_elements.theta")
@@ -303,7 +303,7 @@ def test_a_column_of_a_study_and_its_band_have_one_unit(mechanism, tmp_path):
     )
     found = extra_numbers(load_study(path), mechanism)
     modes = flexfem.modes(mechanism, models="elements", resolution=4)
-    value, band = modes.values["frequency"][0, -1], modes.bands["frequency"][0, -1]
+    value, band = modes.internal.values["frequency"][0, -1], modes.internal.bands["frequency"][0, -1]
     np.testing.assert_allclose(found[0], np.array([value, band]) / (2 * math.pi), rtol=1e-4)
     assert 400 < found[0, 0] < 471.4 and 0 < found[0, 1] < 0.01 * found[0, 0]  # Hz, of rigid bodies
 
