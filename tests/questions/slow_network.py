@@ -55,7 +55,7 @@ def leaf(length, neck, fillet):
 class Hinge:
     """A hinge from one body to another: centre and axis, complex, mm, and its profile."""
 
-    def __init__(self, name, near, far, centre, axis, radius, neck, length=None):
+    def __init__(self, modulus, name, near, far, centre, axis, radius, neck, length=None):
         self.name, self.near, self.far, self.axis = name, near, far, axis / abs(axis)
         self.centre, self.radius, self.neck = INCH * centre, INCH * radius, INCH * neck
         self.is_notch = length is None
@@ -68,9 +68,10 @@ class Hinge:
             return quad(function, -self.length / 2, self.length / 2, points=breaks, epsrel=1e-11, limit=400)[0]
 
         axial = integral(lambda x: 1 / profile(x)) / THICKNESS
-        rotation = integral(lambda x: 12 / profile(x) ** 3) / (E_STRAIN * THICKNESS)
-        bending = integral(lambda x: 12 * x**2 / profile(x) ** 3) / (E_STRAIN * THICKNESS)
-        self.compliance = np.array([axial / E_STRAIN, bending + 1.2 * axial / SHEAR, rotation])
+        rotation = integral(lambda x: 12 / profile(x) ** 3) / THICKNESS
+        bending = integral(lambda x: 12 * x**2 / profile(x) ** 3) / THICKNESS
+        stretched = np.array([axial, bending, rotation])  # per Young's modulus of the plane problem
+        self.compliance = stretched / modulus + np.array([0.0, 1.2 * axial / SHEAR, 0.0])
 
     def motion(self, bodies):
         """Rows (3, unknowns): motion of the far end relative to the near one, at the centre, in the axes."""
@@ -132,17 +133,17 @@ def at(body, point, bodies):
     return rows
 
 
-def hinges():
+def hinges(modulus):
     """The eight hinges, in the order of the file and then of the copies."""
     first, found = turn(105), []
     for number, leg in enumerate(("leg", "leg 2", "leg 3"), 1):
         place, way = PLACES[leg]
         name = "" if number == 1 else f" {number}"
-        found.append(Hinge(f"tip{name}", "stage", leg, place(0.44 * first), way(first), 0.06, 0.045))
-        found.append(Hinge(f"root{name}", leg, "foot", place(1.1 * first), way(first), 0.03, 0.03, 0.3))
+        found.append(Hinge(modulus, f"tip{name}", "stage", leg, place(0.44 * first), way(first), 0.06, 0.045))
+        found.append(Hinge(modulus, f"root{name}", leg, "foot", place(1.1 * first), way(first), 0.03, 0.03, 0.3))
         if number == 1:
-            found.append(Hinge("pivot", "block", "lever", 0.95 - 0.33j, 1j, 0.08, 0.06))
-            found.append(Hinge("coupler", "stage", "lever", 0.605 + 0.1j, 1.0, 0.04, 0.03, 0.49))
+            found.append(Hinge(modulus, "pivot", "block", "lever", 0.95 - 0.33j, 1j, 0.08, 0.06))
+            found.append(Hinge(modulus, "coupler", "stage", "lever", 0.605 + 0.1j, 1.0, 0.04, 0.03, 0.49))
     return found
 
 
@@ -181,8 +182,8 @@ class SlowNetwork:
     SPRINGS = np.array([25e3, 45e3])  # N/mm, blocking force over stroke
     STROKES = np.array([12e-3, 20e-3])
 
-    def __init__(self):
-        self.hinges = hinges()
+    def __init__(self, modulus=E_STRAIN):
+        self.hinges = hinges(modulus)
         self.unknowns = 3 * len(BODIES)
         self.K = np.zeros((self.unknowns, self.unknowns))
         for hinge in self.hinges:

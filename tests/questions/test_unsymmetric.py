@@ -171,6 +171,18 @@ def test_weight_displaces_every_point(mechanism, slow):
     np.testing.assert_allclose(more[0].ravel(), slow.compliance()[:9, :3] @ weight, rtol=100 * QUADRATURE)
 
 
+def test_a_plate_on_a_frame_of_another_metal_drifts_as_its_hinges_let_it(mechanism):
+    """In plane stress; with a frame of the same metal all points move as those of free metal."""
+    sheet, slow = mechanism.replace(model="plane_stress"), SlowNetwork(72.7e3)
+    found = analytic(flexfem.drift, sheet).internal.values["pose"][0, :, 0].ravel()
+    expected, size = slow.warmed(23.4e-6, 11.7e-6), 23.4e-6 * LEVER
+    np.testing.assert_allclose(found[3:], expected[3:], rtol=0, atol=QUADRATURE * size)
+    np.testing.assert_allclose(found[:3], expected[:3], rtol=0, atol=3e-4 * size)  # the mean of a body counts corners
+    alike = analytic(flexfem.drift, sheet.replace(frame={"expansion": 23.4e-6}))
+    free = 23.4e-6 * np.array([23.622, 12.7, 0.0, 8.636, -12.7, 0.0])
+    np.testing.assert_allclose(alike.internal.values["pose"][0, 1:, 0].ravel(), free, rtol=0, atol=QUADRATURE * size)
+
+
 def test_a_life_follows_from_the_highest_stress(mechanism, slow):
     """Basquin's law, half of (stress / 900 MPa)^-10 cycles, and the amplitude for 1e5 cycles."""
     law = flexfem.Basquin(900.0, -0.1)
