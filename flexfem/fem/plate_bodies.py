@@ -16,6 +16,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flexfem.arrays import AnyArray, Array, Index
 from flexfem.fem.mesh import StageMesh, nodes_on
@@ -113,11 +114,16 @@ def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
 
 def body_mesh(mesh: StageMesh, body: int) -> StageMesh:
     """Return the triangles of a body with their nodes and the edges on it."""
-    chosen = mesh.bodies == body
-    used, number = np.unique(mesh.triangles[chosen]), np.full(len(mesh.nodes), -1)
+    return part_mesh(mesh, mesh.bodies == body)[0]
+
+
+def part_mesh(mesh: StageMesh, chosen: NDArray[np.bool_]) -> tuple[StageMesh, Index]:
+    """Return chosen triangles (m,) with their nodes and edges, and the numbers (n,) of all nodes there, or -1."""
+    used = np.unique(mesh.triangles[chosen])
+    number = np.full(len(mesh.nodes), -1)
     number[used] = np.arange(len(used))
     edges = {name: number[edge[np.all(number[edge] >= 0, axis=1)]] for name, edge in mesh.edges.items()}
-    return StageMesh(mesh.nodes[used], number[mesh.triangles[chosen]], mesh.bodies[chosen], edges)
+    return StageMesh(mesh.nodes[used], number[mesh.triangles[chosen]], mesh.bodies[chosen], edges), number
 
 
 def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:

@@ -56,8 +56,9 @@ class Mechanism(PlateFile):
 
     name: Label = Field(examples=["parallelogram"])
     """Name of the mechanism in tables and figures"""
-    model: Literal["plane_stress", "plane_strain"] = "plane_stress"
-    """Plane model: `plane_stress`, for a plate that is thin compared with its bodies, or `plane_strain`"""
+    model: Literal["three_dimensional", "plane_stress", "plane_strain"] = "three_dimensional"
+    """Model of finite elements: `three_dimensional`, or plane ones: `plane_stress`, for a plate that is thin compared
+    with its necks, or `plane_strain`, for a plate whose faces are held"""
     thickness: Length = Field(alias="thickness_mm", examples=[10.0])
     """Thickness of the plate"""
     material: Material

@@ -212,7 +212,7 @@ def drive(
     [0.33, 0.29, -0.75, 0.7, 0.42, -1.0]
     """
     if isinstance(stage, Mechanism):
-        mesh = mesh_of(stage, models, resolution, layers)
+        mesh = plates.mesh_of(stage, models, resolution, layers)
         return _of_mechanism(stage, mesh, models)
     mesh = mesh_of(stage, models, resolution, None, 2)
     if pose is None:

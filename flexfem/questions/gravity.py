@@ -7,6 +7,7 @@ The plate stands upright in the plane, gravity at an angle to x; in three dimens
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -89,7 +90,7 @@ def gravity(
     >>> (1e3 * found.pose[0, :2]).round(2) + 0.0  # um: upright, the platform sinks
     array([ -0.46, -13.85])
     """
-    mesh = setup.mesh_of(stage, models, resolution, layers)
+    mesh = plates.mesh_of(stage, models, resolution, layers)
     angle = arguments.between("angle", angle, -360.0, 360.0, " degrees")
     g = GRAVITY * np.array([np.cos(np.deg2rad(angle)), np.sin(np.deg2rad(angle))])
     settings: dict[str, Any] = {"gravity": f"at {angle:g} degrees"}
@@ -110,17 +111,28 @@ def gravity(
         if isinstance(stage, Stage):
             pose, stress = under_weight(chosen.stage, analyse(*chosen), load, g)
             return {"pose": pose, "stress": stress}
-        motions, wrenches = weighed(stage.layout, g[None], *plates.joined_parts(stage, elastic))
+        parts = plates.joined_parts(stage, elastic)
+        motions, wrenches = weighed(stage.layout, g[None], *parts)
         points = 3 * len(stage.layout.points)
-        return {"pose": motions[:points].reshape(-1, 3), "stress": plates.stress_by(stage, wrenches[..., 0])}
+        stress = plates.stress_by(stage, wrenches[..., 0], elastic)
+        return {"pose": motions[:points].reshape(-1, 3), "stress": stress}
 
-    def of_size(resolution: int, layers: int) -> Values:
-        if isinstance(stage, Stage):
-            return _of_stage(stage, load, g, resolution, layers)
+    @cache
+    def weighed_on(resolution: int, layers: int) -> tuple[Array, Array]:
+        """Motions (k, 1) of the ports and stress (h,) in hinges by finite elements."""
         model = plates.factorised(stage, resolution, layers)
         found = model.weighed(model.mass, g[None])
+        return found.motions, hinge_stress(found, np.ones(1))
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
+        if isinstance(stage, Stage):
+            return _of_stage(stage, load, g, resolution, layers)
+        motions, stress = weighed_on(resolution, layers)
+        if thick is not None:
+            motions = motions + thick.change(lambda parts: weighed(stage.layout, g[None], *parts)[0])
+            stress = stress * thick.stress_ratios(weighed(stage.layout, g[None], *thick.solid)[1][..., 0])
         points = 3 * len(stage.layout.points)
-        values = {"pose": found.motions[:points].reshape(-1, 3), "stress": hinge_stress(found, np.ones(1))}
+        values = {"pose": motions[:points].reshape(-1, 3), "stress": stress}
         if layers:
             model = plates.factorised(stage, resolution, layers, lifting=True)
             values["sag"] = model.weighed(model.mass, np.array([[-GRAVITY]])).motions[:, 0]

@@ -9,7 +9,7 @@ are relative to the frame, which bows.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -149,7 +149,7 @@ def drift(
     5.5
     """
     least = LEAST_SOLID if layers and isinstance(stage, Stage) else 4
-    mesh = setup.mesh_of(stage, models, resolution, layers, least)
+    mesh = plates.mesh_of(stage, models, resolution, layers, least=least)
     with located(stage):
         require_expansion(stage)
     warnings, drawn, lever, rates = _frame_warnings(stage), list[Drawn](), setup.lever_of(stage), _coefficients(stage)
@@ -174,15 +174,25 @@ def drift(
         if isinstance(stage, Stage):
             return _by_network(chosen, expansion)
         motions, wrenches = warmed_network(stage.layout, *rates, *plates.joined_parts(stage, elastic))
-        return _without_round_off(stage, motions, plates.stress_by(stage, np.moveaxis(wrenches, -1, 0)))
+        return _without_round_off(stage, motions, plates.stress_by(stage, np.moveaxis(wrenches, -1, 0), elastic))
 
-    def of_size(resolution: int, layers: int) -> Values:
+    @cache
+    def warmed_on(resolution: int, layers: int) -> tuple[Array, Array]:
+        """Motions (k, 3) of the ports and stress (3, h) in hinges by finite elements."""
+        response = warmed(plates.factorised(stage, resolution, layers), *rates)
+        return response.motions, hinge_stress(response, np.eye(3))
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
         if isinstance(stage, Stage):
             solve = partial(_in_three_dimensions, layers=layers) if layers else partial(_in_plane, expansion=expansion)
             values, *drawn[:] = solve(stage, resolution)
             return values
-        response = warmed(plates.factorised(stage, resolution, layers), *rates)
-        return _without_round_off(stage, response.motions, hinge_stress(response, np.eye(3)))
+        motions, stress = warmed_on(resolution, layers)
+        if thick is not None:
+            motions = motions + thick.change(lambda parts: warmed_network(stage.layout, *rates, *parts)[0])
+            wrenches = warmed_network(stage.layout, *rates, *thick.solid)[1]
+            stress = stress * thick.stress_ratios(np.moveaxis(wrenches, -1, 0))
+        return _without_round_off(stage, motions, stress)
 
     def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> Values:
         if isinstance(stage, Mechanism):

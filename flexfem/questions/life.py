@@ -315,7 +315,7 @@ def life(
     >>> f"{float(found.life[0]):.3g}"
     '1.03e+10'
     """
-    mesh = setup.mesh_of(stage, models, resolution, None)
+    mesh = plates.mesh_of(stage, models, resolution, None)
     pose, about = checked_amplitude(amplitude), None
     if mean is not None:
         about = arguments.vectors("mean", mean, 1, LARGEST_POSE)

@@ -6,6 +6,7 @@ The plane problem is that of the stage, with stacks engaged or not; in three dim
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -304,7 +305,7 @@ def modes(
     >>> found.frequency[:, 0].round()  # Hz
     array([131., 131., 194.])
     """
-    mesh, solid = mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
+    mesh, solid = plates.mesh_of(stage, models, resolution, layers, usual_solid=SOLID_RESOLUTION), layers is not None
     if isinstance(stage, Mechanism):
         return _of_mechanism(stage, arguments.integer("count", count, MOST), drives, mesh, models, progress)
     count = arguments.integer("count", count, MOST_SOLID if solid else MOST)
@@ -354,11 +355,24 @@ def _of_mechanism(
         raise BadInput(f"{mechanism.origin}: drives 'engaged', expected at least one [[actuator]]")
     shapes = list[ModesOfStructure]()  # of the last, which is the finest mesh
 
-    def of_network(elastic: bool) -> dict[str, Array]:
-        parts = plates.joined_parts(mechanism, elastic)
-        return {"frequency": network_modes(layout, parts.bodies, engaged, parts.hinges)}
+    def of_parts(parts: plates.ElasticParts) -> Array:
+        return network_modes(layout, parts.bodies, engaged, parts.hinges)
 
-    def of_size(resolution: int, layers: int) -> dict[str, Array]:
+    def of_network(elastic: bool) -> dict[str, Array]:
+        return {"frequency": of_parts(plates.joined_parts(mechanism, elastic))}
+
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> dict[str, Array]:
+        """Return frequencies with the ratio by the thickness of hinges, and shares of the output."""
+        values = by_mesh(resolution, layers)
+        if thick is None:
+            return values
+        ratio = np.ones(count)
+        solid, plane = of_parts(thick.solid)[:count], of_parts(thick.plane)[:count]
+        ratio[: len(plane)] = solid / plane  # higher modes are those of bodies, which are in plane stress
+        return values | {"frequency": values["frequency"] * ratio}
+
+    @cache
+    def by_mesh(resolution: int, layers: int) -> dict[str, Array]:
         """Return frequencies and shares (modes, 3) of the output: in the plane, then with layers out of it."""
         parts = list[tuple[Array, Array]]()
         for lifting in (False, True)[: 2 if layers else 1]:

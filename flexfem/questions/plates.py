@@ -22,6 +22,7 @@ from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import PlateModel, hinge_stress, plate_model
 from flexfem.fem.response import Response
 from flexfem.fem.stage_mesh import layers_of as layers_of_plate
+from flexfem.fem.thickness import FEW_LAYERS, MANY_LAYERS, ThickHinge, thick_hinges
 from flexfem.files.tables import once
 from flexfem.mechanism.layout import ElasticBody, Layout
 from flexfem.mechanism.mechanism import Mechanism
@@ -29,6 +30,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions import warnings as warning
 from flexfem.questions.bands import SAFETY, coarser, corner_bands, error_bands, levels, solve_solid
 from flexfem.questions.setup import ELASTIC, Mesh, ModelAnswer, Models, answer, on_meshes, sectors_of
+from flexfem.questions.setup import mesh_of as plain_mesh_of
 from flexfem.questions.setup import solved as solved_stage
 from flexfem.results import ANALYTIC, COARSER, ELEMENTS, MAGNITUDE, SOLID, STRESS, Progress, Quantity, Result
 from flexfem.units import DIRECTIONS
@@ -37,6 +39,14 @@ PART_RESOLUTION = 4  # of the finite elements of single parts
 ROUND_OFF = 1e-9
 PEAK_BAND = 0.01  # least relative band of a highest stress at resolution 8, see `value_bands`
 PEAKS = ("stress", "hinge_stress", "yield_range", "yield_force")
+# Possible errors of `Thickness`, measured on whole plates in three dimensions (`benchmarks/thickness.py`)
+OF_CONTRACTION = 0.25  # of the difference between ends of hinges that keep their thickness and that contract freely
+OF_PLANE_STRAIN = 0.15  # of the change of bodies from plane stress to plane strain
+OF_THE_RATIO = 0.2  # of the change of the stress in hinges
+ORDER_OF_LAYERS = 2  # least order of convergence with the number of layers
+SLENDER_BODIES = 0.4  # share of bodies in a compliance above which the whole plate is solved in three dimensions
+WHOLE_LAYERS = 3
+WHOLE_RESOLUTION = 4
 ON_MESHES, PEAK = COARSER._replace(band=MAGNITUDE), STRESS._replace(band=MAGNITUDE)
 POINTS = ON_MESHES._replace(absolute=100 * COARSER.relative)  # percentage points of a command
 
@@ -112,16 +122,98 @@ def parts_in(layout: Layout, mesh: StageMesh) -> ElasticParts:
     return ElasticParts(body_compliances(layout, mesh), hinge_compliances(layout, mesh))
 
 
+class Thickened(NamedTuple):
+    """The plane parts of a mechanism, and the same with hinges in three dimensions.
+
+    hinges : of the layout, in its order.   share : of the change of their stress that is taken.
+    """
+
+    plane: ElasticParts
+    solid: ElasticParts
+    hinges: tuple[ThickHinge, ...]
+    share: float = 1.0
+
+    def change(self, of_parts: Callable[[ElasticParts], Array]) -> Array:
+        """Change of a value of the network of parts from plane stress to three dimensions."""
+        return of_parts(self.solid) - of_parts(self.plane)
+
+    def stress_ratios(self, wrenches: Array) -> Array:
+        """Ratios (..., h) of highest stresses to those in plane stress, of hinges under wrenches (..., h, 3)."""
+        ratios = [hinge.stress_ratio(wrenches[..., h, :]) for h, hinge in enumerate(self.hinges)]
+        return 1 + self.share * (np.stack(ratios, axis=-1) - 1)
+
+
+@once
+def thickness_of(mechanism: Mechanism) -> tuple[Thickened, ...]:
+    """Return the effect of the thickness, then possible variants of it, whose differences from it bound its error.
+
+    Nothing for a plane model, and for a mechanism without hinges.
+
+    Notes
+    -----
+    In three dimensions the compliance of a plate is that of plane finite elements plus the change of the network of
+    its parts when hinges have their compliance in three dimensions. Bodies are in plane stress. The variants have ends
+    of hinges that contract, more layers by extrapolation, bodies that are partly in plane strain, and another stress.
+    """
+    if mechanism.model != "three_dimensional" or not mechanism.layout.joints:
+        return ()
+    plane = parts_of(mechanism)
+    assert plane.hinges is not None
+    hinges = thick_hinges(mechanism.layout, meshed(mechanism, PART_RESOLUTION))
+    change, coarser, loose = (np.array(parts) for parts in list(zip(*hinges, strict=True))[:3])
+    remaining = (change - coarser) / ((MANY_LAYERS / FEW_LAYERS) ** ORDER_OF_LAYERS - 1)
+    nu = mechanism.layout.poissons_ratio
+    stiffer = tuple(body._replace(compliance=(1 - OF_PLANE_STRAIN * nu**2) * body.compliance) for body in plane.bodies)
+    best = Thickened(plane, plane._replace(hinges=plane.hinges + change), hinges)
+    return (
+        best,
+        best._replace(solid=plane._replace(hinges=plane.hinges + change + OF_CONTRACTION * (loose - change))),
+        best._replace(solid=plane._replace(hinges=plane.hinges + change + remaining)),
+        best._replace(solid=best.solid._replace(bodies=stiffer)),
+        best._replace(share=1 - OF_THE_RATIO),
+    )
+
+
+@once
+def has_slender_bodies(mechanism: Mechanism) -> bool:
+    """Whether bodies have so much of the compliance of the output that plane stress may not hold for them."""
+    layout, parts = mechanism.layout, parts_of(mechanism)
+    if not layout.joints:
+        return True
+    whole, rigid = (
+        np.diag(respond(layout, bodies, hinges=parts.hinges).compliance)[:3] for bodies in (parts.bodies, ())
+    )
+    return bool(np.max(1 - rigid / whole) > SLENDER_BODIES)
+
+
+def mesh_of(
+    plate: Stage | Mechanism, models: Models, resolution: int | None, layers: int | None, **usual: int
+) -> Mesh | None:
+    """As `setup.mesh_of`; a mechanism whose bodies bend like hinges is by default wholly in three dimensions."""
+    mesh = plain_mesh_of(plate, models, resolution, layers, **usual)
+    if mesh is None or layers is not None or plate.model != "three_dimensional" or not has_slender_bodies(plate):
+        return mesh
+    return plain_mesh_of(plate, models, resolution, WHOLE_LAYERS, **usual)
+
+
 def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
-    """Return the parts of the analytic network, rigid bodies or elastic ones."""
-    return parts_of(mechanism) if elastic else ElasticParts()
+    """Return the parts of the analytic network: rigid bodies, or elastic ones with hinges of the model's dimensions."""
+    if not elastic:
+        return ElasticParts()
+    thickness = thickness_of(mechanism)
+    return thickness[0].solid if thickness else parts_of(mechanism)
 
 
-def stress_by(mechanism: Mechanism, wrenches: Array) -> Array:
-    """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3)."""
+def stress_by(mechanism: Mechanism, wrenches: Array, elastic: bool = False) -> Array:
+    """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3).
+
+    elastic : of the network of elastic parts, whose hinges have the dimensions of the model.
+    """
     layout = mechanism.layout
     plate = layout.thickness, layout.out_of_plane
-    return np.stack([one.profile.stress(wrenches[..., h, :], *plate) for h, one in enumerate(layout.joints)], axis=-1)
+    stress = np.stack([one.profile.stress(wrenches[..., h, :], *plate) for h, one in enumerate(layout.joints)], axis=-1)
+    thickness = thickness_of(mechanism) if elastic else ()
+    return stress * thickness[0].stress_ratios(wrenches) if thickness else stress
 
 
 @once
@@ -131,13 +223,26 @@ def network(mechanism: Mechanism, elastic: bool = False) -> Responses:
     found = respond(mechanism.layout, parts.bodies, hinges=parts.hinges)
     return Responses(
         found.compliance,
-        lambda loads: stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads)),
+        lambda loads: stress_by(mechanism, np.einsum("hck,...k->...hc", found.wrenches, loads), elastic),
     )
 
 
-def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0) -> Responses:
-    """Return the response of finite elements."""
-    return responses(plate, solved(plate, resolution, layers))
+def elements(plate: Stage | Mechanism, resolution: int, layers: int = 0, thick: Thickened | None = None) -> Responses:
+    """Return the response of finite elements, of plane ones with the change by the thickness of hinges if given."""
+    plane = responses(plate, solved(plate, resolution, layers))
+    if thick is None:
+        return plane
+    layout = plate.layout
+
+    def of_parts(parts: ElasticParts) -> Array:
+        return respond(layout, parts.bodies, hinges=parts.hinges).compliance
+
+    wrenches = respond(layout, thick.solid.bodies, hinges=thick.solid.hinges).wrenches
+
+    def stress(loads: Array) -> Array:
+        return plane.stress(loads) * thick.stress_ratios(np.einsum("hck,...k->...hc", wrenches, loads))
+
+    return Responses(plane.compliance + thick.change(of_parts), stress)
 
 
 def responses(plate: Stage | Mechanism, response: Response) -> Responses:
@@ -155,46 +260,59 @@ Values: TypeAlias = dict[str, Any]  # of one model by quantity
 Bands: TypeAlias = Callable[[Array, list[Values], Sequence[Values]], Mapping[str, Any]]
 """Function from the resolutions of three meshes and the values on them to bands.
 
-The last argument has the values on the coarsest mesh with few and with many layers, or is empty in the plane.
+The last argument is empty in the plane. In three dimensions it has variants of values, then these values, whose
+differences bound the error by the thickness: on the coarsest mesh with few and with many layers, or `thickness_of`.
+"""
+OfSize: TypeAlias = Callable[..., Values]
+"""Function from a resolution and a number of layers, 0 in the plane, to values.
+
+For a mechanism a third argument, `Thickened`, is the effect of the thickness to be added to a plane solution.
 """
 
 
 def value_bands(sizes: Array, each: list[Values], ends: Sequence[Values] = ()) -> dict[str, Any]:
-    """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with those of layers.
+    """Return the bands of values on three meshes of resolutions `sizes`, in three dimensions with those of `Bands`.
 
     Highest stresses on three meshes can agree by chance. Their bands have a least value, which falls with the square of
     the resolution. `benchmarks/mechanism_bands.py` counts how many bands contain the values of a finer mesh.
     """
     found = {name: corner_bands(sizes, np.array([one[name] for one in each])) for name in each[0]}
     if ends:
-        few, many = ends
-        found = {name: band + SAFETY * np.abs(many[name] - few[name]) for name, band in found.items()}
+        *variants, best = ends
+        for name, band in found.items():
+            changes = np.abs([one[name] - best[name] for one in variants])
+            found[name] = band + SAFETY * np.sum(changes, axis=0)
     least = PEAK_BAND * (8 / sizes[-1]) ** 2
     return found | {name: np.maximum(found[name], least * np.abs(each[-1][name])) for name in PEAKS if name in found}
 
 
 def by_elements(
     mesh: Mesh,
-    solve: Callable[[int, int], Values],
+    solve: OfSize,
     progress: Progress | None = None,
     bands: Bands = value_bands,
     whole: bool = False,
+    thickness: Sequence[Thickened] = (),
 ) -> dict[str, ModelAnswer]:
-    """Return the values of plane finite elements, of three dimensions if they are asked for, and their bands.
+    """Return the values of plane finite elements, or of three dimensions, and their bands.
 
-    solve : values with a resolution and a number of layers, 0 in the plane.
-    whole : in three dimensions, solve the finest mesh with all layers, and no plane problem.
+    thickness : as of `thickness_of`; without layers the values are then in three dimensions by this effect.
+    whole : with layers, solve the finest mesh with all layers, and no plane problem.
 
     Notes
     -----
-    Otherwise a value in three dimensions is that of the coarsest mesh with all layers, plus the change to the finest
-    mesh with one layer: `v(coarse, layers) + v(fine, 1) - v(coarse, 1)`. So no fine mesh has many layers. On a stage
-    with 24 leaf springs this is within 1e-5 of the compliance, and 0.5 % of the stress, of the finest mesh with three
-    layers.
+    Otherwise a value with layers is that of the coarsest mesh with all layers, plus the change to the finest mesh with
+    one layer: `v(coarse, layers) + v(fine, 1) - v(coarse, 1)`. So no fine mesh has many layers. On a stage with 24 leaf
+    springs this is within 1e-5 of the compliance, and 0.5 % of the stress, of the finest mesh with three layers.
     """
     steps, found = levels(mesh.resolution), dict[str, ModelAnswer]()
     sizes = np.array(steps, dtype=float)
-    if not (whole and mesh.layers):
+    if not mesh.layers and thickness:
+        best, *variants = thickness
+        each = on_meshes(steps, lambda level: solve(level, 0, best), progress)
+        ends = [*(solve(mesh.resolution, 0, one) for one in variants), each[-1]]
+        found[SOLID] = ModelAnswer(each[-1], bands(sizes, each, ends))
+    elif not (whole and mesh.layers):
         each = on_meshes(steps, lambda level: solve(level, 0), progress)
         found[ELEMENTS] = ModelAnswer(each[-1], bands(sizes, each, ()))
     if mesh.layers:
@@ -209,18 +327,21 @@ def by_models(
     mesh: Mesh | None,
     models: Models,
     of_network: Callable[[bool], Values],
-    of_size: Callable[[int, int], Values],
+    of_size: OfSize,
     progress: Progress | None = None,
     bands: Bands = value_bands,
 ) -> dict[str, ModelAnswer]:
     """Return the values of all requested models, with bands of finite elements; a stage has one analytic model.
 
-    of_network : values with rigid bodies or, for True, with elastic parts.   of_size : see `by_elements`.
+    of_network : values with rigid bodies or, for True, with elastic parts.
     """
     stage = isinstance(plate, Stage)
     labels = () if models == "elements" else (ANALYTIC,) if stage or models == "analytic" else (ANALYTIC, ELASTIC)
     found = {label: ModelAnswer(of_network(label == ELASTIC)) for label in labels}
-    return found if mesh is None else found | by_elements(mesh, of_size, progress, bands, whole=stage)
+    if mesh is None:
+        return found
+    thickness = () if stage or mesh.layers else thickness_of(plate)
+    return found | by_elements(mesh, of_size, progress, bands, stage, thickness)
 
 
 def of_models(

@@ -178,7 +178,7 @@ def reach(
     [24.0, 28.6]
     """
     if isinstance(stage, Mechanism):
-        return of_mechanism(stage, mesh_of(stage, models, resolution, layers), models)
+        return of_mechanism(stage, plates.mesh_of(stage, models, resolution, layers), models)
     mesh, F = mesh_of(stage, models, resolution, None, 2), arguments.vectors("load", load, 1, LARGEST_LOAD)
     drive, lever, warnings = drive_of(stage), stage.chain.link_lengths[2], list(warning.of_stage(stage))
     commanded = commanding(analytic.chosen(stage, warnings))

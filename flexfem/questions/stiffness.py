@@ -159,7 +159,7 @@ def stiffness(
     >>> round(float(found.at("yield_range", direction="x")[0]), 3)  # mm
     0.641
     """
-    mesh = setup.mesh_of(stage, models, resolution, layers)
+    mesh = plates.mesh_of(stage, models, resolution, layers)
     if force is not None and displacement is not None:
         raise BadInput("force and displacement, expected one of the two")
     load = None if force is None else arguments.forces("force", force, 1)
@@ -189,10 +189,10 @@ def stiffness(
         C = result.compliance
         return _values(stage, Responses(C, lambda loads: result.neck_stress(chosen.stage, loads @ C)), load_for)
 
-    def of_size(resolution: int, layers: int) -> Values:
-        response = plates.solved(stage, resolution, layers)
-        values = _values(stage, plates.responses(stage, response), load_for)
+    def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
+        values = _values(stage, plates.elements(stage, resolution, layers, thick), load_for)
         if isinstance(stage, Stage) and "force" in values:
+            response = plates.solved(stage, resolution, layers)
             values["reaction"] = values["force"] @ response.reactions
             if layers:
                 values["neck_height"] = neck_stresses(stage, response, values["force"][None]).height[0]
@@ -387,7 +387,7 @@ def summary(
         values["frequency"] = first.internal.values["frequency"][0]
         bands |= {name: band[0] for name, band in first.internal.bands.items() if name == "frequency"}
         if stage.layout.actuators:
-            reached = of_mechanism(stage, setup.mesh_of(stage, **mesh), models)
+            reached = of_mechanism(stage, plates.mesh_of(stage, **mesh), models)
             drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
             notes.append(f"{drive}; first frequency: without the actuators")
     else:

@@ -1,0 +1,157 @@
+"""Effect of the thickness of a plate on its hinges: finite elements in three dimensions against plane stress.
+
+A hinge is solved alone, with the material of its bodies near its ends, on one mesh in the plane. Bodies are wide in the
+plane, so that plane stress holds for them; hinges are not, and bend between plane stress and plane strain. The change
+of the compliance of a plate is therefore that of its network of parts when the compliance of its hinges changes.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from flexfem.arrays import Array, Index
+from flexfem.fem.elements import Layers, Plate, mirrored, nodal_stress, sheet, von_mises
+from flexfem.fem.factor import condense, dense
+from flexfem.fem.mesh import StageMesh, nodes_on
+from flexfem.fem.plate_bodies import part_mesh
+from flexfem.fem.ports import plate_of_layout
+from flexfem.fem.structure import NONE, structure
+from flexfem.mechanism.layout import Layout
+
+REACH = 0.5  # of the height of an end: distance into a body over which the stress of the hinge spreads
+FEW_LAYERS = 2  # in half the thickness, for the band
+MANY_LAYERS = 4  # compliances of leaves and notches are within 0.1 % of those with 8 layers for b/t up to 80
+
+
+class ThickHinge(NamedTuple):
+    """A hinge in three dimensions, against plane stress; compliances are those of `Profile.compliance`.
+
+    change : (3, 3), of the compliance at the centre of the hinge, in its axes, with ends that keep their thickness.
+    coarser : (3, 3), the same with few layers.
+    loose : (3, 3), the same as `change` with ends that are free to contract along z.
+    plane : (3, p, 2, 2), stress, MPa, in plane stress at p nodes of the hinge, of unit loads N, V, M at its centre.
+    solid : (3, p, m, 3, 3), the same in three dimensions at m heights.
+    """
+
+    change: Array
+    coarser: Array
+    loose: Array
+    plane: Array
+    solid: Array
+
+    def stress_ratio(self, wrenches: Array) -> Array:
+        """Ratio (...) of the highest stress in three dimensions to that in plane stress, of wrenches (..., 3)."""
+        flat = wrenches.reshape(-1, 3)
+        highest = [
+            von_mises(np.tensordot(flat, stress, axes=1)).reshape(len(flat), -1).max(axis=1)
+            for stress in (self.plane, self.solid)
+        ]
+        loaded = highest[0] > 0
+        ratio = np.ones(len(flat))
+        ratio[loaded] = highest[1][loaded] / highest[0][loaded]
+        return ratio.reshape(wrenches.shape[:-1])
+
+
+def thick_hinges(layout: Layout, mesh: StageMesh) -> tuple[ThickHinge, ...]:
+    """Solve every hinge of a layout in three dimensions; hinges of equal profile are solved once.
+
+    mesh : of the layout, as for `plate_bodies.body_compliances`.
+    """
+    found = dict[tuple[object, ...], ThickHinge]()
+    keys = [
+        (joint.profile, joint.cut, *(layout.bodies[body].fixed for body in joint.bodies)) for joint in layout.joints
+    ]
+    for number, key in enumerate(keys):
+        if key not in found:
+            found[key] = _thick_hinge(layout, mesh, number)
+    return tuple(found[key] for key in keys)
+
+
+def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
+    joint = layout.joints[number]
+    chosen, near, far = _surroundings(layout, mesh, number)
+    part, numbers = part_mesh(mesh, chosen)
+    z = (part.nodes @ [1, 1j] - joint.place) * np.exp(-1j * joint.heading)
+    part = part._replace(nodes=np.column_stack([z.real, z.imag]))
+    of_hinge = np.unique(part.triangles[part.bodies == len(layout.bodies) + number])
+
+    sections = numbers[near], numbers[far]
+    plate = plate_of_layout(layout)
+    plane = _between_sections(part, plate, None, *sections)
+    plate = plate_of_layout(layout, sheet(layout.thickness))
+    few, many = (mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS))
+    coarser = _between_sections(part, plate, few, *sections)
+    solid = _between_sections(part, plate, many, *sections)
+    changes = [one - plane.compliance for one in (solid.compliance, coarser.compliance, solid.loose)]
+    for change in changes:  # a profile is symmetric about its axis
+        change[0, 1:] = 0.0
+        change[1:, 0] = 0.0
+    stress_in_plane = nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge)
+    return ThickHinge(*changes, stress_in_plane, nodal_stress(part, plate, solid.fields, of_hinge, many))
+
+
+class _Part(NamedTuple):
+    """Compliances (3, 3) of a part between two sections, and its displacements (3, n, ...), mm, for unit loads.
+
+    loose : with sections that are free to contract along z.
+    """
+
+    compliance: Array
+    loose: Array
+    fields: Array
+
+
+def _between_sections(mesh: StageMesh, plate: Plate, layers: Layers | None, near: Index, far: Index) -> _Part:
+    """Solve a part for unit loads on its far section; sections are rigid in the plane, and the near one is held.
+
+    Notes
+    -----
+    The part is condensed onto its sections, where a term is added to the diagonal, so that the matrix is definite, and
+    subtracted again from the Schur complement.
+    """
+    ends = np.concatenate([near, far])
+    whole = structure(mesh, plate, layers, held=NONE, last=ends)
+    edge = len(ends) * whole.block
+    lower = whole.lower()
+    added = np.zeros(whole.size)
+    added[-edge:] = lower.diagonal()[-edge:]
+    condensed = condense(lower + sp.diags_array(added, format="csr"), edge, whole.order(len(ends)))
+    schur = condensed.schur - np.diag(added[-edge:])
+    of_pose = whole.rigid_unknowns(ends)
+    of_pose[: len(near) * whole.block] = 0.0
+    along_z = np.tile(whole.line.free_components % whole.line.axes == 2, len(ends))
+    motions = list[Array]()
+    for T in (of_pose, np.column_stack([np.eye(edge)[:, along_z], of_pose])):
+        loads = np.eye(T.shape[1], 3, 3 - T.shape[1])
+        motions.append(T @ dense(T.T @ schur @ T)(loads))
+    held, loose = (motion.T @ schur @ motion for motion in motions)
+    unloaded = condensed.reduced(np.zeros((whole.size, 3)))[0]
+    return _Part(held, loose, whole.fields(condensed.expanded(unloaded, motions[0])))
+
+
+def _surroundings(layout: Layout, mesh: StageMesh, number: int) -> tuple[NDArray[np.bool_], Index, Index]:
+    """Return the triangles of a hinge and of its bodies near it, and the nodes on both sections that bound them.
+
+    A fixed body is rigid, and one that lies wholly near the hinge has no section: the end of the hinge is taken.
+    """
+    joint = layout.joints[number]
+    chosen = mesh.bodies == len(layout.bodies) + number
+    middles = mesh.nodes[mesh.triangles[:, :3]].mean(axis=1)
+    sections = list[Index]()
+    for side, body in zip(("near", "far"), joint.bodies, strict=True):
+        end = nodes_on(mesh, f"end {number} {side}")
+        centre = mesh.nodes[end].mean(axis=0)
+        height = 2 * np.hypot(*(mesh.nodes[end] - centre).T).max()
+        of_body = mesh.bodies == body
+        close = of_body & (np.hypot(*(middles - centre).T) < (0.5 + REACH) * height)
+        section = np.intersect1d(mesh.triangles[close], mesh.triangles[of_body & ~close])
+        if layout.bodies[body].fixed or not len(section):
+            section = end
+        else:
+            chosen = chosen | close
+        sections.append(section)
+    return chosen, sections[0], sections[1]
