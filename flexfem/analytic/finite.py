@@ -9,6 +9,7 @@ Loads are dead: forces keep their direction, and act at points that move with th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -27,6 +28,8 @@ LARGEST = 0.2  # rad; rotation in one iteration
 CLOSE = 1e-10  # rad, and relative to the size of the mechanism; last step of Newton's method
 ITERATIONS = 40
 SMALLEST = 2.0**-12  # of a load step
+ROUND_OFF = 1e-6  # of the largest change of the tangent; a smaller one is no buckling
+SMALL = 1e-6  # rotation, rad, or displacement per size of the mechanism, for which forces are linear in displacements
 BOW = np.array([[4.0, -1.0], [-1.0, 4.0]]) / 30  # second derivative of the shortening per length
 
 
@@ -83,6 +86,21 @@ class _State(NamedTuple):
     K: Array
 
 
+class _Beams(NamedTuple):
+    """The e beams of h hinges in a deformed mechanism.
+
+    arm : (h, n), complex, mm, of nodes from the reference points of their bodies.
+    length, unit : (e,), mm and complex, of the chords.   bent : (e, 2), mm, rotations of the ends times `BOW`.
+    stress : (e, 3), tension, N, and moments at the ends, N mm.
+    """
+
+    arm: Array
+    length: Array
+    unit: Array
+    bent: Array
+    stress: Array
+
+
 class _Plate:
     """A mechanism in its unknowns: displacement and rotation, 3 each, of bodies, then of nodes between beams.
 
@@ -112,8 +130,8 @@ class _Plate:
         self.port, self.loaded, self.load_arm, self.load = *columns[:3], np.array(columns[3:])
         self.ports = len(layout.ports)
 
-    def energy(self, q: Array) -> tuple[Array, Array]:
-        """Gradient and Hessian of the elastic energy; a node at z of a body moves to the body's pose and turned z."""
+    def deformed(self, q: Array) -> _Beams:
+        """Beams at unknowns q (size,); a node at z of a body moves to the body's pose and turned z."""
         full, chord = np.append(q, np.zeros(3)), self.chord
         x, y, turn = full[self.column], full[self.column + 1], full[self.column + 2]
         arm = self.arm * np.exp(1j * turn)
@@ -125,9 +143,18 @@ class _Plate:
         v = (2 * (chord.conj() * stretched).real + np.abs(stretched) ** 2) / (length + rest)
         bent = rest[:, None] * ends @ BOW
         strain = np.column_stack([v + np.sum(bent * ends, axis=1) / 2, ends])
+        return _Beams(arm, length, unit, bent, np.einsum("eij,ej->ei", self.stiffness, strain))
+
+    def energy(self, q: Array, prestress: Array | float = 0.0) -> tuple[Array, Array]:
+        """Gradient and Hessian of the elastic energy at unknowns q (size,).
+
+        prestress : (e, 3), tension, N, and end moments, N mm, of the beams at rest.
+        """
+        arm, length, unit, bent, stress = self.deformed(q)
+        stress = stress + prestress
+        rest = np.abs(self.chord)
         S = np.tile(np.eye(3), (len(length), 1, 1))
         S[:, 0, 1:] = bent
-        stress = np.einsum("eij,ej->ei", self.stiffness, strain)
         forces = np.einsum("eij,ei->ej", S, stress)
         local = S.transpose(0, 2, 1) @ self.stiffness @ S
         local[:, 1:, 1:] += (stress[:, 0] * rest)[:, None, None] * BOW
@@ -201,3 +228,39 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
         f, at = target, plate.state(q, target)
         found.append((at.motions, at.P.T @ np.linalg.solve(at.K, at.P), bool(np.linalg.eigvalsh(at.K)[0] > 0)))
     return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))
+
+
+def buckling_factors(layout: Layout, loads: Array, held: Sequence[Sequence[int]]) -> Array:
+    """Return the least positive multiples (s,) of loads (s, k) at which a mechanism buckles; infinite if it does not.
+
+    held : (s), ports whose displacements stay zero under each load, so that they cannot take part in buckling.
+
+    Notes
+    -----
+    The tangent stiffness `K_0 + a K_s` is singular at the factor a. K_s is the change of the tangent by the forces in
+    the hinges and the loads, both of the linear solution, in the shape at rest: displacements before buckling are
+    neglected, as in the theory of Euler.
+
+    Raises ComputationFailed when a body can move without load.
+    """
+    from scipy.linalg import eigh, null_space
+
+    plate = _Plate(layout)
+    still = np.zeros(plate.size)
+    rest = plate.state(still, np.zeros(plate.ports))
+    factors = np.full(len(loads), np.inf)
+    for number, (load, ports) in enumerate(zip(np.asarray(loads, dtype=float), held, strict=True)):
+        free = null_space(rest.P[:, list(ports)].T) if len(ports) else np.eye(plate.size)
+        stiffness = free.T @ rest.K @ free
+        q = free @ np.linalg.solve(stiffness, free.T @ rest.P @ load)
+        largest = max(np.abs(q[2::3]).max(), np.abs(q).max() / plate.extent)
+        if largest == 0:
+            continue
+        small = SMALL / largest  # the forces are proportional to the load up to this size
+        forces = plate.deformed(small * q).stress / small
+        loaded = plate.state(still, load).K - rest.K
+        change = free.T @ (plate.energy(still, forces)[1] - plate.energy(still)[1] + loaded) @ free
+        softening = eigh(-change, stiffness, eigvals_only=True)
+        if softening[-1] > ROUND_OFF * np.abs(softening).max():
+            factors[number] = 1 / softening[-1]
+    return factors

@@ -177,7 +177,7 @@ class DrivenElements(NamedTuple):
         return neck_maxima(self.stage, self.mesh, plane_stress(self.stage, self.mesh, field))
 
 
-@for_mechanisms(Drive, MechanismDrive, not_for="pose load analytic", only_for="layers")
+@for_mechanisms(Drive, MechanismDrive, not_for="pose load analytic", only_for="plane layers")
 def drive(
     stage: Stage | Mechanism,
     *,
@@ -187,6 +187,7 @@ def drive(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
 ) -> Drive | MechanismDrive:
     """Strokes and forces of the stacks of a stage for a pose, or the motion of a mechanism by its actuators.
 

@@ -58,7 +58,7 @@ class MechanismGravity(Gravity, mechanism=True):
     """The same of a mechanism."""
 
 
-@setup.options(not_for="payload analytic")
+@setup.options(not_for="payload analytic", only_for="plane")
 def gravity(
     stage: Stage | Mechanism,
     *,
@@ -68,6 +68,7 @@ def gravity(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
     progress: Progress | None = None,
 ) -> Gravity:
     """Displacement and hinge stress of a stage or mechanism under its own weight and that of a payload.

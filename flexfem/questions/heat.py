@@ -121,7 +121,7 @@ class WarmFields(NamedTuple):
 Drawn: TypeAlias = Callable[[], WarmFields | setup.MeshFields]
 
 
-@setup.options(not_for="analytic")
+@setup.options(not_for="analytic", only_for="plane")
 def drift(
     stage: Stage | Mechanism,
     *,
@@ -129,6 +129,7 @@ def drift(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
     progress: Progress | None = None,
 ) -> Drift:
     """Displacement and stress of a stage or mechanism per kelvin, and per kelvin per mm along X and Y.

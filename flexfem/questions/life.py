@@ -269,7 +269,7 @@ def _highest_bands(sizes: Array, each: list[plates.Values], ends: Sequence[plate
     return {"equivalent": np.where(is_largest(stresses[-1]), band, np.nan)}
 
 
-@for_mechanisms(Life, MechanismLife, not_for="notch_sensitivity analytic")
+@for_mechanisms(Life, MechanismLife, not_for="notch_sensitivity analytic", only_for="plane")
 def life(
     stage: Stage | Mechanism,
     *,
@@ -283,6 +283,7 @@ def life(
     models: Models = "both",
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
+    plane: bool = False,
     progress: Progress | None = None,
 ) -> Life | MechanismLife:
     """Cycles to failure of the hinges of a stage or mechanism at an amplitude, and the amplitude for a wanted life.

@@ -45,7 +45,6 @@ from flexfem.questions.setup import (
     Models,
     about,
     answer,
-    mesh_of,
     options,
     question,
     sectors_of,
@@ -265,7 +264,7 @@ class Vibration(NamedTuple):
         return paths
 
 
-@options(not_for="payload tilting damping")
+@options(not_for="payload tilting damping", only_for="plane")
 def modes(
     stage: Stage | Mechanism,
     *,
@@ -277,6 +276,7 @@ def modes(
     models: Models = "both",
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
     progress: Progress | None = None,
 ) -> NaturalModes:
     """Natural frequencies and modes of a stage or mechanism with a payload, in the plane or in three dimensions.

@@ -146,7 +146,7 @@ class Polytope(NamedTuple):
 Stops = dict[tuple[str, str, str], LimitNames]  # by ("zero" or "free", direction, "low" or "high")
 
 
-@options(not_for="load analytic", only_for="layers")
+@options(not_for="load analytic", only_for="plane layers")
 def reach(
     stage: Stage | Mechanism,
     *,
@@ -155,6 +155,7 @@ def reach(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
 ) -> Reach:
     """Poses that the drive of a stage reaches within all limits, or that a mechanism reaches within its strokes.
 

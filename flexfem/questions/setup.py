@@ -58,6 +58,7 @@ SHARED = {
     "analytic : Analytic": "The analytic model.",
     "resolution : int, optional": "Triangles across every neck on the finest of three meshes, from 4.",
     "layers : int, optional": "Three-dimensional model with this number of layers in half the thickness, from 3.",
+    "plane : bool": "Plane finite elements of a mechanism, in plane stress, instead of three-dimensional ones.",
     "progress : callable, optional": "Called with a line of text after each completed part.",
 }
 CONVENTION = """
@@ -110,7 +111,9 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
                 raise BadInput(f"{subject.origin}: {function.__name__} is for {known}, not for {other}")
         for name, value in bound.items():
             if name in options.split() and value != signature.parameters[name].default:
-                option = "mobility, formula or links" if name == "analytic" else f"{name} {value!r}"
+                option = f"{name} {value!r}".removesuffix(" True")
+                if name == "analytic":
+                    option = "mobility, formula or links"
                 raise BadInput(f"{option}: an option for {known}, not for {other}")
             parts = (hints.get(name), *get_args(hints.get(name)))  # members of a union, too
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
@@ -121,6 +124,11 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
                 raise BadInput(f"{name} {value!r}, expected a flexfem.Analytic")
         if "stage" in bound and not isinstance(subject, Mechanism):
             check_feasible(bound["stage"])
+        if isinstance(subject, Mechanism) and bound.get("plane"):
+            if bound.get("layers") is not None:
+                raise BadInput(f"plane with layers {bound['layers']}, expected one of the two")
+            bound["stage"] = subject.replace(model="plane_stress")
+            return function(**bound)
         return function(*positional, **named)
 
     return cast(Function, checked)
@@ -180,7 +188,11 @@ LIFTED = ("z", "tilt x", "tilt y")  # motions of the output out of the plane
 PLATE_SOLID_RESOLUTION = 4  # of mechanisms: the plane compliance of leaf springs and notches is within 0.05 %
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 ELASTIC = "elastic bodies"  # label of the network of parts, each with the compliance by finite elements of it alone
-ELASTIC_READ = f"{ELASTIC}: bodies and hinges by plane finite elements of each part, joined at rigid sections"
+ELASTIC_READ = f"{ELASTIC}: bodies and hinges by finite elements of each part, joined at rigid sections"
+BY_HINGES = (
+    f"{SOLID}: plane finite elements of the plate, and three-dimensional ones of every hinge, also in the elastic "
+    "bodies; the analytic model is in plane stress"
+)
 
 
 class Mesh(NamedTuple):
@@ -333,7 +345,9 @@ def answer(
         peaks = any(word in kind.quantities[name].meaning for name in found for word in ("stress", "strain"))
         warned = sharp_roots(layout) if peaks and mesh is not None else []
         others["warnings"] = [*others.get("warnings", ()), *warned]
-        others["notes"] = [*others.get("notes", ()), *[ELASTIC_READ] * (ELASTIC in models)]
+        by_hinges = SOLID in models and mesh is not None and not mesh.layers
+        read = [ELASTIC_READ] * (ELASTIC in models) + [BY_HINGES] * by_hinges
+        others["notes"] = [*others.get("notes", ()), *read]
     stacked, widths = stack_models(kind, models, labels)
     subject = subject if isinstance(subject, About) else about(subject)
     settings = {**settings, **meshed(mesh)}

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import compress
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
 from flexfem import arguments
+from flexfem.analytic.finite import buckling_factors
 from flexfem.analytic.model import analyse
 from flexfem.arrays import Array, free_stiffness, is_largest
 from flexfem.fem.elements import Plate, nodal_stress, von_mises
@@ -17,6 +18,7 @@ from flexfem.fem.fields import neck_stresses
 from flexfem.fem.response import Response, unit_response
 from flexfem.fem.stage_mesh import sheet_of
 from flexfem.hinges.formulas import FORMULAS
+from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.questions import plates, setup
@@ -43,6 +45,7 @@ class Stiffness(Result):
 
     title = "stage at rest"
     main = ("free", {})
+    labels: ClassVar = {"others": ("held", "free"), "sense": ("positive", "negative")}
     stiffness = Quantity("stiffness", "stiffness matrix", MATRIX, COARSER, "matrix")
     compliance = Quantity("compliance", "compliance matrix", MATRIX, COARSER, "matrix")
     held = Quantity(
@@ -58,9 +61,14 @@ class Stiffness(Result):
         STRESS, "all",
     )  # fmt: skip
     yield_range = Quantity(
-        "displacement at which the first hinge yields, other directions held", "motion", ("model", "direction"), STRESS
-    )
-    yield_force = Quantity("force along the displacement at yield", "wrench", ("model", "direction"), STRESS)
+        "displacement at which the first hinge yields, other directions held, linear", "motion", ("model", "direction"),
+        STRESS, note="by linear theory, without stretching of hinges and buckling",
+    )  # fmt: skip
+    yield_force = Quantity("force along the displacement at yield, linear", "wrench", ("model", "direction"), STRESS)
+    buckling_load = Quantity(
+        "load at which hinges buckle, by the analytic model", "wrench", ("others", "sense", "direction"), SOLVED,
+        only="mechanism", note="by the tangent stiffness at rest, for a load on the output along one direction",
+    )  # fmt: skip
     input_stiffness = Quantity(
         "stiffness at the actuator, output free", "n_per_um", ("actuator", "model"), COARSER, only="mechanism"
     )
@@ -100,13 +108,14 @@ class Summary(Result):
     title = "summary"
     main = ("free", {})
     reading = (
-        "range at yield: displacement at which the first hinge yields, others held; force at yield: force along it",
+        "range at yield: displacement at which the first hinge yields, others held; force at yield: force along it; "
+        "both by linear theory, without stretching of hinges and buckling",
         "others: the other two directions, held at zero or free; drive min, max: range of the drive",
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
     free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
-    yield_range = Quantity("range at yield, ±", "motion", BY_DIRECTION, STRESS)
-    yield_force = Quantity("force at yield", "wrench", BY_DIRECTION, STRESS)
+    yield_range = Quantity("range at yield, linear, ±", "motion", BY_DIRECTION, STRESS)
+    yield_force = Quantity("force at yield, linear", "wrench", BY_DIRECTION, STRESS)
     stress = Quantity("hinge stress per displacement", "stress per motion", (*BY_DIRECTION, *HINGE), STRESS, "all")
     thickness = Quantity("change of stiffness in 3D", "percent", ("direction",), only="stage")
     held_low = Quantity("drive min, others held", "motion", ("direction",), SOLVED)
@@ -126,7 +135,7 @@ class MechanismSummary(Summary, mechanism=True):
     """The same of a mechanism, with its input."""
 
 
-@setup.options(not_for="analytic")
+@setup.options(not_for="analytic", only_for="plane")
 def stiffness(
     stage: Stage | Mechanism,
     *,
@@ -136,6 +145,7 @@ def stiffness(
     displacement: tuple[float, float, float] | None = None,
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
     progress: Progress | None = None,
 ) -> Stiffness:
     """Stiffness, stress and range at yield of a stage or mechanism, and response to a load or displacement.
@@ -206,6 +216,9 @@ def stiffness(
         if soft := ", ".join(compress(DIRECTIONS, rigid > 2 * elastic)):  # no result has the stress of bodies
             warnings.append(f"in {soft}, bodies are more compliant than hinges: {HINGES_ALONE}")
     last, fields = list(found.values())[-1].values, None
+    if isinstance(stage, Mechanism) and ANALYTIC in found:
+        others["buckling_load"] = buckling_loads(stage.layout)
+        warnings += _of_buckling(others["buckling_load"], last)
     if "force" in last:
         stress = "neck_stress" if isinstance(stage, Stage) else "hinge_stress"
         warnings += plates.over_yield(stage, found, stress, "under this load")
@@ -217,6 +230,42 @@ def stiffness(
         for where, pose in ({"under this load": last["pose"]} | poses if "pose" in last else poses).items():
             warnings += warning.of_motion(stage, pose, where)
     return setup.answer(Stiffness, stage, found, mesh, settings, others, warnings=warnings, notes=notes, fields=fields)
+
+
+def buckling_loads(layout: Layout) -> Array:
+    """Return loads (2 others held or free, 2 senses, 3), N and N mm, at which hinges buckle; nan where they do not.
+
+    The other directions of the output are held, so that it keeps them, or free. The load is along one direction.
+    """
+    senses = np.eye(3, len(layout.ports))[None] * np.array([1.0, -1.0])[:, None, None]
+    loads = senses.reshape(6, -1)
+    factors = list[Array]()
+    for held in ([[1, 2], [0, 2], [0, 1]], [[], [], []]):
+        factors.append(buckling_factors(layout, loads, held * 2).reshape(2, 3))
+    found = np.array(factors) * np.array([1.0, -1.0])[:, None]
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _of_buckling(loads: Array, values: Values) -> list[str]:
+    """Warn of forces at yield, with the other directions held, at which hinges have buckled before."""
+    found = dict[tuple[str, str], list[str]]()
+    for axis, direction in enumerate(DIRECTIONS):
+        at_yield = values["yield_force"][axis]
+        for sense, (held, free) in zip("+-", np.abs(loads[:, :, axis].T), strict=True):
+            if held < at_yield:
+                text = f"at {_as_load(held, axis)} with the other directions held"
+                text += f" and {_as_load(free, axis)} with them free" * bool(np.isfinite(free))
+                text += f"; the linear force at yield is {_as_load(at_yield, axis)}"
+                found.setdefault((direction, text), []).append(sense)
+    return [
+        f"hinges buckle before they yield along {'±' if len(senses) == 2 else senses[0]}{direction}: {text}"
+        for (direction, text), senses in found.items()
+    ]
+
+
+def _as_load(value: float, axis: int) -> str:
+    """Return a load with its unit: N, or N mm about theta."""
+    return f"{value:.4g} {'N mm' if axis == 2 else 'N'}"
 
 
 def at_rest(compliance: Array) -> dict[str, Array]:
@@ -345,7 +394,7 @@ def _material(plate: Stage | Mechanism) -> tuple[dict[str, Any], list[str]]:
     return settings, [f"material ({', '.join(names)}): {source}" for source, names in by_source.items()]
 
 
-@setup.options(not_for="analytic")
+@setup.options(not_for="analytic", only_for="plane")
 def summary(
     stage: Stage | Mechanism,
     *,
@@ -353,6 +402,7 @@ def summary(
     analytic: Analytic = DEFAULT,
     resolution: int | None = None,
     layers: int | None = None,
+    plane: bool = False,
     progress: Progress | None = None,
 ) -> Summary:
     """Stiffness of a stage or mechanism, range and force at which the first neck yields, and range of its drive.
