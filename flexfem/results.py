@@ -629,7 +629,8 @@ class Result:
     def sentences(self) -> list[str]:
         """Return the explanations below the tables."""
         banded = any(np.any(np.isfinite(band)) for band in self.bands.values())
-        band = ["±: half-width of the numerical uncertainty, from the meshes and the thickness"] if banded else []
+        source = "from the meshes" + " and the thickness" * (SOLID in self.axes.get("model", ()))
+        band = [f"±: half-width of the numerical uncertainty, {source}"] if banded else []
         noted = (one for name, one in self.quantities.items() if one.note and name in self.values)
         notes = [f"{one.meaning}: {one.note}" for one in noted]
         return [*self.reading, *notes, *self.notes, *band]

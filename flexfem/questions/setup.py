@@ -41,7 +41,7 @@ from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
 from flexfem.refused import BadInput
-from flexfem.results import AXES, About, Progress, Result
+from flexfem.results import AXES, SOLID, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
 Value = TypeVar("Value")
