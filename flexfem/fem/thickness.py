@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexfem.arrays import Array, Index
-from flexfem.fem.elements import Layers, Plate, mirrored, nodal_stress, sheet, von_mises
+from flexfem.fem.elements import SOLID_QUADRATURE, Layers, Plate, mirrored, nodal_stress, sheet, von_mises
 from flexfem.fem.factor import condense, dense
 from flexfem.fem.mesh import StageMesh, nodes_on
 from flexfem.fem.plate_bodies import part_mesh
@@ -86,12 +86,21 @@ def _thick_hinge(layout: Layout, mesh: StageMesh, number: int) -> ThickHinge:
     few, many = (mirrored(layout.thickness, count, joint.profile.neck) for count in (FEW_LAYERS, MANY_LAYERS))
     coarser = _between_sections(part, plate, few, *sections)
     solid = _between_sections(part, plate, many, *sections)
-    changes = [one - plane.compliance for one in (solid.compliance, coarser.compliance, solid.loose)]
-    for change in changes:  # a profile is symmetric about its axis
-        change[0, 1:] = 0.0
-        change[1:, 0] = 0.0
-    stress_in_plane = nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge)
-    return ThickHinge(*changes, stress_in_plane, nodal_stress(part, plate, solid.fields, of_hinge, many))
+    return ThickHinge(
+        _change(plane.compliance, solid.compliance),
+        _change(plane.compliance, coarser.compliance),
+        _change(plane.compliance, solid.loose),
+        nodal_stress(part, plate_of_layout(layout), plane.fields, of_hinge),
+        nodal_stress(part, plate, solid.fields, of_hinge, many),
+    )
+
+
+def _change(plane: Array, solid: Array) -> Array:
+    """Change (3, 3) of the compliance of a hinge, whose profile is symmetric about its axis."""
+    change = solid - plane
+    change[0, 1:] = 0.0
+    change[1:, 0] = 0.0
+    return change
 
 
 class _Part(NamedTuple):
@@ -114,7 +123,7 @@ def _between_sections(mesh: StageMesh, plate: Plate, layers: Layers | None, near
     subtracted again from the Schur complement.
     """
     ends = np.concatenate([near, far])
-    whole = structure(mesh, plate, layers, held=NONE, last=ends)
+    whole = structure(mesh, plate, layers, SOLID_QUADRATURE, NONE, ends)
     edge = len(ends) * whole.block
     lower = whole.lower()
     added = np.zeros(whole.size)

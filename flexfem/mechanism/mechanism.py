@@ -6,7 +6,7 @@ import cmath
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, TypeAlias
 
 import numpy as np
 import shapely
@@ -38,6 +38,7 @@ from flexfem.mechanism.stage_file import Frame
 from flexfem.refused import BadInput
 from flexfem.units import without_unit
 
+Reduction: TypeAlias = Literal["three_dimensional", "plane_stress", "plane_strain"]
 PARTS = ("body", "hinge", "actuator", "point")  # arrays of named parts
 GROUND = "ground"  # carries actuators, also where no body has this name
 CUT = 1.02  # default height of a cut relative to the bodies or the profile
@@ -56,7 +57,7 @@ class Mechanism(PlateFile):
 
     name: Label = Field(examples=["parallelogram"])
     """Name of the mechanism in tables and figures"""
-    model: Literal["three_dimensional", "plane_stress", "plane_strain"] = "three_dimensional"
+    model: Reduction = "three_dimensional"
     """Model of finite elements: `three_dimensional`, or plane ones: `plane_stress`, for a plate that is thin compared
     with its necks, or `plane_strain`, for a plate whose faces are held"""
     thickness: Length = Field(alias="thickness_mm", examples=[10.0])

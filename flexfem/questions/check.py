@@ -19,7 +19,7 @@ from flexfem.mechanism.designs import stage_frames
 from flexfem.mechanism.drives import drive_of
 from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Joint
-from flexfem.mechanism.mechanism import GROUND, Mechanism
+from flexfem.mechanism.mechanism import GROUND, Mechanism, Reduction
 from flexfem.mechanism.mechanism_file import PlateBody
 from flexfem.mechanism.plate import body_polygon, check_layout, joint_polygon
 from flexfem.mechanism.plate_file import located, of_stage
@@ -146,7 +146,7 @@ class MechanismReport(NamedTuple):
 
     file: str
     name: str
-    model: Plane
+    model: Reduction
     hash: str
     dimensions: dict[str, Any]
     size_mm: tuple[float, float]

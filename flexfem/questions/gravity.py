@@ -121,6 +121,7 @@ def gravity(
     @cache
     def weighed_on(resolution: int, layers: int) -> tuple[Array, Array]:
         """Motions (k, 1) of the ports and stress (h,) in hinges by finite elements."""
+        assert isinstance(stage, Mechanism)
         model = plates.factorised(stage, resolution, layers)
         found = model.weighed(model.mass, g[None])
         return found.motions, hinge_stress(found, np.ones(1))

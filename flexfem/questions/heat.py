@@ -180,6 +180,7 @@ def drift(
     @cache
     def warmed_on(resolution: int, layers: int) -> tuple[Array, Array]:
         """Motions (k, 3) of the ports and stress (3, h) in hinges by finite elements."""
+        assert isinstance(stage, Mechanism)
         response = warmed(plates.factorised(stage, resolution, layers), *rates)
         return response.motions, hinge_stress(response, np.eye(3))
 

@@ -191,7 +191,9 @@ def mesh_of(
 ) -> Mesh | None:
     """As `setup.mesh_of`; a mechanism whose bodies bend like hinges is by default wholly in three dimensions."""
     mesh = plain_mesh_of(plate, models, resolution, layers, **usual)
-    if mesh is None or layers is not None or plate.model != "three_dimensional" or not has_slender_bodies(plate):
+    if mesh is None or layers is not None or isinstance(plate, Stage) or plate.model != "three_dimensional":
+        return mesh
+    if not has_slender_bodies(plate):
         return mesh
     return plain_mesh_of(plate, models, resolution, WHOLE_LAYERS, **usual)
 
@@ -340,7 +342,7 @@ def by_models(
     found = {label: ModelAnswer(of_network(label == ELASTIC)) for label in labels}
     if mesh is None:
         return found
-    thickness = () if stage or mesh.layers else thickness_of(plate)
+    thickness = () if isinstance(plate, Stage) or mesh.layers else thickness_of(plate)
     return found | by_elements(mesh, of_size, progress, bands, stage, thickness)
 
 

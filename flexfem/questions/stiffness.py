@@ -240,8 +240,10 @@ def buckling_loads(layout: Layout) -> Array:
     senses = np.eye(3, len(layout.ports))[None] * np.array([1.0, -1.0])[:, None, None]
     loads = senses.reshape(6, -1)
     factors = list[Array]()
-    for held in ([[1, 2], [0, 2], [0, 1]], [[], [], []]):
-        factors.append(buckling_factors(layout, loads, held * 2).reshape(2, 3))
+    held = list[list[int]]([[1, 2], [0, 2], [0, 1]])
+    free = list[list[int]]([[], [], []])
+    for ports in (held, free):
+        factors.append(buckling_factors(layout, loads, ports * 2).reshape(2, 3))
     found = np.array(factors) * np.array([1.0, -1.0])[:, None]
     return np.where(np.isfinite(found), found, np.nan)
 

@@ -84,13 +84,14 @@ class LoadedStudy:
     @property
     def stress_accuracy(self) -> str:
         """Text on the error of the highest neck stress and of quantities computed from it."""
-        study, plane = self.study, self.base.model
+        study, base = self.study, self.base
         if study.on_mechanism:
             return "the command of a question, for one mechanism, gives bands and the values of other models"
         if study.model != "analytic":
             return f"neck stress by finite elements of resolution {study.resolution} is {study.stress_below}"
-        stress = accuracy.stress_accuracy(study.formula, study.links, plane)
-        driven = accuracy.driven_accuracy(study.formula, study.links, plane)
+        assert isinstance(base, Stage)
+        stress = accuracy.stress_accuracy(study.formula, study.links, base.model)
+        driven = accuracy.driven_accuracy(study.formula, study.links, base.model)
         return f"{stress}; for the range of the drive, {driven}" if study.driven else stress
 
     @property
