@@ -29,6 +29,7 @@ from flexfem.mechanism.stage import Stage
 from flexfem.questions.bands import corner_bands, levels, mesh_band, stress_bands
 from flexfem.refused import BadInput, ComputationFailed
 from flexfem.results import ANALYTIC, ELEMENTS, Progress
+from flexfem.results import SOLID as SOLID_ELEMENTS
 from flexfem.study import columns as outputs
 from flexfem.study.answer import extra_numbers, solved_values
 from flexfem.study.loaded import LoadedStudy, designs_of, plate_of, stage_of
@@ -38,7 +39,7 @@ SOLID = ((4, 2), (6, 3))  # triangles across a neck and layers, coarse to fine
 SCATTER = (4, 6)  # triangles across a neck for stages with scattered necks
 BAND = "band of {}"  # name of the band of a column
 BY_ELEMENTS, IN_THREE = "finite elements", "finite elements in three dimensions"  # keys of the counts
-MODEL, BY_MESH = re.compile(rf"\.{ANALYTIC}(?=\.|$)"), f".{ELEMENTS.replace(' ', '_')}"  # in the path of a number
+MODEL = re.compile(rf"\.{ANALYTIC}(?=\.|$)")  # in the path of a number
 LIMIT = 600.0  # s for one mesh
 LOCAL = 0.01  # gap between the models below which the next search is local to the last design
 ROUNDS = 8  # at most
@@ -119,7 +120,9 @@ class ElementSolver:
         model = "three_dimensional" if solid else "verify" if required.used & {*outputs.ERRORS} else "fe"
         settings: dict[str, Any] = {"model": model, "resolution": resolution, "layers": layers, "bands": False}
         settings |= {"links": False, "mobility": None, "formula": required.paper_formula, "check": None}
-        settings |= {"time_limit": LIMIT, "ask": tuple(MODEL.sub(BY_MESH, path) for path in required.ask)}
+        elements = SOLID_ELEMENTS if self.loaded.base.model == "three_dimensional" else ELEMENTS
+        by_mesh = f".{elements.replace(' ', '_')}"
+        settings |= {"time_limit": LIMIT, "ask": tuple(MODEL.sub(by_mesh, path) for path in required.ask)}
         if solid:
             drive = required.drive if required.drive is not None and required.drive.stroke_um is not None else None
             drive = drive and drive.model_copy(update={"actuators": False})

@@ -20,7 +20,7 @@ from flexfem.questions.drive import DrivenElements, drive, driven_elements
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness
-from flexfem.results import ANALYTIC, ELEMENTS, SPACE, Result, TextTable, number
+from flexfem.results import ANALYTIC, SOLID, SPACE, Result, TextTable, number
 from flexfem.units import DIRECTIONS, PLANES, Direction
 
 Ask: TypeAlias = Callable[[Callable[..., Any]], Any]  # answers a question about the subject of a page, once
@@ -40,10 +40,10 @@ MOVING = "The motion is exaggerated; the grey outline is at rest. Click on it to
 def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshed: bool, drawing: Markup) -> Markup:
     """Return the drawing of a stage or mechanism beside its key results, and its motions.
 
-    meshed : whether the numbers are those of plane finite elements; otherwise they are those of the analytic model.
+    meshed : whether the numbers are those of finite elements; otherwise they are those of the analytic model.
     """
     at_rest, vibrating = (ask(question) for question in ((stiffness, modes) if meshed else BEAMS))
-    plane, model = PLANES[subject.model], ELEMENTS if meshed else ANALYTIC
+    plane, model = PLANES[subject.model], at_rest.axes["model"][-1] if meshed else ANALYTIC
     analytic = at_rest.settings.get("analytic model", f"rigid bodies, hinges as beams, {plane}")
     rows = rows_at_rest(at_rest, model, analytic)
     singles = [("first natural frequency, in the plane", vibrating.texts("frequency", mode="1")[-1])]
@@ -80,8 +80,10 @@ def opening(subject: Stage | Mechanism, ask: Ask, sections: Sequence[str], meshe
             if meshed:
                 mesh, field = driven.fields.mesh, driven.fields.made()[name]
                 figures.append(_moving(f"{len(figures)}", f"Motion by actuator {name}.", mesh, field, False))
-    head = f"Key results by {'plane finite elements' if meshed else f'the analytic model ({analytic})'}"
-    caption = f"{head}, {plane}. ±: numerical uncertainty, from three meshes." if meshed else f"{head}."
+    caption = f"Key results by the analytic model ({analytic})."
+    if meshed:
+        solved = "finite elements in three dimensions" if model == SOLID else f"plane finite elements, {plane}"
+        caption = f"Key results by {solved}. ±: numerical uncertainty."
     rows = [[title, *map(_unbroken, cells)] for title, *cells in rows]
     return Markup(parts.opened(drawing, figures, TextTable(["", "X", "Y", "θ"], rows, 1, caption), singles))
 

@@ -48,7 +48,7 @@ from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
 from flexfem.refused import BadInput
-from flexfem.results import AXES, ELEMENTS, Fields, Progress, Result, TextTable, record_parts, versions
+from flexfem.results import AXES, Fields, Progress, Result, TextTable, record_parts, versions
 from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
 
@@ -369,7 +369,7 @@ def _stress_section(subject: Stage | Mechanism) -> PageSection:
         found, unit = stiffness(subject, models="elements", displacement=held), COMMANDS[axis]
         name = f"{SYMBOLS[axis]} = {held[axis] * unit.factor:g} {unit}"
         drawn[name] = plane_fields(found.fields)
-        stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=ELEMENTS))
+        stresses[name] = np.ravel(found.at("neck_stress" if stage else "hinge_stress", model=found.axes["model"][-1]))
     labels = [f"{h} hinge, {chain}" for chain in AXES["chain"] for h in AXES["hinge"]] if stage else found.axes["hinge"]
     rows = [[label, *map(significant, row)] for label, *row in zip(labels, *stresses.values(), strict=True)]
     head = ["hinge", *(f"{name} ({STRESS})" for name in drawn)]

@@ -11,7 +11,7 @@ from flexfem.questions.plates import elements, factorised, thickness_of
 LAYERS = 2e-3  # of a compliance, by two layers more and another mesh in the plane
 SPREADING = 6e-3  # of a compliance: the tension spreads into the bodies, which are thicker than a leaf is high
 THIN = 3e-3  # of the effect that remains at b/t = 1/4
-ROUND_OFF = 1e-9  # round-off of the condensed stiffness of a hinge: its condition number is about 1e6
+ROUND_OFF = 1e-7  # round-off of the condensed stiffness of a hinge: its condition number is about 1e6
 
 
 def leaf(thickness: float, ratio: float = 0.33) -> flexfem.Mechanism:
