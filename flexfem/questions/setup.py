@@ -127,7 +127,8 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
         if isinstance(subject, Mechanism) and bound.get("plane"):
             if bound.get("layers") is not None:
                 raise BadInput(f"plane with layers {bound['layers']}, expected one of the two")
-            bound["stage"] = subject.replace(model="plane_stress")
+            if subject.model == "three_dimensional":
+                bound["stage"] = subject.replace(model="plane_stress")
             return function(**bound)
         return function(*positional, **named)
 

@@ -137,7 +137,8 @@ def test_a_thickness_or_a_neck_of_a_mechanism_in_another_unit_is_said():
     thin = pivot.replace(thickness=0.01)
     said = ["thickness_mm = 0.01 is below a thousandth of the mechanism, 55.6 mm across: is the unit right?"]
     assert warning.of_numbers(pivot) == [] and warning.of_numbers(thin) == said
-    assert flexfem.check(thin).warnings == flexfem.stiffness(thin, models="analytic").warnings == said
+    assert flexfem.check(thin).warnings == said
+    assert flexfem.stiffness(thin, models="analytic").warnings[:1] == said  # then that it buckles
     (narrow,) = warning.of_numbers(pivot.replace(parameters={"neck_mm": 4e-4}))
     assert narrow == "neck_mm = 0.0004 is below a thousandth of the thickness, 10 mm: is the unit right?"
 
