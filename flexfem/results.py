@@ -245,8 +245,9 @@ class Result:
 
     Attributes
     ----------
-    values, bands : arrays by quantity, in the declared units.
-    internal : the same in N, mm, MPa, rad, tonne and s, for the code.
+    values : arrays by quantity, in the declared units.
+    bands : half-widths of the numerical uncertainty by quantity, in the declared units.
+    internal : both in N, mm, MPa, rad, tonne and s, for the code.
     """
 
     title: ClassVar[str] = ""
@@ -358,7 +359,7 @@ class Result:
         """Yield all numbers with their paths `quantity.label.label`; blanks in labels become underscores."""
         for name, values in self.values.items():
             quantity = self.quantities[name]
-            sizes = self.sizes(name)
+            sizes = self._sizes(name)
             bands = self.band(name)
             for at, labels in self._places(quantity.over):
                 path = ".".join([name, *labels]).replace(" ", "_")
@@ -372,7 +373,12 @@ class Result:
             yield tuple(k for k, _ in each), tuple(label for _, label in each)
 
     def sizes(self, name: str) -> Array:
-        """Return the reference sizes of changes and round-off of a quantity, in its shape and in internal units."""
+        """Return the reference sizes of changes and round-off of a quantity, in its shape and unit."""
+        sizes = self._sizes(name)
+        return np.asarray(sizes * self.quantities[name].factors(sizes.shape))
+
+    def _sizes(self, name: str) -> Array:
+        """Return the reference sizes in internal units, in which a rotation times the lever is a length."""
         values = np.abs(np.nan_to_num(self.internal.values[name], posinf=0.0, neginf=0.0))
         scale = self.quantities[name].scale
         if scale == "value":
@@ -561,7 +567,7 @@ class Result:
     def _cell(self, quantity: Quantity, at: tuple[int, ...], plain: bool, with_unit: bool) -> str:
         value = float(self.internal.values[quantity.name][at])
         band = float(self._part(self.internal.bands, quantity.name, {})[at])
-        size = self.sizes(quantity.name)[at]
+        size = self._sizes(quantity.name)[at]
         round_off = ROUND_OFF * size
         if abs(value) <= (round_off if band > 0 else UNEVEN * size):
             value, band = 0.0, np.nan
@@ -586,7 +592,7 @@ class Result:
         There is none from a value that is zero within its band.
         """
         values = self.internal.values[quantity.name]
-        sizes, last = self.sizes(quantity.name), self._shown(quantity, over, place)
+        sizes, last = self._sizes(quantity.name), self._shown(quantity, over, place)
         if "model" not in quantity.over:
             return [""] * len(last)
         found, bands = [], np.nan_to_num(self.internal.bands.get(quantity.name, np.zeros_like(values)))
