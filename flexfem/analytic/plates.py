@@ -134,8 +134,8 @@ def warmed(
 ) -> tuple[Array, Array]:
     """Return motions (k, 3) of the ports and wrenches (h, 3, 3) of the hinges after a change of temperature.
 
-    The cases are 1 K, 1 K per mm along x and 1 K per mm along y, about the origin. `expansion` of the plate and of the
-    `ground`, 1/K: fixed bodies move as a free plate of the latter, a part of the motions.
+    The cases are 1 K, 1 K per mm along x and 1 K per mm along y, about the origin. `expansion` of the plate in
+    the plane and of the `ground`, 1/K: fixed bodies move as a free plate of the latter, a part of the motions.
 
     Notes
     -----

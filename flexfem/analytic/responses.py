@@ -15,7 +15,7 @@ bows the clamped edge of an elastic pad (`edge_motions`), which causes 1.1 % of 
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -210,6 +210,7 @@ def _stress(designs: Designs, wrenches: Array) -> Array:
     return neck_stress(wrench, designs.neck, designs.thickness, stress_raised(designs))
 
 
+Rates = TypeVar("Rates", float, Array)
 MISSING = "is missing, expected um/(m K), the coefficient of linear thermal expansion"
 
 
@@ -249,16 +250,23 @@ def require_expansion(stage: PlateFile, frame: bool = False) -> None:
         raise BadInput(f"frame.expansion_um_per_m_k {MISSING} of the frame: {reason}")
 
 
-def in_plane(designs: Designs) -> tuple[Array, Array]:
-    """Return the effective in-plane expansions (n,), 1/K, of stage and frame; a missing frame's equals the stage's.
+def expansion_in_plane(plate: Rates, frame: Rates, out_of_plane: Rates) -> Rates:
+    """Return the effective expansion in the plane, 1/K, of a plate on a frame, with coefficients in 1/K.
 
     Notes
     -----
-    In plane strain the faces have the out-of-plane strain of the frame, which adds `nu (a - a_frame)` in the plane.
+    In plane strain, where `out_of_plane` is nu, the faces are held at the expansion of the frame. The strain
+    `a_frame T` across the plate and `s_z = nu (s_x + s_y) + E (a_frame - a) T` leave `a T + nu (a - a_frame) T` in the
+    plane. In plane stress, where `out_of_plane` is zero, the faces are free and the expansion is that of the plate.
     """
+    return plate + out_of_plane * (plate - frame)
+
+
+def in_plane(designs: Designs) -> tuple[Array, Array]:
+    """Return the effective in-plane expansions (n,), 1/K, of stage and frame; a missing frame's equals the stage's."""
     stage, frame = designs.expansion.T
     frame = np.where(np.isnan(frame), stage, frame)
-    return stage + designs.out_of_plane * (stage - frame), frame
+    return expansion_in_plane(stage, frame, designs.out_of_plane), frame
 
 
 def rates_of(pose: Array) -> DriftRates:

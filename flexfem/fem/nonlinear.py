@@ -149,7 +149,7 @@ def contacts(model: PlateModel) -> Contacts:
     moving = [at for at in dict.fromkeys(parts) if at.body >= 0 and not layout.bodies[at.body].fixed]
     rows, arms, wrenches = list[Array](), list[complex](), np.zeros((len(layout.ports), len(moving), 3))
     for patch in moving:
-        along_x, along_y, moment = contact_forces(model.mesh, patch)
+        along_x, along_y, moment = contact_forces(model.layout, model.mesh, patch)
         x, y = moment.T  # a force at the point is one at the centroid with a moment
         arms.append(complex(along_y[:, 0] @ x / (x @ x), -along_x[:, 1] @ y / (y @ y)))
         rows.append(structure.loads(np.stack([along_x, along_y, moment, np.column_stack([y, -x])])).T)

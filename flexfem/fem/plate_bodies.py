@@ -96,10 +96,13 @@ def _alike(one: _Marks, other: _Marks) -> tuple[Move, Index] | None:
 
 
 def hinge_compliances(layout: Layout, mesh: StageMesh) -> Array:
-    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`; mesh : as for `body_compliances`."""
-    first = {joint.profile: number for number, joint in reversed([*enumerate(layout.joints)])}
-    found = {profile: _hinge(layout, mesh, number) for profile, number in first.items()}
-    return np.array([found[joint.profile] for joint in layout.joints]).reshape(-1, 3, 3)
+    """Compliances (h, 3, 3) of all hinges as `Profile.compliance`; mesh : as for `body_compliances`.
+
+    Hinges are alike if they have one profile and end at rigid bodies on the same sides, see `plate.end_lines`.
+    """
+    kinds = [(joint.profile, *(layout.bodies[body].fixed for body in joint.bodies)) for joint in layout.joints]
+    found = {kind: _hinge(layout, mesh, kinds.index(kind)) for kind in dict.fromkeys(kinds)}
+    return np.array([found[kind] for kind in kinds]).reshape(-1, 3, 3)
 
 
 def _hinge(layout: Layout, mesh: StageMesh, number: int) -> Array:
@@ -134,7 +137,7 @@ def _elastic_body(layout: Layout, mesh: StageMesh, body: int) -> ElasticBody:
     whole = structure(part, plate_of_layout(layout), held=held, sections=moving)
 
     def loads(patch: Patch) -> Array:
-        return whole.loads(contact_forces(part, patch))
+        return whole.loads(contact_forces(layout, part, patch))
 
     on_sections = np.eye(whole.size, whole.poses, whole.poses - whole.size)
     none_on_held = np.zeros((whole.size, 3 * len(sections) - whole.poses))

@@ -84,7 +84,7 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         check_count(2 * fine**2 * float(np.sum(weights / joint.profile.height(x))), f"{joint.name} needs about")
         necks.append(Line(f"neck {index}", neck_line(joint), len(layout.bodies) + index))
         for name, side, which in zip(("near", "far"), (-1, 1), joint.bodies, strict=True):
-            ends = end_lines(joint, side)
+            ends = end_lines(joint, side, layout.bodies[which].fixed)
             lines += [Line(f"end {index} {name}", line, which) for line in ends]
             for point in (ends[0].start, ends[-1].end) if len(ends) > 1 else ():  # at the needles of `end_lines`
                 length = min(abs(corner - point) for corner in end_corners(joint, side))

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.arrays import Array, Index
-from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate
+from flexfem.arrays import AnyArray, Array, Index
+from flexfem.fem.elements import MASS_QUADRATURE, Layers, Plate, von_mises
 from flexfem.fem.fields import highest_stress
 from flexfem.fem.mesh import StageMesh, gradients, quadrature, shape_functions
 from flexfem.fem.modes import Modes, modes, vibrating_structure
@@ -21,9 +21,11 @@ from flexfem.fem.response import HEAT_CASES, Factorised, Response, free_displace
 from flexfem.fem.structure import NONE, Mass, Structure, mass_of, structure
 from flexfem.fem.symmetry import full_space
 from flexfem.mechanism.layout import Joint, Layout, Patch
+from flexfem.mechanism.plate import in_hinge
 from flexfem.refused import ComputationFailed
 
 SUBDIVISION = 8  # of the sides of a triangle that the edge of a patch crosses
+SUBDIVISION_AT_HINGE = 16  # the same where the end of a hinge crosses: drift is as exact as the mean of a body
 SLIVER = 1e-9  # of a part of a body that is no more than a point: its second moment, per that about a remote point
 
 
@@ -45,29 +47,37 @@ def _is_fixed(layout: Layout, mesh: StageMesh) -> NDArray[np.bool_]:
     return np.isin(mesh.bodies, np.flatnonzero([body.fixed for body in layout.bodies]))
 
 
-def contact_forces(mesh: StageMesh, patch: Patch, lifting: bool = False) -> Array:
+def contact_forces(layout: Layout, mesh: StageMesh, patch: Patch, lifting: bool = False) -> Array:
     """Nodal forces (3, n, 2) of a unit force along x and y, N, and a unit moment, N mm, at the point of a patch.
 
     If `lifting`, forces (3, n, 1) along z, of a unit force along z and unit moments about x and y. They are zero for a
-    patch on the ground outside the plate. Radii below a fifth of a triangle are increased.
+    patch on the ground outside the plate. Radii below a fifth of a triangle are increased. The corners of hinges that
+    the mesh counts with the body, see `plate.end_lines`, carry no load.
     Raises ComputationFailed when no part of the body is within the radius.
     """
     triangles, point = mesh.triangles[mesh.bodies == patch.body], np.array([patch.point.real, patch.point.imag])
     sums, radius, whole = np.zeros((3, len(mesh.nodes))), np.inf, quadrature(MASS_QUADRATURE)
     if patch.body < 0:
         return np.zeros((*sums.shape, 1 if lifting else 2))
-    parts = [(triangles, whole)]
     if patch.radius is not None and len(triangles):
         at = mesh.nodes[triangles] - point
         middle = at.mean(axis=1)
         size, away = np.max(np.hypot(*(at - middle[:, None]).T), axis=0), np.hypot(*middle.T)
         radius = max(patch.radius, float(size[np.argmin(away)]) / 3)
-        inside = np.max(np.hypot(*at.T), axis=0) <= radius
-        parts = [(triangles[inside], whole), (triangles[~inside & (away < radius + size)], _subdivided())]
+        triangles = triangles[away < radius + size]
+    at = mesh.nodes[triangles] - point
+    inside = np.max(np.hypot(*at.T), axis=0, initial=0.0) <= radius
+    crossed = _in_hinges(layout, patch.body, mesh.nodes[triangles] @ [1, 1j]).any(axis=1)
+    parts = [
+        (triangles[inside & ~crossed], whole),
+        (triangles[~inside & ~crossed], _subdivided(SUBDIVISION)),
+        (triangles[crossed], _subdivided(SUBDIVISION_AT_HINGE)),
+    ]
     for chosen, (points, weights) in parts:
         phi, determinant = shape_functions(points)[0], gradients(mesh.nodes[chosen], points)[1]
         x, y = np.einsum("eid,iq->deq", mesh.nodes[chosen] - point, phi)
-        area, one = np.abs(determinant) * weights * (np.hypot(x, y) <= radius), np.ones_like(x)
+        counted = (np.hypot(x, y) <= radius) & ~_in_hinges(layout, patch.body, patch.point + x + 1j * y)
+        area, one = np.abs(determinant) * weights * counted, np.ones_like(x)
         nodal = np.einsum("keq,iq->kei", np.array([one, x, y]) * area, phi)
         for total, values in zip(sums, nodal, strict=True):
             np.add.at(total, chosen, values)
@@ -86,7 +96,7 @@ def contact_forces(mesh: StageMesh, patch: Patch, lifting: bool = False) -> Arra
 
 def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
     """Nodal forces (k, n, 2), N, of unit loads on the ports, those on held nodes included."""
-    contacts = {patch: contact_forces(mesh, patch) for port in layout.ports for patch, _ in port.parts}
+    contacts = {patch: contact_forces(layout, mesh, patch) for port in layout.ports for patch, _ in port.parts}
     return np.array(
         [
             np.sum([np.tensordot(wrench, contacts[patch], axes=1) for patch, wrench in port.parts], axis=0)
@@ -95,11 +105,20 @@ def forces_on_ports(layout: Layout, mesh: StageMesh) -> Array:
     )
 
 
-def _subdivided() -> tuple[Array, Array]:
-    """Points (q, 2) and weights (q,) of the midpoint rule on a subdivided reference triangle."""
-    corners = [(i, j, up) for i in range(SUBDIVISION) for j in range(SUBDIVISION - i) for up in (1, 2)]
-    points = np.array([(i + up / 3, j + up / 3) for i, j, up in corners if i + j + up <= SUBDIVISION])
-    return points / SUBDIVISION, np.full(len(points), 0.5 / len(points))
+def _in_hinges(layout: Layout, body: int, z: AnyArray) -> NDArray[np.bool_]:
+    """Return which points (...), mm, lie in the hinges of a body."""
+    found = np.zeros(z.shape, dtype=np.bool_)
+    for joint in layout.joints:
+        if body in joint.bodies:
+            found |= in_hinge(joint, z)
+    return found
+
+
+def _subdivided(count: int) -> tuple[Array, Array]:
+    """Points (q, 2) and weights (q,) of the midpoint rule on a reference triangle with divided sides."""
+    corners = [(i, j, up) for i in range(count) for j in range(count - i) for up in (1, 2)]
+    points = np.array([(i + up / 3, j + up / 3) for i, j, up in corners if i + j + up <= count])
+    return points / count, np.full(len(points), 0.5 / len(points))
 
 
 @dataclass(frozen=True)
@@ -126,7 +145,8 @@ class PlateModel(Factorised):
         bodies += [(at, each.mass / 2, 0.0) for each in self.layout.actuators for at in each.contacts]
         bodies = [body for body in bodies if any(body[1:])]
         inertia = [(m, j / 2, j / 2) if lifting else (m, m, j) for _, m, j in bodies]
-        forces = [_through(self.structure, contact_forces(self.mesh, patch, lifting)) for patch, _, _ in bodies]
+        plane = [contact_forces(self.layout, self.mesh, patch, lifting) for patch, _, _ in bodies]
+        forces = [_through(self.structure, each) for each in plane]
         loads = [np.zeros((self.structure.size, 0)), *map(self.structure.loads, forces)]
         return mass_of(self.structure, self.layout.density, np.diag(np.ravel(inertia)), at=np.hstack(loads))
 
@@ -169,6 +189,20 @@ def hinge_stress(response: Response, loads: Array) -> Array:
     return np.reshape(np.transpose(highest), (*np.shape(loads)[:-1], len(highest)))
 
 
+def warm_stress(response: Response, across: float = 0.0) -> Array:
+    """Highest von Mises stress (3 cases, h), MPa, at the nodes of every hinge as in `hinge_stress`, after `warmed`.
+
+    across : MPa, stress out of the plane per kelvin besides that of plane strain.
+    """
+    places = response.structure.mesh.nodes
+    highest = [np.zeros((len(HEAT_CASES), 0))]
+    for nodes, stress in zip(response.regions, response.stresses, strict=True):
+        temperature = np.vstack([np.ones(len(nodes)), places[nodes].T])
+        values = von_mises(stress, response.ratio, across * temperature)
+        highest.append(values.reshape(len(values), -1).max(axis=1)[:, None])
+    return np.hstack(highest)
+
+
 def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -> PlateModel:
     """Factorise a plate, plane or extruded; with antisymmetric layers, the only port is the output out of the plane.
 
@@ -178,7 +212,8 @@ def plate_model(layout: Layout, mesh: StageMesh, layers: Layers | None = None) -
     part = mesh._replace(triangles=mesh.triangles[moving], bodies=mesh.bodies[moving])
     whole = structure(part, plate_of_layout(layout, layers), layers, held=held_nodes(layout, mesh))
     lifting = whole.line.fixed
-    plane = contact_forces(mesh, layout.ports[0].parts[0][0], True) if lifting else forces_on_ports(layout, mesh)
+    output = layout.points[0][1]
+    plane = contact_forces(layout, mesh, output, True) if lifting else forces_on_ports(layout, mesh)
     forces = _through(whole, plane)
     return PlateModel(
         whole,
@@ -206,7 +241,7 @@ def plate_response(layout: Layout, mesh: StageMesh, layers: Layers | None = None
 
 
 def warmed(model: PlateModel, expansion: float, ground_expansion: float) -> Response:
-    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K.
+    """Solve for `HEAT_CASES` with expansions of plate and ground, 1/K, of the plane problem or with layers.
 
     The ground expands about the origin as a free body of its own material; motions include this.
     """

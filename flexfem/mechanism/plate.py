@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import shapely
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from flexfem.arrays import Array
+from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import Body, Joint, Layout
 from flexfem.mechanism.outlines import Segment, polygon_points, polyline
 from flexfem.mechanism.profiles import Curve, backwards, mapped
@@ -31,7 +32,10 @@ SLIVER = 1e-6  # mm^2; a smaller area is round-off
 ALONG = np.sin(np.linspace(-np.pi / 2, np.pi / 2, 129)) / 2  # positions on the axis of a hinge, per length
 ENDING = np.sin(np.linspace(np.pi / 3, np.pi / 2, 400))  # the same towards its end, per half the length
 HEIGHTS = np.linspace(-1, 1, 9)  # across its end, per half the height
-STEEP = np.tan(np.deg2rad(60.0)) * (1 + 1e-6)  # straight flanks at 60 degrees are not steep, whatever the round-off
+STEEP = 60.0  # degrees, slope of an edge beyond which `end_lines` leave it
+STEEP_AT_GROUND = 80.0  # the same at a rigid body: corners held from 60 degrees on shifted a drift by 1.4e-4 of it
+SLOPE_ROUND_OFF = 1e-6  # relative: straight flanks at 60 degrees are not steep
+EDGE_ROUND_OFF = 1e-9  # relative to length or height, of points on the edge of a hinge
 OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
 SIDES = (-1, 1)  # ends of a hinge at its first and second body
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
@@ -69,17 +73,28 @@ def end_corners(joint: Joint, side: int) -> tuple[complex, complex]:
     return _position(joint, corner), _position(joint, corner.conjugate())
 
 
-def end_lines(joint: Joint, side: int) -> list[Segment]:
-    """Return the lines between a hinge and its first (`side` = -1) or second (1) body.
+def in_hinge(joint: Joint, z: AnyArray) -> NDArray[np.bool_]:
+    """Return which points (...) lie in a hinge: within its length and its height, with its edges but not its ends."""
+    local = (z - joint.place) * cmath.exp(-1j * joint.heading)
+    within = np.abs(local.real) < joint.profile.length / 2 * (1 - EDGE_ROUND_OFF)
+    half_height = joint.profile.height(local.real) / 2
+    return np.asarray(within & (np.abs(local.imag) <= half_height * (1 + EDGE_ROUND_OFF)))
 
-    Where the edge of the profile is steep at its end, a triangle between them would be a needle: the lines then leave
-    the edge where it gets steeper than 60 degrees, and the corner beyond them belongs to the body.
+
+def end_lines(joint: Joint, side: int, rigid: bool = False) -> list[Segment]:
+    """Return the lines along which the mesh divides a hinge from its first (`side` = -1) or second (1) body.
+
+    They are the end of the hinge, except where the edge of the profile is steep there: a triangle between them would be
+    a needle. The lines then leave the edge where it gets steeper than 60 degrees, at a `rigid` body than 80 degrees,
+    and the triangles of the corner beyond them are those of the body. The corner is still a part of the hinge: means
+    over the body leave it out, see `in_hinge`.
     """
     profile, half = joint.profile, joint.profile.length / 2
     breaks = side * np.array(profile.breaks)
     x = np.union1d(half * ENDING, breaks[breaks > half * ENDING[0]])
     y = profile.height(side * x) / 2
-    gentle = np.flatnonzero(np.diff(y) <= STEEP * np.diff(x))
+    steepest = np.tan(np.deg2rad(STEEP_AT_GROUND if rigid else STEEP)) * (1 + SLOPE_ROUND_OFF)
+    gentle = np.flatnonzero(np.diff(y) <= steepest * np.diff(x))
     leave = gentle[-1] + 1 if len(gentle) else 0
     if leave < len(x) - 1 and y[leave] > half - x[leave]:
         start, corner = complex(x[leave], y[leave]), complex(half, y[leave] - (half - x[leave]))

@@ -23,6 +23,7 @@ from flexfem.mechanism.outlines import SHORTEST, Segment, polyline
 from flexfem.refused import BadInput
 
 SHEAR_CORRECTION = 1.2  # kappa of the rectangular section
+SIDES = (-1.0, 1.0)  # edges of a section, of opposite bending stress
 MIDPLANE_SHEAR = 1.5 * math.sqrt(3.0)  # von Mises stress on the axis, per mean shear stress
 PLATEAU = 0.9  # distance from a neck up to which triangles are smallest, per sqrt(neck * root radius)
 GENTLE = 0.8  # slope of the height below which it, not the growth of triangles, sets their size
@@ -244,12 +245,13 @@ class Profile:
         """Return the stress concentration at positions x (n,), (n,) or (), of Neuber's notch with the root radius."""
         return concentration(np.asarray(max(self.neck / self.root_radius, SLIGHTEST)))
 
-    def stress(self, wrench: Array, thickness: ArrayLike, out_of_plane: float = 0.0) -> Array:
+    def stress(self, wrench: Array, thickness: ArrayLike, out_of_plane: float = 0.0, across: ArrayLike = 0.0) -> Array:
         """Largest von Mises stress (...), MPa, of the hinge under wrenches (..., 3) on its far end.
 
         wrench : axial force, transverse force, N, and counter-clockwise moment, N mm, which act on the far end (the
             second body) at the centre of the hinge and in its frame.   thickness : (...), mm.
         out_of_plane : ratio of the stress out of the plane to that along the axis, Poisson's ratio in plane strain.
+        across : (...), MPa, a further stress out of the plane, such as that of a warm plate in plane strain.
 
         Notes
         -----
@@ -266,11 +268,15 @@ class Profile:
         K, area = self.concentration(x), np.asarray(thickness, dtype=float)[..., None] * self.height(x)
         N, V, M = (wrench[..., k, None] for k in range(3))
         neck = self._neck_place
-        bending = (M - V * neck) * K.bending - V * (x - neck) * K.shear
-        surface = np.abs(N) * K.tension + 6 * np.abs(bending) / self.height(x)
-        uniaxial = math.sqrt(1 - out_of_plane + out_of_plane**2)  # von Mises stress per stress along the axis
-        highest = np.maximum(uniaxial * surface, np.hypot(uniaxial * N, MIDPLANE_SHEAR * V))
-        return np.asarray(np.max(highest / area, axis=-1))
+        bending = 6 * ((M - V * neck) * K.bending - V * (x - neck) * K.shear) / self.height(x)
+
+        def von_mises(along: Array) -> Array:
+            z = out_of_plane * along + np.asarray(across)[..., None]
+            return np.asarray(np.sqrt(along**2 - along * z + z**2))
+
+        edges = [von_mises((N * K.tension + side * bending) / area) for side in SIDES]
+        axis = np.hypot(von_mises(N / area), MIDPLANE_SHEAR * V / area)
+        return np.asarray(np.max(np.maximum(axis, np.maximum(*edges)), axis=-1))
 
     def sizes(self, resolution: float) -> list[Refinement]:
         """Return points (complex, mm), triangle size, mm, there, and distance from the points up to which it holds, mm.

@@ -2,8 +2,9 @@
 
 Stage and frame have the same temperature field, linear in X and Y (in three dimensions also in Z). The stage does not
 strain the frame, and all results are proportional to the difference of their coefficients of expansion. In plane strain
-the faces are held at the expansion of the frame. In three dimensions they are free, and displacements out of the plane
-are relative to the frame, which bows.
+the faces are held at the expansion of the frame: the plate expands in the plane by `a + nu (a - a_frame)`, and carries
+`E (a_frame - a)` out of the plane besides the stress of plane strain, both per kelvin. In three dimensions the faces
+are free, and displacements out of the plane are relative to the frame, which bows.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ import numpy as np
 from flexfem.analytic.elastic_bodies import body_compliance, edge_motions
 from flexfem.analytic.model import ModelChoice, analyse
 from flexfem.analytic.plates import warmed as warmed_network
-from flexfem.analytic.responses import WarmBodies, in_plane, require_expansion
+from flexfem.analytic.responses import WarmBodies, expansion_in_plane, require_expansion
 from flexfem.analytic.responses import drift as analytic_drift
 from flexfem.arrays import Array, Index
 from flexfem.fem.elements import nodal_stress, von_mises
 from flexfem.fem.fields import CORNER, edge_maxima, largest_within, neck_maxima, neck_stresses
 from flexfem.fem.mesh import nodes_on
-from flexfem.fem.ports import hinge_stress, warmed
+from flexfem.fem.ports import warm_stress, warmed
 from flexfem.fem.response import HEAT_CASES, Response, factorised_stage, free_displacement, heat_response
 from flexfem.fem.stage_mesh import layers_of, plate_of, sheet_of
 from flexfem.hinges.chart import Compliance
@@ -101,9 +102,9 @@ class MechanismDrift(Drift, mechanism=True):
 
 
 class Expansion(NamedTuple):
-    """In-plane expansion of stage and frame, and stress across the unstrained plane, MPa; all per kelvin."""
+    """Expansion of plate and frame in the plane, and stress across the unstrained plane, MPa; all per kelvin."""
 
-    stage: float
+    plate: float
     frame: float
     across: float
 
@@ -134,6 +135,9 @@ def drift(
 ) -> Drift:
     """Displacement and stress of a stage or mechanism per kelvin, and per kelvin per mm along X and Y.
 
+    In plane strain the faces are held at the expansion of the frame. In plane stress and in three dimensions they are
+    free.
+
     Parameters
     ----------
     resolution : int, optional
@@ -156,8 +160,8 @@ def drift(
     warnings, drawn, lever, rates = _frame_warnings(stage), list[Drawn](), setup.lever_of(stage), _coefficients(stage)
     others, settings = dict[str, Array](), dict[str, Any]()
     cases: tuple[str, ...] = CASES
+    expansion = expansion_of(stage)
     if isinstance(stage, Stage):
-        expansion = expansion_of(stage)
         warnings[:0] = [*warning.of_numbers(stage), *warning.of_stacks(stage)]
         cases = (*CASES, IN_DEPTH) if mesh is not None and mesh.layers else CASES
         chosen = analytic.chosen(stage, warnings, models)
@@ -174,15 +178,20 @@ def drift(
     def of_network(elastic: bool) -> Values:
         if isinstance(stage, Stage):
             return _by_network(chosen, expansion)
-        motions, wrenches = warmed_network(stage.layout, *rates, *plates.joined_parts(stage, elastic))
-        return _without_round_off(stage, motions, plates.stress_by(stage, np.moveaxis(wrenches, -1, 0), elastic))
+        in_plane = expansion.plate, expansion.frame
+        motions, wrenches = warmed_network(stage.layout, *in_plane, *plates.joined_parts(stage, elastic))
+        places = np.array([joint.place for joint in stage.layout.joints])
+        across = expansion.across * np.vstack([np.ones(len(places)), places.real, places.imag])
+        stress = plates.stress_by(stage, np.moveaxis(wrenches, -1, 0), elastic, across)
+        return _without_round_off(stage, motions, stress)
 
     @cache
     def warmed_on(resolution: int, layers: int) -> tuple[Array, Array]:
         """Motions (k, 3) of the ports and stress (3, h) in hinges by finite elements."""
         assert isinstance(stage, Mechanism)
-        response = warmed(plates.factorised(stage, resolution, layers), *rates)
-        return response.motions, hinge_stress(response, np.eye(3))
+        coefficients = rates if layers else (expansion.plate, expansion.frame)
+        response = warmed(plates.factorised(stage, resolution, layers), *coefficients)
+        return response.motions, warm_stress(response, expansion.across)
 
     def of_size(resolution: int, layers: int, thick: plates.Thickened | None = None) -> Values:
         if isinstance(stage, Stage):
@@ -197,10 +206,11 @@ def drift(
         return _without_round_off(stage, motions, stress)
 
     def bands(sizes: Array, each: list[Values], ends: Sequence[Values]) -> Values:
+        poses, poses_at_ends = (np.array([one["pose"].reshape(-1, 3).T for one in part]) for part in (each, ends))
+        pose = pose_bands(sizes, poses, np.array([1.0, 1.0, lever]), poses_at_ends)
+        found = {"pose": pose.T.reshape(each[-1]["pose"].shape)}
         if isinstance(stage, Mechanism):
-            return plates.value_bands(sizes, each, ends)
-        poses, poses_at_ends = (np.array([one["pose"].T for one in part]) for part in (each, ends))
-        found = {"pose": pose_bands(sizes, poses, np.array([1.0, 1.0, lever]), poses_at_ends).T}
+            return plates.value_bands(sizes, each, ends) | found
         if not ends:
             edges = np.array([one["edges"] for one in each])
             return found | {"edges": np.array([highest_band(sizes, edges[:, k], corner_bands) for k in range(3)])}
@@ -240,12 +250,13 @@ def _coefficients(plate: Stage | Mechanism) -> tuple[float, float]:
     return of_plate, of_plate if plate.frame.expansion is None else plate.frame.expansion
 
 
-def expansion_of(stage: Stage) -> Expansion:
-    """Return the expansion in the plane problem of a stage."""
-    (plane,), (frame,) = in_plane(lower(stage))
-    free = float(frame) - _coefficients(stage)[0]
-    across = stage.material.youngs_modulus * free if stage.model == "plane_strain" else 0.0  # held at the frame's
-    return Expansion(float(plane), float(frame), across)
+def expansion_of(plate: Stage | Mechanism) -> Expansion:
+    """Return the expansion in the plane problem of a stage or mechanism."""
+    of_plate, of_frame = _coefficients(plate)
+    in_plane = expansion_in_plane(of_plate, of_frame, plate.layout.out_of_plane)
+    held = plate.model == "plane_strain"
+    across = plate.material.youngs_modulus * (of_frame - of_plate) if held else 0.0
+    return Expansion(in_plane, of_frame, across)
 
 
 def _by_network(chosen: ModelChoice, expansion: Expansion) -> Values:
@@ -253,7 +264,7 @@ def _by_network(chosen: ModelChoice, expansion: Expansion) -> Values:
     stage, at_rest = chosen.stage, analyse(*chosen)
     design = lower(stage)
     hinges = Compliance(*(part[None] for part in at_rest.hinges))
-    rates = (np.array([expansion.stage]), np.array([expansion.frame]))
+    rates = (np.array([expansion.plate]), np.array([expansion.frame]))
     bodies = WarmBodies(body_compliance(stage)[None], edge_motions(stage)[None]) if chosen.links else None
     pose, reaction, stress = (
         np.moveaxis(part[0], -1, 0) for part in analytic_drift(design, hinges, at_rest.freedoms, *rates, bodies)
@@ -268,7 +279,7 @@ def _by_network(chosen: ModelChoice, expansion: Expansion) -> Values:
 def _in_plane(stage: Stage, resolution: int, expansion: Expansion) -> tuple[Values, Drawn]:
     """Return the three cases by plane finite elements, and their fields."""
     mesh, plate = plates.meshed(stage, resolution), plate_of(stage)
-    response = heat_response(mesh, plate, expansion.stage, expansion.frame)
+    response = heat_response(mesh, plate, expansion.plate, expansion.frame)
     temperature = np.column_stack([np.ones(len(mesh.nodes)), mesh.nodes])
     ratio, nodal = stage.layout.out_of_plane, nodal_stress(mesh, plate, response.nodal)
     stresses = [von_mises(nodal[k], ratio, expansion.across * temperature[:, k]) for k in range(3)]
@@ -280,7 +291,7 @@ def _in_plane(stage: Stage, resolution: int, expansion: Expansion) -> tuple[Valu
     }
 
     def fields() -> WarmFields:
-        free = expansion.stage * np.tensordot(HEAT_CASES, free_displacement(mesh.nodes), axes=1)
+        free = expansion.plate * np.tensordot(HEAT_CASES, free_displacement(mesh.nodes), axes=1)
         cases = zip(CASES, response.nodal + free, stresses, strict=True)
         part = mesh.nodes, mesh.triangles, mesh.bodies
         return WarmFields({case: Fields(*part, *field) for case, *field in cases}, mesh.edges["ground"])

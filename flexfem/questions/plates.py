@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from flexfem.analytic.plates import respond
 from flexfem.arrays import Array
@@ -206,14 +207,19 @@ def joined_parts(mechanism: Mechanism, elastic: bool) -> ElasticParts:
     return thickness[0].solid if thickness else parts_of(mechanism)
 
 
-def stress_by(mechanism: Mechanism, wrenches: Array, elastic: bool = False) -> Array:
+def stress_by(mechanism: Mechanism, wrenches: Array, elastic: bool = False, across: ArrayLike = 0.0) -> Array:
     """Return the highest stress (..., hinges), MPa, of hinges under wrenches (..., hinges, 3).
 
     elastic : of the network of elastic parts, whose hinges have the dimensions of the model.
+    across : (..., hinges), MPa, stress out of the plane besides that of plane strain, at the centres of the hinges.
     """
     layout = mechanism.layout
-    plate = layout.thickness, layout.out_of_plane
-    stress = np.stack([one.profile.stress(wrenches[..., h, :], *plate) for h, one in enumerate(layout.joints)], axis=-1)
+    across = np.broadcast_to(across, wrenches.shape[:-1])
+    highest = [
+        one.profile.stress(wrenches[..., h, :], layout.thickness, layout.out_of_plane, across[..., h])
+        for h, one in enumerate(layout.joints)
+    ]
+    stress = np.stack(highest, axis=-1)
     thickness = thickness_of(mechanism) if elastic else ()
     return stress * thickness[0].stress_ratios(wrenches) if thickness else stress
 
