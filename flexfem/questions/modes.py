@@ -49,8 +49,8 @@ from flexfem.questions.setup import (
     question,
     sectors_of,
 )
-from flexfem.refused import BadInput
-from flexfem.results import FRESH, SHEET, SOLID, Gate, Progress, Quantity, Result
+from flexfem.refused import BadInput, ComputationFailed
+from flexfem.results import COARSER, FRESH, MAGNITUDE, SHEET, SOLID, Gate, Progress, Quantity, Result
 from flexfem.units import DENSITY, DIRECTIONS, FORCES, LENGTH, POSES, UNITS
 
 Drives: TypeAlias = Literal["disengaged", "engaged"]
@@ -65,6 +65,9 @@ AGREED = 0.1  # relative difference up to which the observed order agrees with t
 SAME_SHAPE = 0.7  # least overlap of identical shapes: any rotation within a pair of equal frequency keeps as much
 EQUAL = 1e-4  # relative difference of frequencies of modes that symmetry makes equal, on a mesh without symmetry
 STILL = 1e-3  # motion of the output in a mode, relative to the largest of all modes, that counts as none
+ALIKE = 0.05  # relative difference of frequencies of one mode by the network of parts and by finite elements
+LIFTED_SIZE = (2, 2)  # resolution and layers for the first frequency out of the plane
+LIFTED_MESH = 2e-3  # of a frequency out of the plane, by this resolution: 0.02 to 0.1 % to resolution 4
 RIGID_MODES = 3  # modes of the platform on its hinges; in higher ones links swing and bend
 ABOVE_THIRD = (
     "analytic frequencies above the third are not reliable: links swing and bend in these modes. On 40 random stages "
@@ -80,6 +83,7 @@ AT_ITS_PLACE = (
     "payload: its centre of mass is at the platform's centre, in the mid-plane; a payload above the mid-plane couples "
     "motion in and out of the plane, which is neglected"
 )
+LIFTED_GATE = Gate(COARSER.relative, MAGNITUDE)
 MOTION = Gate(1e-3, absolute=1e-4)
 KILOGRAM, INERTIA = UNITS["kg"].factor, UNITS["kg_mm2"].factor
 
@@ -105,7 +109,7 @@ class NaturalModes(Result):
     meshed_mass = Quantity("mass by the finite elements", "kg", gate=FRESH, shown=False, only="stage")
     hub_mass = Quantity("mass of the hub", "kg", only="stage")
     first_out_of_plane = Quantity(
-        "first natural frequency out of the plane", "hz", gate=Gate(FRESH.relative, 0.2), only="stage"
+        "first natural frequency out of the plane", "hz", gate=Gate(FRESH.relative, 0.2), uneven=LIFTED_GATE
     )
     labels: ClassVar = {"base": DIRECTIONS, "tilt": ("x", "y")}
 
@@ -119,9 +123,9 @@ class MechanismModes(NaturalModes, mechanism=True):
         "motion of the output: share of each direction in its square; rotations are multiplied by the lever",
         "a mode that hardly moves the output has no share; of modes with equal frequency, the first moves along x if "
         "possible",
-        "modes out of the plane are computed with layers only; a payload is a flat body at mid-plane; the hinges of "
-        "the analytic models have no mass: modes in which leaf springs vibrate are missing, and the numbers of higher "
-        "modes differ from those of finite elements",
+        "more modes out of the plane than the first are computed with `--layers`; a payload is a flat body at "
+        "mid-plane; the hinges of the analytic models have no mass: modes in which leaf springs vibrate are missing, "
+        "and the numbers of higher modes differ from those of finite elements",
     )
     share = Quantity(
         "motion of the output by finite elements", "percents", ("mode", "direction"), MOTION, "all", uneven=MOTION
@@ -366,10 +370,10 @@ def _of_mechanism(
         values = by_mesh(resolution, layers)
         if thick is None:
             return values
-        ratio = np.ones(count)
-        solid, plane = of_parts(thick.solid)[:count], of_parts(thick.plane)[:count]
-        ratio[: len(plane)] = solid / plane  # higher modes are those of bodies, which are in plane stress
-        return values | {"frequency": values["frequency"] * ratio}
+        ratios = _by_thickness(values["frequency"], of_parts(thick.plane), of_parts(thick.solid))
+        held = np.sqrt(1 / (1 - layout.poissons_ratio**2))  # of a leaf that vibrates in plane strain
+        alone = 1 + (held - 1) / 2 * (thick.share == 1)  # between plane strain and plane stress, which one variant has
+        return values | {"frequency": values["frequency"] * np.where(np.isnan(ratios), alone, ratios)}
 
     @cache
     def by_mesh(resolution: int, layers: int) -> dict[str, Array]:
@@ -397,7 +401,50 @@ def _of_mechanism(
             plate = plates.meshed(mechanism, mesh.resolution)
             fields = MeshFields(plate, lambda: {f"mode {k + 1}": shapes[0].field(k) for k in range(count)})
     settings = {"actuators": drives} if layout.actuators else {}
-    return answer(NaturalModes, mechanism, answers, mesh, settings, values, {"mode": names}, fields=fields)
+    bands, warnings = dict[str, float](), list[str]()
+    if SOLID in found and mesh is not None:
+        in_plane = float(found[SOLID].values["frequency"][:count].min())
+        try:
+            first, band = _first_out_of_plane(mechanism, found[SOLID], count if mesh.layers else None)
+        except ComputationFailed as failure:
+            warnings.append(f"no frequency out of the plane: {failure}")
+        else:
+            values["first_out_of_plane"], bands["first_out_of_plane"] = np.array(first), band
+            if first < in_plane:
+                hertz = UNITS["hz"].factor
+                lowest = f"at {hertz * first:.5g} Hz, below {hertz * in_plane:.5g} Hz in the plane"
+                warnings.append(f"the lowest natural frequency is out of the plane, {lowest}")
+    return answer(
+        NaturalModes, mechanism, answers, mesh, settings, values, {"mode": names}, bands,
+        warnings=warnings, fields=fields,
+    )  # fmt: skip
+
+
+def _by_thickness(frequencies: Array, plane: Array, solid: Array) -> Array:
+    """Return the ratios (modes,) in three dimensions to plane stress of frequencies by finite elements.
+
+    plane, solid : frequencies of the network of parts with hinges in plane stress and in three dimensions; the ratio
+        is that of the nearest mode, and nan without one within `ALIKE`: hinges or bodies vibrate alone.
+    """
+    nearest = np.argmin(np.abs(frequencies[:, None] / plane - 1), axis=1)
+    alike = np.abs(frequencies / plane[nearest] - 1) < ALIKE
+    return np.where(alike, (solid / plane)[nearest], np.nan)
+
+
+def _first_out_of_plane(mechanism: Mechanism, found: ModelAnswer, place: int | None) -> tuple[float, float]:
+    """Return the first natural frequency out of the plane, rad/s, and its band.
+
+    place : of this frequency in the values of a whole plate in three dimensions, None where they are in the plane.
+    Raises ComputationFailed for too many unknowns.
+    """
+    if place is not None:
+        return float(found.values["frequency"][place]), float(found.bands["frequency"][place])
+    resolution, layers = LIFTED_SIZE
+    few, many = (
+        float(plate_modes(plates.factorised(mechanism, resolution, count, lifting=True), 1).frequencies[0])
+        for count in (layers - 1, layers)
+    )
+    return many, SAFETY * abs(many - few) + LIFTED_MESH * many
 
 
 def _shares_of_motion(frequencies: Array, motion: Array) -> Array:

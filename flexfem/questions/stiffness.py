@@ -125,7 +125,10 @@ class Summary(Result):
     amplification = Quantity(
         "output motion per actuator opening", ("", "", "rad_per_mm"), BY_DIRECTION, COARSER, "all", only="mechanism"
     )
-    frequency = Quantity("first natural frequency", "hz", ("model",), FRESH, only="mechanism")
+    frequency = Quantity("first natural frequency in the plane", "hz", ("model",), FRESH, only="mechanism")
+    first_out_of_plane = Quantity(
+        "first natural frequency out of the plane, in three dimensions", "hz", gate=COARSER, only="mechanism"
+    )
     input_stiffness = Quantity(
         "stiffness at the actuator, output free", "n_per_um", ("model",), COARSER, only="mechanism"
     )
@@ -438,6 +441,9 @@ def summary(
         first = modes(stage, count=1, **mesh)
         values["frequency"] = first.internal.values["frequency"][0]
         bands |= {name: band[0] for name, band in first.internal.bands.items() if name == "frequency"}
+        for target, source in zip(parts, (first.internal.values, first.internal.bands), strict=True):
+            target |= {name: source[name] for name in source if name == "first_out_of_plane"}
+        warnings += first.warnings
         if stage.layout.actuators:
             reached = of_mechanism(stage, plates.mesh_of(stage, **mesh), models)
             drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
