@@ -73,6 +73,18 @@ def _jacobian(nodes: Array, slope: Array) -> Array:
     return J.transpose(1, 2, 0, 3)
 
 
+class TooManyTriangles(ComputationFailed):
+    """A mesh has more than `MOST_TRIANGLES`, or would have them."""
+
+
+class PoorTriangles(ComputationFailed):
+    """Triangles whose scaled Jacobian is too small; `triangles` are their indices."""
+
+    def __init__(self, text: str, triangles: Index) -> None:
+        super().__init__(text)
+        self.triangles = triangles
+
+
 @brief
 class StageMesh(NamedTuple):
     """Mesh of curved quadratic triangles.
@@ -118,10 +130,10 @@ def by_radius(nodes: Array, edges: Index) -> Index:
 
 
 def check_count(triangles: float, subject: str) -> None:
-    """Raise ComputationFailed for too many triangles."""
+    """Raise TooManyTriangles."""
     if triangles > MOST_TRIANGLES:
         remedy = "a coarser resolution or thicker necks are needed"
-        raise ComputationFailed(f"{subject} {triangles:.3g} triangles, expected at most {MOST_TRIANGLES:.2g}: {remedy}")
+        raise TooManyTriangles(f"{subject} {triangles:.3g} triangles, expected at most {MOST_TRIANGLES:.2g}: {remedy}")
 
 
 def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
@@ -143,7 +155,8 @@ def check_triangles(mesh: StageMesh, drawn: float, expected: int = 1) -> None:
     if quality.min() < LEAST_JACOBIAN:
         x, y = mesh.nodes[mesh.triangles[np.argmin(quality), :3]].mean(axis=0)
         bad = f"a scaled Jacobian of {quality.min():.3g} near ({x:.6g}, {y:.6g}) mm, expected > {LEAST_JACOBIAN:g}"
-        raise ComputationFailed(f"mesh has {bad}: do two corners of an outline nearly coincide there?")
+        text = f"mesh has {bad}: do two corners of an outline nearly coincide there?"
+        raise PoorTriangles(text, np.flatnonzero(quality < LEAST_JACOBIAN))
 
 
 def jacobians(mesh: StageMesh) -> Array:

@@ -15,12 +15,31 @@ from typing import Any
 import numpy as np
 import shapely
 
-from flexfem.arrays import AnyArray
-from flexfem.fem.mesh import StageMesh, check_count, check_triangles, jacobians, mesh_of, ordered
-from flexfem.fem.mesher import DIVIDING, Grading, Line, NamedArrays, PlateContours, PlateMesh, Region, run_mesher
+from flexfem.arrays import AnyArray, Array
+from flexfem.fem.mesh import (
+    PoorTriangles,
+    StageMesh,
+    TooManyTriangles,
+    check_count,
+    check_triangles,
+    jacobians,
+    mesh_of,
+    ordered,
+)
+from flexfem.fem.mesher import (
+    DIVIDING,
+    Grading,
+    Line,
+    MeshTimeout,
+    NamedArrays,
+    PlateContours,
+    PlateMesh,
+    Region,
+    run_mesher,
+)
 from flexfem.fem.stage_mesh import COARSEST, GROWTH, PER_TURN, TIME_LIMIT
 from flexfem.mechanism.layout import Body, Layout, Move
-from flexfem.mechanism.outlines import SHORTEST, Segment, area, circle_of, polygon_points, reverse
+from flexfem.mechanism.outlines import SHORTEST, Segment, circle_of, polygon_points, reverse
 from flexfem.mechanism.plate import (
     ALONG,
     TOUCHING,
@@ -32,7 +51,9 @@ from flexfem.mechanism.plate import (
     end_lines,
     joint_loop,
     joint_polygon,
+    mean_width,
     neck_line,
+    triangles_needed,
 )
 from flexfem.refused import ComputationFailed
 
@@ -40,12 +61,18 @@ PART_AREA = 2e-3  # relative, of a body or hinge; parabolas stand for arcs
 CORNER = 4.0  # times smaller are the triangles at a sharp inner corner of an elastic body
 SHARP = np.deg2rad(20.0)  # turn of the outline at a corner
 AT_CONTACT = 4.0  # size of triangles at a contact, per radius, times the resolution
-NARROWEST = 0.1  # width of a place in a body, per mean width, below which it sets no triangle size
-MOST_RAYS = 64  # from a side of a body
+RAYS = 0.1  # distance between rays from a side of a body, per mean width
+MOST_RAYS = 64  # from a side, or around one of its rays
 FACING = 0.7  # cosine of the angle between two sides that face each other
 DECIMALS = 9  # of coordinates, mm, of parts that are equal
 BEYOND = TOUCHING / 2  # mm, of a dividing line beyond the edge of the plate
 OF_GROUND = 4.0  # times larger are the triangles of a rigid body
+ATTEMPTS, LOCAL_ATTEMPTS = 8, 5  # to mesh a plate, and one with its symmetry
+SMALLER = 0.4  # size of triangles in place of poor ones, per longest side
+SLOPE = 0.4  # growth of their size with the distance, as with 4 triangles across a neck
+FINER = 0.8  # size of all triangles in the next attempt
+OTHER_ALGORITHM = {6: 5, 5: 6}
+TIME_PER_TRIANGLE = 5e-4  # s, added to the time limit; gmsh takes 6e-5 s on an idle machine
 
 
 def regions_of(layout: Layout, circles: bool = False) -> list[Region]:
@@ -97,7 +124,10 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         for points, size, radius in sizes:
             at = (complex(joint.place + z * cmath.exp(1j * joint.heading)) for z in points)
             gradings.setdefault((size, radius), []).extend(at)
-    largest = [COARSEST * _width(body) / fine * (OF_GROUND if body.fixed else 1.0) for body in layout.bodies]
+    largest = [
+        COARSEST * (body.width or mean_width(body)) / fine * (OF_GROUND if body.fixed else 1.0)
+        for body in layout.bodies
+    ]
     for number, (body, coarse) in enumerate(zip(layout.bodies, largest, strict=True)):
         for point, size, radius in _refinements(body, coarse):
             gradings.setdefault((size, radius), []).append(point)
@@ -118,8 +148,45 @@ def mesh_layout(layout: Layout, resolution: int) -> StageMesh:
         regions, dividing = _divided(layout, job.regions, moves)
         symmetric = job._replace(regions=regions, lines=[*job.lines, *dividing], moves=moves)
         with suppress(ComputationFailed):  # gmsh cannot draw it: a mesh without symmetry, then
-            return _checked(layout, run_mesher(symmetric, TIME_LIMIT), divisions)
-    return _checked(layout, run_mesher(job, TIME_LIMIT), divisions)
+            return _accepted(layout, symmetric, LOCAL_ATTEMPTS)
+    return _accepted(layout, job, ATTEMPTS)
+
+
+def _accepted(layout: Layout, job: PlateMesh, attempts: int) -> StageMesh:
+    """Return the first mesh that passes its checks.
+
+    In place of poor triangles there are smaller ones in the next attempt. After any other failure all triangles are
+    smaller, by another algorithm; a mesh with symmetry then has no other attempt.
+    """
+    try:
+        arrays = run_mesher(job, TIME_LIMIT + TIME_PER_TRIANGLE * triangles_needed(layout))
+        return _checked(layout, arrays, job.divisions)
+    except (MeshTimeout, TooManyTriangles):
+        raise
+    except PoorTriangles as poor:
+        if attempts == 1:
+            raise
+        changed = _refined(job, arrays["nodes"][arrays["triangles"][poor.triangles, :3]] @ [1, 1j])
+    except ComputationFailed:
+        if attempts == 1 or job.moves:
+            raise
+        gradings = [one._replace(size=FINER * one.size, largest=FINER * one.largest) for one in job.gradings]
+        largest = [FINER * size for size in job.largest]
+        changed = job._replace(gradings=gradings, largest=largest, algorithm=OTHER_ALGORITHM[job.algorithm])
+    return _accepted(layout, changed, attempts - 1)
+
+
+def _refined(job: PlateMesh, corners: AnyArray) -> PlateMesh:
+    """Return a request with smaller triangles at the places of some and at their images.
+
+    corners : (n, 3), complex, mm, of the triangles.
+    """
+    coarsest, added = max(job.largest), list[Grading]()
+    for triangle in corners:
+        longest = float(np.abs(triangle - np.roll(triangle, 1)).max())
+        places = [move(complex(triangle.mean())) for move in (Move(), *job.moves)]
+        added.append(Grading(places, longest, SMALLER * longest, coarsest, (coarsest - SMALLER * longest) / SLOPE))
+    return job._replace(gradings=[*job.gradings, *added])
 
 
 def symmetry_of(layout: Layout) -> list[Move]:
@@ -210,13 +277,6 @@ def _between(layout: Layout, index: int, about: complex, turns: int) -> complex:
     return cmath.exp(1j * float((at + gaps / 2)[np.argmax(gaps)]))
 
 
-def _width(body: Body) -> float:
-    """Width of a bar, or the mean width of another body, mm."""
-    loops = (body.outline, *body.holes)
-    perimeter = sum(segment.length for loop in loops for segment in loop)
-    return body.width or 2 * sum(area(loop) for loop in loops) / perimeter
-
-
 def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, float]]:
     """Yield points, the triangle sizes at them and radii, mm: of arcs, and of sharp inner corners of elastic bodies."""
     for loop in (body.outline, *body.holes):
@@ -227,30 +287,67 @@ def _refinements(body: Body, coarse: float) -> Iterator[tuple[complex, float, fl
             turn = cmath.phase(complex(after.tangent(0.0)) / complex(before.tangent(1.0)))
             if turn < -SHARP and not body.fixed:
                 yield after.start, coarse / CORNER, 0.0
-    if body.width is None and not body.fixed:
-        for point, width in _narrow_places(body, _width(body)):
-            yield point, coarse * width / _width(body), width
+    width = body.width or mean_width(body)
+    for point, gap in _narrow_places(body, width):
+        yield point, coarse * gap / width, gap
 
 
 def _narrow_places(body: Body, width: float) -> Iterator[tuple[complex, float]]:
-    """Yield points in the middle of places narrower than the mean width of a body, and their width in steps, mm.
+    """Yield points in the middle of places narrower than half the width of a body, and their width in steps, mm.
 
-    From points of the outlines, rays at right angles meet a side of the body that faces them.
+    They are the middles of the shortest lines between two of its loops, and of rays at right angles to its outlines
+    that meet a side that faces them.
     """
-    rings = [polygon_points(loop) @ [1, 1j] for loop in (body.outline, *body.holes)]
-    starts, sides = np.concatenate(rings), np.concatenate([np.roll(ring, -1) - ring for ring in rings])
-    for start, side in zip(starts, sides, strict=True):
-        along, count = side / abs(side), min(MOST_RAYS, math.ceil(abs(side) / (NARROWEST * width)))
-        at = start + side * (np.arange(count)[:, None] + 0.5) / count
-        u, v = (starts - at) / along, sides / along  # the ray is the positive imaginary axis
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = -u.real / v.real
-            away = np.where((share >= 0) & (share <= 1), u.imag + share * v.imag, np.inf)
-        away[(away < SHORTEST) | (v.real > -FACING * np.abs(v))] = np.inf
-        for point, gap in zip(at[:, 0], away.min(axis=1), strict=True):
-            if NARROWEST * width < gap < width / 2:
-                step = width * 2 ** -math.ceil(math.log2(width / gap))
-                yield complex(point + 0.5j * along * gap), step
+    rings = [polygon_points(loop) for loop in (body.outline, *body.holes)]
+    loops = np.array([shapely.LinearRing(ring) for ring in rings])
+    near = shapely.STRtree(loops).query(loops, predicate="dwithin", distance=width / 2).T
+    between = near[near[:, 0] < near[:, 1]]
+    lines = shapely.get_coordinates(shapely.shortest_line(*loops[between].T)).reshape(-1, 2, 2) @ [1, 1j]
+    places = [*zip(lines.mean(axis=1).tolist(), np.abs(np.diff(lines)).ravel().tolist(), strict=True)]
+    sides = np.concatenate([np.stack([ring, np.roll(ring, -1, axis=0)], axis=1) for ring in rings])
+    walls = shapely.STRtree(np.asarray(shapely.linestrings(sides)))
+    starts, along = sides[:, 0] @ [1, 1j], (sides[:, 1] - sides[:, 0]) @ [1, 1j]
+    spacing = np.full(len(sides), RAYS * width)
+    origins, of = _spread(starts, along, spacing)
+    for _ in range(2):  # the second time where places are narrower than the rays are apart
+        gaps = _gaps(origins, of, starts, along, walls, width / 2)
+        found = gaps < width / 2
+        inwards = 1j * along[of[found]] / np.abs(along[of[found]])
+        places += zip((origins[found] + inwards * gaps[found] / 2).tolist(), gaps[found].tolist(), strict=True)
+        thin = found & (gaps < np.minimum(RAYS * width, np.abs(along[of])))
+        step = np.minimum(RAYS * width, np.abs(along[of]))[thin]
+        direction = along[of][thin] / np.abs(along[of][thin])
+        origins, more = _spread(origins[thin] - step / 2 * direction, step * direction, gaps[thin])
+        of = of[thin][more]
+    for point, gap in places:
+        if gap > SHORTEST:
+            yield point, width * 2 ** -math.ceil(math.log2(width / gap))
+
+
+def _spread(starts: AnyArray, along: AnyArray, spacing: Array) -> tuple[AnyArray, AnyArray]:
+    """Return points (m,) on lines from `starts` (n,) by vectors `along` (n,), at most so far apart, and their lines."""
+    counts = np.clip(np.ceil(np.abs(along) / spacing), 1, MOST_RAYS).astype(np.int64)
+    of = np.repeat(np.arange(len(starts)), counts)
+    place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+    return starts[of] + along[of] * (place + 0.5) / counts[of], of
+
+
+def _gaps(origins: AnyArray, of: AnyArray, starts: AnyArray, along: AnyArray, walls: Any, longest: float) -> Array:
+    """Return the lengths (m,), mm, of rays at right angles to sides, to the next side that faces them; else infinity.
+
+    origins : (m,), on the sides `of` (m,), which go from `starts` (n,) by `along` (n,).   walls : tree of the sides.
+    """
+    inwards = 1j * along[of] / np.abs(along[of])
+    ends = np.stack([origins, origins + longest * inwards], axis=1)
+    ray, wall = walls.query(shapely.linestrings(np.stack([ends.real, ends.imag], axis=2)), predicate="intersects")
+    direction = along[of][ray] / np.abs(along[of][ray])
+    u, v = (starts[wall] - origins[ray]) / direction, along[wall] / direction  # the ray is the positive imaginary axis
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = u.imag - u.real / v.real * v.imag
+    away[~(away > SHORTEST) | (v.real > -FACING * np.abs(v))] = np.inf
+    gaps = np.full(len(origins), np.inf)
+    np.minimum.at(gaps, ray, away)
+    return gaps
 
 
 def _checked(layout: Layout, arrays: NamedArrays, divisions: dict[str, int]) -> StageMesh:

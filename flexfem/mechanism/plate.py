@@ -6,9 +6,10 @@ Points are complex, mm.
 from __future__ import annotations
 
 import cmath
+import math
 import re
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 
 from flexfem.arrays import AnyArray, Array
 from flexfem.mechanism.layout import Body, Joint, Layout
-from flexfem.mechanism.outlines import Segment, polygon_points, polyline
+from flexfem.mechanism.outlines import SHORTEST, Segment, area, polygon_points, polyline
 from flexfem.mechanism.profiles import Curve, backwards, mapped
 from flexfem.refused import BadInput
 
@@ -39,6 +40,12 @@ EDGE_ROUND_OFF = 1e-9  # relative to length or height, of points on the edge of 
 OVERSHOOT = 0.02  # of a line across a hinge beyond its edge, per length of the line
 SIDES = (-1, 1)  # ends of a hinge at its first and second body
 INSIDE = np.abs(ALONG) < 0.4  # of them, away from the ends of the hinge
+LONG = 20.0  # length of a part that is narrower than the least width, per this width, above which it is no tip
+THIN = 0.25  # mean width of such a part, per least width, below which it is no tip, whose mean width is a half
+BISECTIONS = 30  # of the width that a refusal states
+PER_SQUARE_OF_HINGE, PER_SQUARE_OF_BODY = 17, 37  # triangles with 8 across the necks, see `triangles_needed`
+PER_HINGE, PER_HOLE = 2500, 330  # the same around a hinge, and a small hole among others
+MOST_TRIANGLES = 800_000  # with 8 across the necks; they take a minute to mesh
 
 
 def _position(joint: Joint, z: complex) -> complex:
@@ -139,6 +146,100 @@ def check_layout(layout: Layout) -> None:
         how = f"overlaps {other.name} by {shared:.3g} mm^2" if shared > SLIVER else f"touches {other.name}"
         raise BadInput(f"{_key(one)}: {how}, expected parts that only hinges connect")
     _check_grounded(layout)
+    for body, polygon in zip(layout.bodies, bodies, strict=True):
+        _check_widths(body, polygon, touching)
+    triangles_needed(layout, refuse=True)
+
+
+def _check_widths(body: Body, polygon: Any, least: float) -> None:
+    """Raise BadInput for material, a slit or a hole that is narrower than the least width, mm."""
+    rings = np.array([polygon.exterior, *polygon.interiors])
+    near = shapely.STRtree(rings).query(rings, predicate="dwithin", distance=least)
+    for one, other in rings[near.T[near[0] < near[1]]]:
+        line = shapely.shortest_line(one, other)
+        where = "between a hole and its edge" if one is rings[0] else "between two holes"
+        raise _too_narrow(body, "is", where, _Narrow(shapely.centroid(line), shapely.length(line)), least)
+    outer = shapely.Polygon(rings[0])
+    around = shapely.box(*(outer.bounds + extent(outer) * np.array([-1, -1, 1, 1])))
+    void = shapely.Polygon(around.exterior, [rings[0]])
+    faces = [("is", outer), ("has a slit", void), *(("has a hole", shapely.Polygon(ring)) for ring in rings[1:])]
+    for what, face in faces:
+        if narrow := _narrow_place(face, least):
+            raise _too_narrow(body, what, "", narrow, least)
+
+
+class _Narrow(NamedTuple):
+    """A point where a polygon is narrow, and its width there, mm."""
+
+    place: Any
+    width: float
+
+
+def _too_narrow(body: Body, what: str, where: str, narrow: _Narrow, least: float) -> BadInput:
+    x, y = narrow.place.x + 0.0, narrow.place.y + 0.0  # not -0
+    near = f"{where} near ({x:.6g}, {y:.6g}) mm".lstrip()
+    return BadInput(f"{_key(body)}: {what} {narrow.width:.3g} mm wide {near}, expected at least {least:.3g} mm")
+
+
+def _narrow_place(face: Any, least: float) -> _Narrow | None:
+    """Return where a polygon is narrower than a width, mm; None where it is not, or has sharp tips alone."""
+    pieces = shapely.get_parts(eroded := shapely.buffer(face, -least / 2))
+    if len(pieces) != 1:
+        low, high = math.log(SHORTEST), math.log(least)
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            is_whole = len(shapely.get_parts(shapely.buffer(face, -math.exp(middle) / 2))) == 1
+            low, high = (middle, high) if is_whole else (low, middle)
+        place = shapely.shortest_line(pieces[0], pieces[1]) if len(pieces) else face
+        return _Narrow(shapely.centroid(place), math.exp(high))
+    opened = shapely.buffer(eroded, least / 2 * (1 + OVERSHOOT))
+    if shapely.length(face) - shapely.length(opened) < LONG * least:  # without the difference, which takes longer
+        return None
+    lost = shapely.get_parts(shapely.difference(face, opened))
+    length = shapely.length(lost) / 2
+    narrow = lost[(length > LONG * least) & (shapely.area(lost) < THIN * least * length)]
+    if not len(narrow):
+        return None
+    return _Narrow(shapely.point_on_surface(narrow[0]), float(2 * shapely.area(narrow[0]) / shapely.length(narrow[0])))
+
+
+def triangles_needed(layout: Layout, refuse: bool = False) -> float:
+    """Estimate the triangles of a mesh with 8 across every neck.
+
+    Their size follows the height of hinges, and in bodies the mean width `w`; so there are as many for each square that
+    a part could be cut into, `int dx / h` or `area / w^2`, and more at hinges and holes. With `refuse`, raises BadInput
+    for too many.
+    """
+    needed = list[tuple[float, Body | Joint]]()
+    for body in layout.bodies:
+        squares = 0.0 if body.fixed else _face_area(body) / (body.width or mean_width(body)) ** 2
+        needed.append((PER_SQUARE_OF_BODY * squares + PER_HOLE * len(body.holes), body))
+    for joint in layout.joints:
+        x, weights = joint.profile.quadrature
+        needed.append((PER_HINGE + PER_SQUARE_OF_HINGE * float(np.sum(weights / joint.profile.height(x))), joint))
+    total = sum(count for count, _ in needed)
+    if refuse and total > MOST_TRIANGLES:
+        most, part = max(needed, key=lambda each: each[0])
+        width = part.profile.neck if isinstance(part, Joint) else part.width or mean_width(part)
+        is_slender = not (isinstance(part, Body) and part.holes) and most > 2 * PER_HINGE
+        remedy = (
+            f"{width * total / MOST_TRIANGLES:.2g} mm or a smaller length" if is_slender else "fewer holes and hinges"
+        )
+        raise BadInput(
+            f"{_key(part)}: finite elements need about {total:.2g} triangles, {most:.2g} of them for {part.name}, "
+            f"{width:.3g} mm wide, expected at most {MOST_TRIANGLES:.2g}, as with {remedy}"
+        )
+    return total
+
+
+def _face_area(body: Body) -> float:
+    return sum(map(area, (body.outline, *body.holes)))
+
+
+def mean_width(body: Body) -> float:
+    """Twice the area per length of its edges, mm: the width of a long body."""
+    loops = (body.outline, *body.holes)
+    return 2 * _face_area(body) / sum(segment.length for loop in loops for segment in loop)
 
 
 def _key(part: Body | Joint) -> str:
@@ -196,6 +297,12 @@ def plate_polygon(layout: Layout) -> Any:
     """Return the polygons of the whole plate, for drawings of what encloses them where loops meet."""
     bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
     return shapely.union_all([*bodies, *map(joint_polygon, layout.joints)], grid_size=GRID)
+
+
+def size_of(layout: Layout) -> float:
+    """Return the larger extent of a whole plate in x and y, mm, without joining its parts."""
+    bodies = [body_polygon(layout, index, refuse=False) for index in range(len(layout.bodies))]
+    return extent([*bodies, *map(joint_polygon, layout.joints)])
 
 
 def extent(shape: Any) -> float:

@@ -11,7 +11,7 @@ from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import extent, plate_polygon
+from flexfem.mechanism.plate import size_of, triangles_needed
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
@@ -48,6 +48,7 @@ ACROSS = (1.0, 5000.0)  # mm: from the smallest stages cut from sheet to more th
 SLENDER = 1000.0  # size of a plate / thickness / neck: a larger ratio is more likely a number in another unit
 
 UNIT = "is the unit right?"
+MANY_TRIANGLES = 200_000  # with 8 across the necks; three meshes take more than a minute
 LEFT_OUT = 5.0  # per cent of the model's own compliance; the paper aims to explain errors of 5 to 10 per cent
 STRAIGHT = 15.0  # deg between the lines of a chain's hinges; only selects an explanation
 THICK = 1.0  # per cent of the stiffness: a tenth of the effect of a thick hinge
@@ -161,7 +162,7 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
         kind, across, neck = "stage", float(envelope(lower(plate))[0]), float(np.min(lower(plate).neck))
         angles = max(map(abs, plate.chain.joint_angles)) <= np.deg2rad(2 * np.pi)
     else:
-        kind, across, angles = "mechanism", extent(plate_polygon(plate.layout)), False
+        kind, across, angles = "mechanism", size_of(plate.layout), False
         neck = min((joint.profile.neck for joint in plate.layout.joints), default=np.inf)
     strength, density, thickness = plate.material.yield_strength, plate.material.density, plate.thickness
     strain, flat = strength / plate.material.youngs_modulus, f"thickness_mm = {thickness:g} is below a thousandth of"
@@ -175,7 +176,11 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
     }  # fmt: skip
     found = [text for text, (value, (low, high)) in plausible.items() if not low <= value <= high]
     found += _when(angles, "chain.joint_angles_deg are all within two pi")
-    return [f"{text}: {UNIT}" for text in found]
+    doubts = [f"{text}: {UNIT}" for text in found]
+    needed = triangles_needed(plate.layout) if isinstance(plate, Mechanism) else 0.0
+    if needed > MANY_TRIANGLES:
+        doubts.append(f"finite elements need about {needed:.2g} triangles with 8 across the necks, which take minutes")
+    return doubts
 
 
 def of_parameters(mechanism: Mechanism) -> Warnings:

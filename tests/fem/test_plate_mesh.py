@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 import flexfem
 import flexfem.fem.plate_mesh
-from flexfem.fem.mesh import jacobians, nodes_on
+from flexfem.fem.mesh import jacobians, nodes_on, scaled_jacobians
 from flexfem.fem.plate_mesh import mesh_layout, plate_contours, symmetry_of
 from flexfem.fem.ports import plate_response
 from flexfem.mechanism.layout import Body, Joint, Layout, Patch
@@ -28,6 +28,9 @@ ROOT = Path(__file__).parents[2]
 ON_CURVE = 1e-8  # mm; OpenCASCADE draws to its own tolerance
 PARABOLAS = 2e-6  # relative area, in place of arcs
 SYMMETRIC = 0.1 * SOLVED  # coupling of directions, relative; on meshes without symmetry it is 5e-7 to 8e-6
+
+COARSE_PARABOLAS = 2e-4  # the same of 9 triangles around a hole
+COARSE_MESH = 3e-3  # relative compliance on a mesh with 2 triangles across the necks, from that on a fine one
 
 
 def box(x0, y0, x1, y1, turn=1.0):
@@ -330,3 +333,75 @@ def test_a_plate_that_cannot_be_meshed_with_symmetry_is_meshed_without(monkeypat
     _, without = relative(gripper(), without_symmetry(gripper(), 2, monkeypatch))
     monkeypatch.setattr(flexfem.fem.plate_mesh, "run_mesher", fails_with_moves)
     np.testing.assert_allclose(relative(gripper(), mesh_layout(gripper(), 2))[1], without, rtol=1e-5)  # noise of meshes
+
+
+def shipped_parallelogram(**parameters):
+    plate = flexfem.load(ROOT / "geometry/parallelogram.toml")
+    return plate.replace(parameters={f"{name}_mm": value for name, value in parameters.items()}).layout
+
+
+@pytest.mark.parametrize(
+    ("parameters", "resolution"),
+    [({"distance": 45}, 2), ({"distance": 40, "width": 0.1}, 2), ({"distance": 40, "width": 0.1}, 6)],
+)
+def test_poor_triangles_are_replaced_by_smaller_ones_and_the_mesh_stays_right(parameters, resolution):
+    """Large triangles beside the fillet of the ground were folded; the mirror image remains exact."""
+    layout = shipped_parallelogram(**parameters)
+    mesh = mesh_layout(layout, resolution)
+    assert scaled_jacobians(jacobians(mesh)).min() > 0.1
+    C, principal = relative(layout, mesh)
+    assert np.abs(C[1, [0, 2]]).max() < SYMMETRIC
+    np.testing.assert_allclose(principal, relative(layout, mesh_layout(layout, 8))[1], rtol=COARSE_MESH)
+
+
+@pytest.mark.parametrize("gap", [0.002, 0.05])
+def test_triangles_between_two_holes_follow_the_gap(gap):
+    """Two holes beside each other, and one beside an edge: the compliance is that of a finer mesh."""
+    holes = tuple(round_hole(centre, 1.5) for centre in (24, 27 + gap, 24 + (3.5 - gap) * 1j))
+    layout = layout_of([GROUND, STAGE._replace(holes=holes)], [LEAF])
+    mesh = mesh_layout(layout, 2)
+    leaf = 10 * 0.4 + (4 - np.pi) * 0.5**2
+    assert area_of(mesh, 0, 1, 2) == pytest.approx(100 + 130 + leaf - 3 * np.pi * 1.5**2, rel=COARSE_PARABOLAS)
+    np.testing.assert_allclose(relative(layout, mesh)[1], relative(layout, mesh_layout(layout, 6))[1], rtol=COARSE_MESH)
+
+
+@pytest.mark.parametrize(
+    ("holes", "message"),
+    [
+        ([round_hole(24, 1.5), round_hole(27, 1.5)], r"is 0 mm wide between two holes near \(25.5, .*\)"),
+        ([round_hole(24, 1.5), round_hole(27.0004, 1.5)], r"is 0.0004 mm wide between two holes near \(25.5002, .*\)"),
+        ([round_hole(24 + 3.4996j, 1.5)], r"is 0.0004 mm wide between a hole and its edge near \(24, 4.9998\)"),
+        ([tuple(reverse(box(24, -4, 25, -4 + 1e-7)))], r"has a hole 1e-07 mm wide near \(24.5, -4\)"),
+    ],
+)
+def test_holes_that_touch_or_nearly_touch_are_refused_with_their_place(holes, message):
+    with pytest.raises(BadInput, match=rf"^body\[1\]: {message} mm, expected at least 0.001 mm$"):
+        check_layout(layout_of([GROUND, STAGE._replace(holes=tuple(holes))], [LEAF]))
+
+
+@pytest.mark.parametrize(
+    ("corners", "message"),
+    [
+        ((20 - 5j, 33 - 5j, 33 + 5j, 20 + 5j), None),
+        ((20 - 5j, 33, 20 + 5j), None),  # a sharp tip is not narrow
+        ((20 - 5j, 26 - 5j, 26 - 1e-4j, 33 - 1e-4j, 33, 26 + 1e-12j, 26 + 5j, 20 + 5j), r"is 0.0001 mm wide near"),
+        ((20 - 5j, 26 - 0.0002j, 33 - 5j, 33 + 5j, 26 + 0.0002j, 20 + 5j), r"is 0.00040\d* mm wide near \(26, 0\)"),
+        ((20 - 5j, 26 - 5j, 26 + 4j, 26.0001 + 4j, 26.0001 - 5j, 33 - 5j, 33 + 5j, 20 + 5j), r"has a slit 0.0001 mm"),
+    ],
+)  # fmt: skip
+def test_a_narrow_part_or_slit_of_an_outline_is_refused_with_its_place(corners, message):
+    layout = layout_of([GROUND, STAGE._replace(outline=tuple(polyline(*corners, corners[0])))], [LEAF])
+    if message is None:
+        check_layout(layout)
+        return
+    with pytest.raises(BadInput, match=rf"^body\[1\]: {message}.* mm, expected at least 0.001 mm$"):
+        check_layout(layout)
+
+
+def test_a_leaf_too_slender_for_finite_elements_is_refused_with_a_neck_that_is_possible():
+    def leaf(neck):
+        return layout_of([GROUND, STAGE], [LEAF._replace(profile=Leaf(neck, 10, 0.5))])
+
+    check_layout(leaf(0.00022))
+    with pytest.raises(BadInput, match=r"^hinge\[0\]: finite elements need .* triangles.* as with 0.00019 mm or"):
+        check_layout(leaf(0.0001))

@@ -91,9 +91,12 @@ def test_a_budget_without_three_dimensions_says_why(monkeypatch):
 
 
 def test_a_hinge_with_too_many_triangles_is_refused_before_it_is_meshed():
-    hinges = [one | {"neck_mm": 1e-5} for one in GUIDE["hinge"]]
+    """With eight triangles across the necks by `check`, with more by the question."""
+    thin, thinnest = ([one | {"neck_mm": neck} for one in GUIDE["hinge"]] for neck in (0.01, 1e-5))
     with pytest.raises(ComputationFailed, match=r"^a needs about .* triangles, expected at most 1e\+06"):
-        flexfem.stiffness(Mechanism.model_validate(GUIDE | {"hinge": hinges}), models="elements")
+        flexfem.stiffness(Mechanism.model_validate(GUIDE | {"hinge": thin}), models="elements", resolution=64)
+    with pytest.raises(BadInput, match=r"finite elements need about .* for a, 1e-05 mm wide, expected"):
+        flexfem.check(Mechanism.model_validate(GUIDE | {"hinge": thinnest}))
 
 
 @pytest.mark.slow

@@ -139,8 +139,14 @@ def test_a_thickness_or_a_neck_of_a_mechanism_in_another_unit_is_said():
     assert warning.of_numbers(pivot) == [] and warning.of_numbers(thin) == said
     assert flexfem.check(thin).warnings == said
     assert flexfem.stiffness(thin, models="analytic").warnings[:1] == said  # then that it buckles
-    (narrow,) = warning.of_numbers(pivot.replace(parameters={"neck_mm": 4e-4}))
-    assert narrow == "neck_mm = 0.0004 is below a thousandth of the thickness, 10 mm: is the unit right?"
+    (narrow,) = warning.of_numbers(pivot.replace(parameters={"neck_mm": 8e-3}))
+    assert narrow == "neck_mm = 0.008 is below a thousandth of the thickness, 10 mm: is the unit right?"
+
+
+def test_a_plate_with_many_triangles_is_said_before_it_is_meshed():
+    """Four leaves of 20 x 0.004 mm have about 4,900 squares each, and each square 17 triangles."""
+    said = warning.of_numbers(flexfem.load(ROOT / "geometry/pivot.toml").replace(parameters={"neck_mm": 4e-3}))
+    assert said[-1] == "finite elements need about 3.4e+05 triangles with 8 across the necks, which take minutes"
 
 
 @pytest.mark.parametrize(("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e3")])
