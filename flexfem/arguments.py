@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import Array
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 
 LARGEST_FORCE = 1e9  # N, N mm; a metal stage yields far below a millionth of it
 LARGEST_DISPLACEMENT = 1e4  # mm, rad; no stage is larger
@@ -38,7 +38,7 @@ def vectors(name: str, values: ArrayLike, max_dimensions: int | None = None, lim
 def integer(name: str, value: Any, most: int, least: int = 1) -> int:
     """Return an integer from `least` to `most`. Raises BadInput."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or not least <= value <= most:
-        raise BadInput(f"{name} {value!r}, expected an integer from {least} to {most}")
+        raise BadInput(f"{name} {printed(value)}, expected an integer from {least} to {most}")
     return int(value)
 
 
@@ -55,13 +55,13 @@ def layers(value: Any, least: int = 1) -> int:
 def resolutions(values: Any) -> list[int]:
     """Return resolutions, each checked by `resolution`. Raises BadInput."""
     if isinstance(values, str | bytes) or not isinstance(values, Sequence | np.ndarray):
-        raise BadInput(f"resolutions {values!r}, expected three integers or more")
+        raise BadInput(f"resolutions {printed(values)}, expected three integers or more")
     return [resolution(value) for value in values]
 
 
 def _number(name: str, value: Any, is_valid: Callable[[float], bool], expected: str) -> float:
     if not isinstance(value, Real) or isinstance(value, bool) or not is_valid(float(value)):
-        raise BadInput(f"{name} {value!r}, expected a number {expected}")
+        raise BadInput(f"{name} {printed(value)}, expected a number {expected}")
     return float(value)
 
 
@@ -84,7 +84,7 @@ def pair(name: str, values: Any, most: tuple[float, float], meaning: str) -> tup
     try:
         first, second = map(float, () if isinstance(values, str) else values)
     except (TypeError, ValueError):
-        raise BadInput(f"{name} {values!r}, expected two numbers: {meaning}") from None
+        raise BadInput(f"{name} {printed(values)}, expected two numbers: {meaning}") from None
     if not (0 <= first <= most[0] and 0 <= second <= most[1]):
         expected = f"from 0 to {most[0]:g} and from 0 to {most[1]:g}"
         raise BadInput(f"{name} {first:g} {second:g}, expected two numbers {expected}: {meaning}")

@@ -18,9 +18,10 @@ from datetime import UTC, datetime
 from functools import partial, reduce
 from operator import getitem, methodcaller
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Annotated, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from pydantic import BaseModel, Field
 
 import flexfem
 from flexfem.analytic.model import CALIBRATED, DEFAULT_FORMULA
@@ -30,7 +31,7 @@ from flexfem.fem.plate_mesh import mesh_layout
 from flexfem.fem.ports import plate_response
 from flexfem.fem.response import platform_response
 from flexfem.fem.stage_mesh import build_mesh, plate_of
-from flexfem.files.refusals import checked_path, key_path
+from flexfem.files.refusals import checked_path, key_path, place_of
 from flexfem.files.toml import kind_of as kind_of_toml
 from flexfem.files.toml import paths_in, read_bytes, read_toml
 from flexfem.files.writing import check_folder, read_arrays, write_atomically
@@ -56,6 +57,17 @@ POSE = (0.005, -0.002, 2e-4)  # mm, mm, rad; of the drive
 STUDY_GATES = {"analytic": EXACT.relative, "stress": 3e-2, "range": 3e-2, "band": 1e-3}
 COARSER_TABLE = 3e-4  # for other columns
 Numbers: TypeAlias = dict[str, Number]  # by path
+
+
+class Stored(BaseModel, extra="forbid"):
+    """Content of a baseline; numbers with or without a band, by question and path."""
+
+    kind: str
+    file: str
+    history: Annotated[list[dict[str, Any]], Field(min_length=1)]
+    inputs: dict[str, dict[str, Any]]
+    numbers: dict[str, dict[str, Annotated[list[float], Field(min_length=1, max_length=2)]]]
+
 
 ANALYTIC = partial(stiffness, models="analytic")
 QUESTIONS: dict[str, Callable[[Any], Result]] = {  # of a stage; those that do not apply are omitted
@@ -192,12 +204,9 @@ def read(path: Path) -> dict[str, Any]:
     content = read_bytes(path, LARGEST_FILE)
     try:
         data: dict[str, Any] = json.loads(content)
-        assert {"kind", "file", "history", "inputs", "numbers"} == set(data) and data["history"]
-        [dict(keys) for keys in data["inputs"].values()]
-        [float(each) for found in data["numbers"].values() for number in found.values() for each in number]
-        Path(data["file"])
-    except (ValueError, TypeError, AttributeError, AssertionError):
-        raise BadInput(f"{path}: not a baseline of this version of flexfem") from None
+        Stored.model_validate(data)
+    except (ValueError, RecursionError):  # also of pydantic
+        raise BadInput(f"{place_of(path)}: not a baseline of this version of flexfem") from None
     return data
 
 

@@ -1,8 +1,26 @@
-"""Exceptions: input that cannot be used, and a computation that cannot be trusted."""
+"""Exceptions: input that cannot be used, and a computation that cannot be trusted; how their texts show a value."""
 
 from __future__ import annotations
 
+from reprlib import Repr
 from typing import Any
+
+_LONGEST = 80  # characters of a value, and members of a list, in a message
+_SHORTENED = Repr()
+_SHORTENED.maxstring = _SHORTENED.maxother = _SHORTENED.maxlong = _SHORTENED.maxlist = _SHORTENED.maxtuple = _LONGEST
+
+
+def printed(value: Any) -> str:
+    """Return the `repr` of a value of the caller, short; objects whose `repr` fails, and lists in themselves, too."""
+    return _SHORTENED.repr(value)
+
+
+def text_of(error: BaseException) -> str:
+    """Return the text of an exception of the caller, whose class may fail to make one."""
+    try:
+        return str(error)
+    except (Exception, SystemExit):
+        return "an exception without a printable text"
 
 
 class BadInput(Exception):  # noqa: N818  the name says whose error it is

@@ -25,10 +25,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexfem.arrays import LONGEST, AnyArray, Array, brief, is_largest
-from flexfem.files.refusals import checked_path, place_of
+from flexfem.files.refusals import as_key, checked_path, place_of
 from flexfem.files.toml import PathLike, read_bytes
 from flexfem.files.writing import digest, markdown_table, write_atomically
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.units import BY_DIRECTION, DIRECTIONS, NONE, UNITS, Unit, UnitNames, short, unit_for, unit_of, without_unit
 
 PACKAGES = ("flexfem", "numpy", "scipy", "scikit-fem", "gmsh")
@@ -337,12 +337,14 @@ class Result:
     def _place(self, quantity: str, labels: Mapping[str, str]) -> tuple[int | slice, ...]:
         """Return the index of a part of a quantity. Raises BadInput for an unknown quantity, axis or label."""
         if quantity not in self.values:
-            raise BadInput(f"{self.kind()}.{quantity} is not in this result, expected one of: {', '.join(self.values)}")
+            raise BadInput(
+                f"{self.kind()}.{as_key(quantity)} is not in this result, expected one of: {', '.join(self.values)}"
+            )
         over = self.quantities[quantity].over
         for axis, label in labels.items():
             if axis not in over or label not in self.axes[axis]:
                 known = ", ".join(self.axes.get(axis, over))
-                raise BadInput(f"{self.kind()}.{quantity}: {axis} {label!r}, expected one of: {known}")
+                raise BadInput(f"{self.kind()}.{quantity}: {axis} {printed(label)}, expected one of: {known}")
         return tuple(self.axes[axis].index(labels[axis]) if axis in labels else slice(None) for axis in over)
 
     def _part(self, arrays: Mapping[str, Array], quantity: str, labels: Mapping[str, str]) -> Array:
@@ -675,8 +677,10 @@ class Result:
         Coordinates are the labels of the axes; an axis with the name of a quantity is called `AXIS_label`. Attributes
         of a variable are its meaning and its unit: one, or one for each direction, or row by row of a matrix.
         """
-        import xarray as xr
-
+        try:
+            import xarray as xr
+        except ImportError:
+            raise ImportError("to_xarray needs the package xarray: pip install xarray") from None
         dims = {axis: f"{axis}_label" if axis in self.values else axis for axis in self.axes}
         found = {}
         for name in self.values:

@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from types import MappingProxyType
 
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, text_of
 
 PACKAGE = Path(__file__).parent
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}  # its environment
@@ -81,7 +81,7 @@ def _run(named: str) -> None:
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # the file may raise anything and call sys.exit
-        raised = f"{type(error).__name__}: {error}".removesuffix(": ")
+        raised = f"{type(error).__name__}: {text_of(error)}".removesuffix(": ")
         message = f"{raised}, expected Python that registers formulas or materials"
         raise BadInput(f"{_place(path, error)}: {' '.join(message.split())}") from None
 

@@ -79,7 +79,7 @@ def _study_of(results: Path) -> tuple[Path, Path]:
     folder = folder.parent if folder.name == run.PARTS else folder
     try:
         file = Path(os.path.normpath(folder / json.loads((folder / run.FILE).read_text(encoding="utf-8"))["study"]))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise BadInput(f"{results}: no study has run in this folder, expected a study file or its results") from None
     if file.stem != folder.name:
         raise BadInput(f"{results}: a folder of results of {file}, expected it to be named {file.stem}")

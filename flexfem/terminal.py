@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType, TracebackType
@@ -81,8 +82,13 @@ def open_streams() -> None:
 
 @contextmanager
 def plain_streams() -> Iterator[None]:
-    """Escape control characters on standard output and error, and ignore write errors on standard error."""
+    """Escape control characters on standard output and error, and ignore write errors on standard error.
+
+    Warnings of libraries are printed on one line, without their place in the code.
+    """
     before = sys.stdout, sys.stderr
+    show_warning = warnings.showwarning
+    warnings.showwarning = _show_warning
     sys.stdout = Plain(sys.stdout, False) if sys.stdout is not None else None
     sys.stderr = Plain(sys.stderr, True) if sys.stderr is not None else None
     try:
@@ -92,6 +98,12 @@ def plain_streams() -> Iterator[None]:
             if stream is not None:
                 stream.flush()
         sys.stdout, sys.stderr = before
+        warnings.showwarning = show_warning
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    if sys.stderr is not None:
+        print(f"flexfem: warning: {' '.join(str(message).split())}", file=sys.stderr)
 
 
 @contextmanager
@@ -165,10 +177,11 @@ def deepest(error: BaseException) -> TracebackType | None:
 def reason_of(error: BaseException) -> str:
     """Return one line on an unexpected error."""
     from flexfem.files.refusals import one_line  # heavy
+    from flexfem.refused import text_of
 
     if isinstance(error, MemoryError):
         return "out of memory"
-    what = one_line(" ".join(str(error).split()), 300)
+    what = one_line(" ".join(text_of(error).split()), 300)
     if isinstance(error, OSError):
         return what or type(error).__name__
     if isinstance(error, ImportError):

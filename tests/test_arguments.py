@@ -99,3 +99,46 @@ def test_a_wrong_argument_is_refused_in_one_line_and_nothing_is_written(
     with pytest.raises(flexfem.BadInput, match=said) as refused:
         getattr(flexfem, function)(*given, **options)
     assert "\n" not in str(refused.value) and list(tmp_path.iterdir()) == []
+
+
+class Unprintable:
+    """An object of which Python can make no text."""
+
+    def __repr__(self):
+        raise ValueError("no text")
+
+    def __str__(self):
+        raise ValueError("no text")
+
+
+ODD, INSIDE, LISTED = Unprintable(), {"name": "own"}, []
+INSIDE["material"] = INSIDE
+LISTED.append(LISTED)
+GUIDE = flexfem.load(ROOT / "geometry" / "parallelogram.toml")
+HOSTILE = [  # plate, changes, what is said
+    (GUIDE, {"provenance": 3}, "parallelogram.toml, changed: provenance = 3, expected a table"),
+    (STAGE, {"provenance": ["own"]}, "mobility6.toml, changed: provenance = .*, expected a table"),
+    (GUIDE, {"parameters": {3: 1.0}}, "expected names of parameters in quotes"),
+    (GUIDE, {"hinge": {3: {"neck": 1.0}}}, "hinge: no 3, expected one of"),
+    (GUIDE, {"hinge": {ODD: 1.0}}, "hinge: no "),
+    (GUIDE, {"material": INSIDE}, "values nested deeper than 32 levels, or in themselves"),
+    (GUIDE, {"body": LISTED}, "values nested deeper than 32 levels, or in themselves"),
+    (STAGE, {"neck": {"elbow": INSIDE}}, "values nested deeper than 32 levels, or in themselves"),
+    (GUIDE, {"thickness": ODD}, "thickness = <Unprintable .*>, expected a number"),
+    (STAGE, {"override": ODD}, "override = <Unprintable .*>, expected an array"),
+]
+
+
+@pytest.mark.parametrize(("plate", "changes", "said"), HOSTILE)
+def test_a_hostile_change_is_refused_in_one_line(plate, changes, said):
+    with pytest.raises(flexfem.BadInput, match=said) as refused:
+        plate.replace(**changes)
+    assert str(refused.value).isprintable()
+
+
+@pytest.mark.parametrize("function", ["load", "check", "stiffness", "run_study", "report", "new_stage"])
+def test_an_argument_that_cannot_be_printed_is_refused_in_one_line(function):
+    with pytest.raises(flexfem.BadInput, match=r"^<Unprintable instance at \w+>, expected"):
+        getattr(flexfem, function)(ODD)
+    with pytest.raises(flexfem.BadInput, match=r"^resolution <Unprintable instance at \w+>, expected an integer"):
+        flexfem.stiffness(STAGE, resolution=ODD)

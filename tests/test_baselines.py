@@ -45,6 +45,26 @@ def test_what_was_accepted_stands_within_its_gate(accepted):
     assert check(made) == []
 
 
+BASELINE = '{"kind": "stage", "file": "x", "history": %s, "inputs": %s, "numbers": %s}'
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        100_000 * "[" + 100_000 * "]",
+        BASELINE % ("[{}]", '{"x": [["k", 1]]}', "{}"),
+        BASELINE % ("[{}]", "{}", '{"q": {"k": [1, []]}}'),
+        BASELINE % ("[{}]", "{}", f'{{"q": {{"k": [1{400 * "0"}]}}}}'),
+        BASELINE % ("[]", "{}", "{}"),
+    ],
+    ids=["nested", "pairs", "lists", "huge", "no history"],
+)
+def test_what_is_no_baseline_is_refused_in_one_line(content, tmp_path):
+    (tmp_path / "odd.json").write_text(content)
+    with pytest.raises(BadInput, match=r"odd\.json: not a baseline of this version of flexfem$"):
+        read(tmp_path / "odd.json")
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [

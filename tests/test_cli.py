@@ -84,6 +84,33 @@ def test_written_meshes_hold_the_whole_stage(flexfem, suffix, tmp_path):
         np.testing.assert_allclose(np.hypot(*mesh.points[hub].reshape(-1, 3)[:, :2].T), 8.0, atol=1e-9)
 
 
+def test_groups_of_a_mesh_can_be_read_whatever_the_names_of_the_parts(flexfem, tmp_path):
+    """Names end at quotes, backslashes begin escapes, and readers take at most 128 bytes."""
+    text, long = (ROOT / "geometry/parallelogram.toml").read_text(), 150 * "\u4e2d"
+    text = text.replace('"stage"', json.dumps(f"{long}1")).replace('"ground"', json.dumps(f"{long}2"))
+    (tmp_path / "odd.toml").write_text(text.replace('"leaf"', json.dumps('a"b\\')))
+    machine(flexfem, "mesh", tmp_path / "odd.toml", "-o", tmp_path / "odd.msh", "--resolution", 2)
+    groups = meshio.read(tmp_path / "odd.msh").field_data
+    clipped = "body " + 38 * "\u4e2d"
+    assert list(groups) == [clipped, f"{clipped} 2", "hinge a'b/", "hinge a'b/ 2"]
+
+
+def test_a_character_without_a_glyph_is_said_once_on_one_line(flexfem, tmp_path):
+    text = (ROOT / "geometry/parallelogram.toml").read_text()
+    (tmp_path / "odd.toml").write_text(text.replace('"parallelogram"', '"\u6587\u4e2d"'))
+    code, _, err = flexfem("view", tmp_path / "odd.toml", "-o", tmp_path)
+    said = "flexfem: warning: the font of figures has no \u4e2d\u6587: boxes are drawn instead\n"
+    assert (code, err) == (0, said)
+
+
+def test_an_exception_of_the_users_file_that_cannot_be_printed_is_one_line(flexfem, tmp_path):
+    own = tmp_path / "own.py"
+    own.write_text("class Odd(Exception):\n    def __str__(self):\n        raise ValueError\n\n\nraise Odd\n")
+    code, _, err = flexfem("--with", own, "check", STAGE)
+    said = "Odd: an exception without a printable text, expected Python that registers formulas or materials"
+    assert (code, err) == (2, f"flexfem: {own}, line 6: {said}\n")
+
+
 def test_a_field_file_holds_the_displacement_of_the_load(flexfem, tmp_path):
     load = ("--models", "elements", "--resolution", 4, "--force", 1, 0, 0)
     facts = machine(flexfem, "stiffness", STAGE, *load, "-o", tmp_path)

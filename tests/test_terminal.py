@@ -30,6 +30,24 @@ def run(*arguments, **streams):
     return subprocess.run(command, env=os.environ | {"PYTHONPATH": str(ROOT)}, stderr=subprocess.PIPE, **streams)
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("MPLBACKEND", "bogus", "MPLBACKEND = 'bogus', expected a backend of matplotlib, or no such variable"),
+        (
+            "PYTHONOPTIMIZE",
+            "2",
+            "PYTHONOPTIMIZE or python -OO: the commands are made from docstrings, which it removes",
+        ),
+        ("SOURCE_DATE_EPOCH", "x", "SOURCE_DATE_EPOCH = 'x', expected seconds since 1970, or no such variable"),
+    ],
+)
+def test_what_the_environment_sets_wrongly_is_named_in_one_line(name, value, said, monkeypatch):
+    monkeypatch.setenv(name, value)
+    done = run("check", STAGE)
+    assert (done.returncode, done.stderr.decode()) == (2, f"flexfem: {said}\n")
+
+
 @pytest.fixture
 def handlers():
     """Put back what signals do."""

@@ -28,7 +28,7 @@ import flexfem
 from flexfem import terminal as streams
 from flexfem.commands.console import Json, OutputFolder, show, usable
 from flexfem.files.inputs import noted
-from flexfem.refused import BadInput, ComputationFailed
+from flexfem.refused import BadInput, ComputationFailed, printed
 from flexfem.sources import ONE_THREAD, manifest, use_own
 from flexfem.study import MOST_WORKERS
 from flexfem.units import DIRECTIONS, FORCES, POSES, UNITS, in_unit
@@ -368,10 +368,24 @@ def main() -> None:
         sys.exit(code)
 
 
+def _check_environment() -> None:
+    """Refuse what the environment sets, where libraries or the commands themselves fail with it."""
+    if sys.flags.optimize > 1:
+        raise BadInput("PYTHONOPTIMIZE or python -OO: the commands are made from docstrings, which it removes")
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    if not re.fullmatch("[0-9]{1,11}", epoch):
+        raise BadInput(f"SOURCE_DATE_EPOCH = {printed(epoch)}, expected seconds since 1970, or no such variable")
+    if "MPLBACKEND" in os.environ:
+        from flexfem.plot import check_backend
+
+        check_backend()
+
+
 def _run() -> tuple[int, str]:
     """Run the command; return its exit code, and its error message if any."""
     try:
         try:
+            _check_environment()
             return int(app(prog_name="flexfem", standalone_mode=False) or 0), ""
         except SystemExit as stop:
             if isinstance(stop.__context__, BrokenPipeError):  # libraries exit after it

@@ -136,7 +136,7 @@ class ElementSolver:
                  for task in tasks}  # fmt: skip
         for name in names.values():
             if name not in self._known and self.folder is not None:
-                with suppress(OSError, ValueError):  # no file, or a torn one
+                with suppress(OSError, ValueError, RecursionError):  # no file, or a torn one
                     self._known[name] = json.loads((self.folder / f"{name}.json").read_text())
         waiting = [task for task in tasks if names[id(task)] not in self._known]
         queue = iter(waiting)

@@ -19,7 +19,7 @@ from flexfem.design.result import Designed
 from flexfem.files.refusals import checked_path
 from flexfem.files.toml import PathLike
 from flexfem.files.writing import check_folder, check_name, write_atomically
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.results import write_sealed
 from flexfem.study import MOST_WORKERS
 from flexfem.study.workers import workers_of
@@ -72,7 +72,7 @@ def run_design(
     if workers > 1 and elsewhere:
         raise BadInput(f"workers = {workers}, expected none with a scheduler or an executor, which have their own")
     if not callable(say):
-        raise BadInput(f"say {say!r}, expected a function of a line of text")
+        raise BadInput(f"say {printed(say)}, expected a function of a line of text")
     loaded = load_requirements(checked_path(requirements))
     folder, stem, base = None, loaded.path.stem, Path(loaded.base.origin.path or "")
     if output is not None:

@@ -16,6 +16,7 @@ from flexfem.mechanism.layout import Layout
 from flexfem.refused import BadInput
 
 PER_LINE = 8  # members of a set; CalculiX reads at most 16 entries per line
+LONGEST_GROUP = 120  # bytes of the name of a group; readers of .msh stop at 128 or at 256
 GROUPS = ("ground", "hub", "clamped")
 FORMATS = (".msh", ".vtu", ".inp")
 
@@ -107,9 +108,23 @@ def write_plate_mesh(mesh: StageMesh, layout: Layout, path: Path) -> None:
     An Abaqus or CalculiX deck (.inp) has the nodes of the ground, the plate, and a step for each unit load on a port.
     """
     names = [*(f"body {body.name}" for body in layout.bodies), *(f"hinge {joint.name}" for joint in layout.joints)]
-    cells = {name: ("triangle6", mesh.triangles[mesh.bodies == k]) for k, name in enumerate(names)}
+    cells = {name: ("triangle6", mesh.triangles[mesh.bodies == k]) for k, name in enumerate(_group_names(names))}
     cells |= {name: ("line3", edges) for name, edges in mesh.edges.items() if name == "clamped"}
     _write(mesh, path, _plate_deck(mesh, layout), cells)
+
+
+def _group_names(names: Sequence[str]) -> list[str]:
+    """Return different names that a quoted string of .msh can hold: without quotes and backslashes, and short."""
+    found = list[str]()
+    for name in names:
+        plain = name.translate({ord('"'): "'", ord("\\"): "/"})
+        short = plain.encode()[:LONGEST_GROUP].decode(errors="ignore")
+        count, unique = 1, short
+        while unique in found:
+            count += 1
+            unique = f"{short} {count}"
+        found.append(unique)
+    return found
 
 
 def _write(mesh: StageMesh, path: Path, deck: Iterator[str], cells: Mapping[str, tuple[str, Index]]) -> None:

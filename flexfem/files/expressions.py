@@ -160,6 +160,8 @@ def parameter_values(stated: Mapping[str, Any]) -> dict[str, float]:
     if len(stated) > MOST_PARAMETERS:
         raise refusal(f"at most {MOST_PARAMETERS} parameters, not {len(stated)}", "parameters")
     for key in stated:
+        if not isinstance(key, str):
+            raise refusal("names of parameters in quotes", "parameters")
         name = without_unit(key)
         if name in keys:
             raise refusal(f"a name that differs from {keys[name]} also without its unit", "parameters", key)

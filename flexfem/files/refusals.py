@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, TypeAlias, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.units import ENDING
 
 KeyPath: TypeAlias = tuple[str | int, ...]
@@ -95,8 +95,9 @@ def _inside(data: Any, part: str | int) -> Any:
     return getattr(data, part, None) if isinstance(part, str) else None
 
 
-def as_key(key: str) -> str:
+def as_key(key: Any) -> str:
     """Return a key as TOML writes it."""
+    key = key if isinstance(key, str) else printed(key)
     return key if _BARE.fullmatch(key) else json.dumps(key, ensure_ascii=not key.isprintable())
 
 
@@ -132,7 +133,7 @@ def shown(value: Any) -> str:
 def checked_path(value: Any) -> Path:
     """Return an argument that is the path of a file. Raises BadInput for anything else."""
     if not isinstance(value, str | os.PathLike) or isinstance(os.fspath(value), bytes):
-        raise BadInput(f"{value!r}, expected the path of a file")
+        raise BadInput(f"{printed(value)}, expected the path of a file")
     return Path(value)
 
 
@@ -278,4 +279,4 @@ def as_toml(value: Any) -> str:
         return "{" + ", ".join(f"{as_key(key)} = {as_toml(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(as_toml, value)) + "]"
-    return value.isoformat() if hasattr(value, "isoformat") else repr(value)
+    return value.isoformat() if hasattr(value, "isoformat") else printed(value)

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, mod
 
 from flexfem.files.quantities import INSIDE, STATED
 from flexfem.files.refusals import one_line, problems_of, refusal, sentence
+from flexfem.files.toml import MAX_DEPTH
 from flexfem.refused import BadInput
 
 LABEL_LENGTH = 500  # characters; a full citation fits, a pasted page does not
@@ -108,15 +109,20 @@ def _frozen(value: Any) -> Any:
     return tuple(map(_frozen, value)) if isinstance(value, list) else value
 
 
-def plain(value: Any, tables: bool = False) -> Any:
-    """Convert numpy arrays and scalars, mappings, sequences and, with `tables`, tables to Python numbers in lists."""
+def plain(value: Any, tables: bool = False, depth: int = 0) -> Any:
+    """Convert numpy arrays and scalars, mappings, sequences and, with `tables`, tables to Python numbers in lists.
+
+    Raises BadInput for values nested deeper than in any file, such as a dictionary that contains itself.
+    """
+    if depth > MAX_DEPTH:
+        raise BadInput(f"values nested deeper than {MAX_DEPTH} levels, or in themselves, expected the tables of a file")
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return plain(value.tolist(), depth=depth + 1)
     if tables and isinstance(value, BaseModel):
         return value.model_dump(exclude_unset=True, context=STATED)
     if isinstance(value, Mapping):
-        return {key: plain(item, tables) for key, item in value.items()}
-    return [plain(item, tables) for item in value] if isinstance(value, list | tuple) else value
+        return {key: plain(item, tables, depth + 1) for key, item in value.items()}
+    return [plain(item, tables, depth + 1) for item in value] if isinstance(value, list | tuple) else value
 
 
 class Keywords(NamedTuple):

@@ -13,7 +13,7 @@ from flexfem.arrays import Array
 from flexfem.files.refusals import one_line, shown
 from flexfem.hinges import chart
 from flexfem.hinges.chart import SHEAR_CORRECTION, Compliance, hinge_chart
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.sources import load_own
 
 
@@ -235,19 +235,19 @@ def register_formula(
         raise BadInput(f"hinge formula {shown(name)}: expected a name of letters, digits and hyphens")
     known = FORMULAS.get(name)
     if known is not None and (known.rotation, known.axial, known.bending) != (function, axial, bending):
-        raise BadInput(f"hinge formula {name!r} is known already, expected another name")
+        raise BadInput(f"hinge formula {printed(name)} is known already, expected another name")
     if not isinstance(source, str) or not source.strip() or not source.isprintable():
-        raise BadInput(f"hinge formula {name!r}: expected a source, one line of text")
+        raise BadInput(f"hinge formula {printed(name)}: expected a source, one line of text")
     try:
         low, high = map(float, valid)
     except (TypeError, ValueError):
         low = high = np.nan
     if not 0 < low < high < np.inf:
-        raise BadInput(f"hinge formula {name!r}: valid = {shown(valid)}, expected 0 < smallest t/R < largest")
+        raise BadInput(f"hinge formula {printed(name)}: valid = {shown(valid)}, expected 0 < smallest t/R < largest")
     ratio = np.geomspace(low, high, 24).reshape(2, 3, 4)
     optional = {argument: value for argument, value in (("axial", axial), ("bending", bending)) if value is not None}
     for argument, value in {"function": function, **optional}.items():
-        title = f"hinge formula {name!r}: {argument}"
+        title = f"hinge formula {printed(name)}: {argument}"
         if not callable(value):
             raise BadInput(f"{title} = {shown(value)}, expected a function of t/R")
         values = _values(title, value, ratio)
@@ -273,5 +273,5 @@ def formula(name: str) -> Formula:
     """Return the registered formula. Raises BadInput with the known names when there is none."""
     load_own()
     if not isinstance(name, str) or name not in FORMULAS:
-        raise BadInput(f"hinge formula {name!r} is not known, expected one of: {', '.join(FORMULAS)}")
+        raise BadInput(f"hinge formula {printed(name)} is not known, expected one of: {', '.join(FORMULAS)}")
     return FORMULAS[name]

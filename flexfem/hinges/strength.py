@@ -14,7 +14,7 @@ from flexfem.hinges.chart import thickness_chart
 from flexfem.mechanism.designs import Designs
 from flexfem.mechanism.materials import SWT, Material, materials
 from flexfem.mechanism.profiles import Concentration, concentration
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 
 
 class Wrench(NamedTuple):
@@ -120,7 +120,7 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
     """Return the law of the argument, which is a law or a fit. Raises BadInput when it is neither, or out of range."""
     basquin = law.law if isinstance(law, BasquinFit) else law
     if not isinstance(basquin, Basquin):
-        raise BadInput(f"law {law!r}, expected flexfem.Basquin(coefficient, exponent), MPa, or a fit")
+        raise BadInput(f"law {printed(law)}, expected flexfem.Basquin(coefficient, exponent), MPa, or a fit")
     arguments.positive("law: coefficient", basquin.coefficient, 1e6)
     arguments.between("law: exponent", basquin.exponent, STEEPEST, FLATTEST)
     arguments.positive("law: walker", basquin.walker, 1.0)
@@ -129,7 +129,7 @@ def checked_law(law: Basquin | BasquinFit) -> Basquin:
     except (TypeError, ValueError):
         low = high = 0.0
     if not 0 < low < high:
-        raise BadInput(f"law: range {basquin.range!r}, expected two numbers of cycles, the smaller first")
+        raise BadInput(f"law: range {printed(basquin.range)}, expected two numbers of cycles, the smaller first")
     return basquin
 
 

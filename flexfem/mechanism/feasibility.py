@@ -15,7 +15,7 @@ from flexfem.mechanism.designs import Designs, lower
 from flexfem.mechanism.plate import check_layout
 from flexfem.mechanism.plate_file import PlateFile, located
 from flexfem.mechanism.stage_file import HINGE_NAMES, StageContent, key_of
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 
 PAIRS = list(combinations(product(range(3), range(3)), 2))  # of hinges, each (chain, position)
 _FIRST, _SECOND = (np.array([hinges[k] for hinges in PAIRS]).T for k in (0, 1))
@@ -100,7 +100,7 @@ def check_closed_form(stage: StageContent) -> None:
     if isinstance(stage, PlateFile) and not isinstance(stage, StageContent):
         raise BadInput(f"{stage.origin}: this is for the nine-hinge stage of a stage file, not for a mechanism")
     if not isinstance(stage, StageContent):
-        raise BadInput(f"{stage!r}, expected a flexfem.Stage or Mechanism, as flexfem.load returns it")
+        raise BadInput(f"{printed(stage)}, expected a flexfem.Stage or Mechanism, as flexfem.load returns it")
     with located(stage):
         _check_conditions(stage)
 

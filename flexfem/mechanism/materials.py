@@ -18,7 +18,7 @@ from flexfem.files.quantities import INSIDE
 from flexfem.files.refusals import key_path, place_of, refusal, shown
 from flexfem.files.tables import LABEL_LENGTH, UNCHANGEABLE, Label, Table, Unchangeable
 from flexfem.files.toml import PathLike, bad_key, read_toml, validate
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.sources import PACKAGE, load_own
 
 NEAREST = 5  # registered names suggested for an unknown one
@@ -233,13 +233,13 @@ def register_material(name: str, *, source: str, **numbers: Any) -> Material:
     """
     known = _known(name)
     if not isinstance(source, str) or not source.strip() or not source.isprintable() or len(source) > LABEL_LENGTH // 2:
-        raise BadInput(f"material {name!r}: source = {shown(source)}, expected one line of text")
+        raise BadInput(f"material {printed(name)}: source = {shown(source)}, expected one line of text")
     try:
         entry = Entry(**{"name": name, **numbers}, source=source)
     except BadInput as refused:
-        raise BadInput(f"material {name!r}: {refused.reason.removeprefix('Entry: ')}") from None
+        raise BadInput(f"material {printed(name)}: {refused.reason.removeprefix('Entry: ')}") from None
     if known is not None and source != known.source:
-        raise BadInput(f"material {name!r} is known already, expected another name")
+        raise BadInput(f"material {printed(name)} is known already, expected another name")
     REGISTERED[name] = entry
     return entry.material
 

@@ -14,7 +14,7 @@ from pydantic import AfterValidator, BaseModel, WithJsonSchema, model_validator
 from flexfem.files.expressions import Scaled
 from flexfem.files.provenance import Sourced
 from flexfem.files.quantities import LONGEST, STATED
-from flexfem.files.refusals import checked_path, key_path, path_of, place_of, refusal, shown, suggestion
+from flexfem.files.refusals import as_key, checked_path, key_path, path_of, place_of, refusal, shown, suggestion
 from flexfem.files.tables import KEPT, Unchangeable, plain
 from flexfem.files.toml import PathLike, bad_key, in_mm, paths_in, read_toml, validate
 from flexfem.files.writing import canonical, check_file, digest, toml_text, write_atomically
@@ -125,6 +125,8 @@ class PlateFile(Sourced):
         mark : whether changed values lose the sources of this one.
         """
         sources = content.pop("provenance", {})
+        if not isinstance(sources, Mapping):
+            return type(self)(**content, provenance=sources)  # which refuses it
         table = type(self)(**content)
         kept = {key: source for key, source in sources.items() if key not in self.provenance or key in table.entries}
         if not kept.items() <= self.provenance.items():  # sources of the caller, which are checked
@@ -168,7 +170,7 @@ class PlateFile(Sourced):
         names = [part["name"] for part in members]
         for name, values in changes.items():
             if name not in names:
-                near = suggestion(name, names) or f", expected one of {names}"
+                near = suggestion(as_key(name), names) or f", expected one of {names}"
                 raise BadInput(f"{array}: no {shown(name)}{near}")
             if not isinstance(values, dict):
                 raise BadInput(f"{array}: {shown(name)} = {shown(values)}, expected a table")

@@ -47,7 +47,7 @@ from flexfem.questions.life import checked_amplitude, life
 from flexfem.questions.modes import modes
 from flexfem.questions.reach import reach
 from flexfem.questions.stiffness import stiffness, summary
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, Fields, Progress, Result, TextTable, record_parts, versions
 from flexfem.study import REPORTS
 from flexfem.units import COMMANDS, DIRECTIONS, STRESS, unit_for
@@ -222,7 +222,7 @@ def _read_stored(paths: Sequence[Path]) -> tuple[dict[Path, Verification], dict[
 def _checked_sections(sections: Sequence[str], amplitude: Any) -> tuple[str, ...]:
     """Return the names of the requested sections; a text may hold several, separated by commas. Raises BadInput."""
     if isinstance(sections, str) or not isinstance(sections, Sequence):
-        raise BadInput(f"sections {sections!r}, expected a list of {', '.join(SECTIONS)}")
+        raise BadInput(f"sections {printed(sections)}, expected a list of {', '.join(SECTIONS)}")
     names = tuple(name.strip() for text in sections for name in str(text).split(",") if name.strip()) or STANDARD
     if names == ("all",):
         names = tuple(name for name in SECTIONS if name != "life" or amplitude is not None)

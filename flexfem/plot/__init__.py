@@ -7,8 +7,11 @@ Every function `plot_...(ax, result, ...)` draws on `ax` alone and returns it; n
 The functions below are imported on first use.
 """
 
+import os
 from importlib import import_module
 from typing import Any
+
+from flexfem.refused import BadInput, printed
 
 _NAMES = {
     "design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
@@ -31,6 +34,15 @@ def figures_of(result: Any) -> dict[str, Any]:
     module, _, draw = result.figure.rpartition(".")
     figures = getattr(import_module(f"flexfem.plot.{module}"), draw)(result)
     return figures if isinstance(figures, dict) else {"": figures}
+
+
+def check_backend() -> None:
+    """Raise BadInput when the environment names a backend that matplotlib does not know: it cannot be imported then."""
+    try:
+        import_module("matplotlib")
+    except ValueError:
+        backend = printed(os.environ.get("MPLBACKEND"))
+        raise BadInput(f"MPLBACKEND = {backend}, expected a backend of matplotlib, or no such variable") from None
 
 
 def __getattr__(name: str) -> Any:

@@ -28,7 +28,7 @@ from flexfem.questions.drive import Drive
 from flexfem.questions.driven import CRITERIA, Criterion
 from flexfem.questions.large import EXACT, HELD, LOADED, STEPS, TANGENT, WITHOUT, Large
 from flexfem.questions.reach import KINDS, Reach
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.units import COMMANDS, DIRECTIONS, FORCES, LENGTH, MICROMETRE, Direction, unit_for
 
 WIDTH = 11.69  # in
@@ -324,7 +324,7 @@ def plot_large(
     `column` : the change of the tangent stiffness, or the error of linear theory along or across the command.
     """
     if column not in COLUMNS:
-        raise BadInput(f"column {column!r}, expected one of: {', '.join(COLUMNS)}")
+        raise BadInput(f"column {printed(column)}, expected one of: {', '.join(COLUMNS)}")
     amplitude, across = float(found.at("amplitude", direction=direction)), column == "across"
     unit = unit_for(direction, amplitude)
     commanded = unit.factor * amplitude * np.arange(-STEPS, STEPS + 1) / STEPS

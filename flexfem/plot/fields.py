@@ -20,7 +20,7 @@ from flexfem.plot.text import round_factor, significant
 from flexfem.questions.errors import CurveModels, Verification
 from flexfem.questions.heat import CASES, Drift, WarmFields
 from flexfem.questions.setup import MeshFields
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.results import ELEMENTS, Fields
 from flexfem.units import DIRECTIONS, MICROMETRE, STRESS, unit_for
 
@@ -215,7 +215,7 @@ def plot_drift(ax: Axes | None, found: Drift, case: str) -> Axes:
     """
     warm = _warm(found)
     if case not in warm.cases:
-        raise BadInput(f"case {case!r}, expected one of: {', '.join(warm.cases)}")
+        raise BadInput(f"case {printed(case)}, expected one of: {', '.join(warm.cases)}")
     fields = warm.cases[case]
     factor = exaggeration(fields)
     ax = plot_displacement(ax, fields, factor=factor)

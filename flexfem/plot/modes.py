@@ -27,7 +27,7 @@ from flexfem.plot.style import INK, NAMES, new_axes, panels, wrapped
 from flexfem.plot.text import scientific
 from flexfem.plot.write import write_beside
 from flexfem.questions.modes import DynamicModel, NaturalModes, Vibration
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.results import Fields
 from flexfem.results import number as digits
 from flexfem.units import DIRECTIONS, UNITS, Direction
@@ -104,7 +104,7 @@ def plot_mode(ax: Axes | None, found: NaturalModes, number: int, *, phase: float
     """
     fields, count = _fields(found), len(found.axes["mode"])
     if not 1 <= number <= count:
-        raise BadInput(f"mode {number!r}, expected 1 to {count}")
+        raise BadInput(f"mode {printed(number)}, expected 1 to {count}")
     ax, mesh = ax or new_axes(), fields.mesh
     field = fields.shapes[number - 1]
     if fields.heights is not None:
@@ -190,7 +190,7 @@ def plot_response(
     """
     if direction not in DIRECTIONS or kind not in ("load", "stroke") or part not in ("magnitude", "phase"):
         expected = "expected x, y or theta; load or stroke; and magnitude or phase"
-        raise BadInput(f"response {direction!r}, {kind!r}, {part!r}, {expected}")
+        raise BadInput(f"response {printed(direction)}, {printed(kind)}, {printed(part)}, {expected}")
     row = DIRECTIONS.index(direction)
     inputs = [row] if kind == "load" else _strokes(model)
     if not inputs:

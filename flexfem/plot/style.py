@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import re
 import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import cache
 from typing import Any
 
 import matplotlib as mpl
@@ -51,13 +53,15 @@ TABLE_SIZE = 8.0  # points
 MARGIN = 0.3  # in, left and right of the header
 RESOLUTION = {"png": 150, "pdf": 200, "svg": 120}  # dots per inch; in vector files of rasterised meshes
 DATES = {"png": "Software", "pdf": "CreationDate", "svg": "Date"}  # omitted: equal figures give equal files
+MISSING = r"Glyph (\d+) .*missing"  # of matplotlib: a box is drawn instead
 _HEADER: ContextVar[list[str] | None] = ContextVar("header", default=None)
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
     """Apply matplotlib's defaults and STYLE within the context, and restore the user's settings afterwards."""
-    with mpl.rc_context():
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=MISSING)  # `rendered` says it once
         mpl.rcdefaults()
         mpl.rcParams.update(STYLE)
         yield
@@ -80,16 +84,29 @@ def headless() -> Iterator[list[str]]:
 def rendered(figure: Figure, form: str) -> bytes:
     """Return the bytes of a figure file; `form` is png, pdf or svg."""
     buffer = io.BytesIO()
-    with house_style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")  # a box is drawn instead
+    with house_style(), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         figure.savefig(buffer, format=form, dpi=RESOLUTION[form], metadata={DATES[form]: None})
+    missing = set[str]()
+    for each in caught:
+        if found := re.match(MISSING, str(each.message)):
+            missing.add(chr(int(found[1])))
+        else:
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    if missing:
+        _warn_of_missing("".join(sorted(missing)))
     return buffer.getvalue()
+
+
+@cache
+def _warn_of_missing(characters: str) -> None:
+    """Warn once of characters that the font of the figures lacks."""
+    warnings.warn(f"the font of figures has no {characters}: boxes are drawn instead", stacklevel=3)
 
 
 def drawn_box(figure: Figure) -> Array:
     """Return the corners (2, 2), in, from the lower left one of the figure, of all that is drawn."""
-    with house_style(), warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")
+    with house_style():
         return np.asarray(figure.get_tightbbox().get_points())
 
 
@@ -100,10 +117,8 @@ def wrapped(text: str, width: float, size: float, weight: str = "normal") -> str
 
 def _width(text: str, size: float, weight: str) -> float:
     """Width, in, of a text on one line."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing")
-        figure = Figure()
-        return float(figure.text(0, 0, text, size=size, weight=weight).get_window_extent().width / figure.dpi)
+    figure = Figure()
+    return float(figure.text(0, 0, text, size=size, weight=weight).get_window_extent().width / figure.dpi)
 
 
 def below_header(size: tuple[float, float], title: str, lines: Sequence[str], assumptions: Any = None) -> Figure:

@@ -40,7 +40,7 @@ from flexfem.mechanism.feasibility import check_feasible
 from flexfem.mechanism.layout import Layout
 from flexfem.mechanism.mechanism import Mechanism
 from flexfem.mechanism.stage import Stage
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, printed
 from flexfem.results import AXES, SOLID, About, Progress, Result
 
 Models: TypeAlias = Literal["both", "analytic", "elements"]
@@ -111,7 +111,7 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
                 raise BadInput(f"{subject.origin}: {function.__name__} is for {known}, not for {other}")
         for name, value in bound.items():
             if name in options.split() and value != signature.parameters[name].default:
-                option = f"{name} {value!r}".removesuffix(" True")
+                option = f"{name} {printed(value)}".removesuffix(" True")
                 if name == "analytic":
                     option = "mobility, formula or links"
                 raise BadInput(f"{option}: an option for {known}, not for {other}")
@@ -119,9 +119,9 @@ def question(function: Function, not_for: str = "", only_for: str = "") -> Funct
             words = [word for part in parts if get_origin(part) is Literal for word in get_args(part)]
             is_known = isinstance(value, str) and value in words
             if words and not is_known and not (value is None and NoneType in parts):
-                raise BadInput(f"{name} {value!r}, expected {' or '.join(words)}")
+                raise BadInput(f"{name} {printed(value)}, expected {' or '.join(words)}")
             if hints.get(name) is Analytic and not isinstance(value, Analytic):
-                raise BadInput(f"{name} {value!r}, expected a flexfem.Analytic")
+                raise BadInput(f"{name} {printed(value)}, expected a flexfem.Analytic")
         if "stage" in bound and not isinstance(subject, Mechanism):
             check_feasible(bound["stage"])
         if isinstance(subject, Mechanism) and bound.get("plane"):
