@@ -104,7 +104,8 @@ def view(file: Path, *, output: Path | None = None) -> View:
     file : path
         Stage or mechanism file.
     output : path, optional
-        Folder of the picture; default: a window if there is a display, otherwise the current folder.
+        Folder of the picture, or its file, .png, .pdf or .svg; default: a window if there is a display, otherwise the
+        current folder.
 
     Raises
     ------
@@ -114,10 +115,13 @@ def view(file: Path, *, output: Path | None = None) -> View:
     """
     from flexfem.plot.plate import drawing_figure, plot_plate
     from flexfem.plot.stage import mark_clashes, show_window
-    from flexfem.plot.write import write_beside
+    from flexfem.plot.write import PICTURES, write_beside, write_picture
 
     source = checked_path(file)
     target = None if output is None else checked_path(output)
+    picture = target if target is not None and target.suffix in PICTURES and not target.is_dir() else None
+    if picture is not None:
+        check_file(picture, source)
     of_mechanism = kind_of(read_toml(source).data) == Mechanism.kind
     plate: Stage | Mechanism = read_mechanism(source) if of_mechanism else load_stage(source)
     refused, layout, clashing = None, None, list[Any]()
@@ -129,7 +133,10 @@ def view(file: Path, *, output: Path | None = None) -> View:
     page, plot = partial(drawing_figure, plate, layout), partial(plot_plate, plate=plate, layout=layout)
     mark = partial(mark_clashes, refusal=refused, clashes=clashing)
     window, written = target is None and show_window(lambda ax: mark(plot(ax)), plate.name), list[Path]()
-    if not window:
+    if picture is not None:
+        mark((figure := page()).axes[0])
+        written = [write_picture(picture, figure)]
+    elif not window:
         place = (target or Path()) / f"{source.stem}-drawing.json"
         check_folder(place.parent)
         mark((figure := page()).axes[0])

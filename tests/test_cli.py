@@ -95,6 +95,26 @@ def test_groups_of_a_mesh_can_be_read_whatever_the_names_of_the_parts(flexfem, t
     assert list(groups) == [clipped, f"{clipped} 2", "hinge a'b/", "hinge a'b/ 2"]
 
 
+def test_an_output_that_names_a_file_is_that_picture_or_refused_as_a_folder(flexfem, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    guide = ROOT / "geometry/parallelogram.toml"
+    assert machine(flexfem, "view", guide, "-o", "picture.png")["written"] == ["picture.png"]
+    assert (tmp_path / "picture.png").read_bytes()[:4] == b"\x89PNG"
+    for arguments in (
+        ["view", guide, "-o", "k.csv"],
+        ["stiffness", guide, "--models", "analytic", "-o", "k.csv"],
+        ["summary", guide, "-o", "new/k.json"],
+        ["study", "run", ROOT / "cases/study-reach.toml", "-o", "k.csv"],
+        ["verify", guide, "-o", "k.json"],
+        ["formulas", "-o", "k.pdf"],
+    ):
+        code, out, err = flexfem(*arguments)
+        (name,) = {"k.csv", "new/k.json", "k.json", "k.pdf"} & set(arguments)
+        said = "the name of a file, expected the name of a folder: the files in it are named after the input"
+        assert (code, out, err) == (2, "", f"flexfem: {name}: {said}\n")
+    assert os.listdir(tmp_path) == ["picture.png"]
+
+
 def test_a_character_without_a_glyph_is_said_once_on_one_line(flexfem, tmp_path):
     text = (ROOT / "geometry/parallelogram.toml").read_text()
     (tmp_path / "odd.toml").write_text(text.replace('"parallelogram"', '"\u6587\u4e2d"'))

@@ -207,6 +207,13 @@ class _Plate:
         return None
 
 
+def _said(layout: Layout, loads: Array) -> str:
+    """Return loads (k,) on the ports as a text with units and directions."""
+    named = zip(layout.ports, loads.tolist(), strict=True)
+    parts = [f"{load:.3g} {'N mm' if port.rotation else 'N'} on {port.label}" for port, load in named if load]
+    return ", ".join(parts) or "no load"
+
+
 def displaced(layout: Layout, loads: Array) -> FiniteResponse:
     """Return the equilibria under dead loads (s, k) on the ports, N and N mm, followed one from the other.
 
@@ -217,14 +224,16 @@ def displaced(layout: Layout, loads: Array) -> FiniteResponse:
     """
     plate, found = _Plate(layout), list[tuple[Array, Array, bool]]()
     q, f = np.zeros(plate.size), np.zeros(plate.ports)
-    for number, target in enumerate(np.asarray(loads, dtype=float)):
+    for target in np.asarray(loads, dtype=float):
         done, share = 0.0, 1.0
         while done < 1.0:
             reached = plate.equilibrium(q, f + min(1.0, done + share) * (target - f))
             if reached is not None:
                 q, done, share = reached, done + share, 2 * share
             elif (share := share / 4) < SMALLEST:
-                raise ComputationFailed(f"no equilibrium beyond load {number + done:.3g} of {len(loads)}: reduce it")
+                last = _said(layout, f + done * (target - f))
+                asked = f"the load was to grow to {_said(layout, loads[-1])}"
+                raise ComputationFailed(f"no equilibrium beyond {last}: {asked}, expected a smaller one")
         f, at = target, plate.state(q, target)
         found.append((at.motions, at.P.T @ np.linalg.solve(at.K, at.P), bool(np.linalg.eigvalsh(at.K)[0] > 0)))
     return FiniteResponse(*(np.array(values) for values in zip(*found, strict=True)))

@@ -26,7 +26,7 @@ from typer.core import TyperCommand, TyperGroup
 
 import flexfem
 from flexfem import terminal as streams
-from flexfem.commands.console import Json, OutputFolder, show, usable
+from flexfem.commands.console import Json, OutputFolder, show
 from flexfem.files.inputs import noted
 from flexfem.refused import BadInput, ComputationFailed, printed
 from flexfem.sources import ONE_THREAD, manifest, use_own
@@ -224,7 +224,7 @@ def _options(function: Callable[..., Any]) -> Iterator[inspect.Parameter]:
             for field, annotation in get_type_hints(hint).items():
                 yield _parameter(field, _option(field, annotation, fields[field]), hint._field_defaults[field])
         elif name == "output":
-            option = typer.Option("--output", "-o", callback=usable if default is None else None, help=texts[name])
+            option = typer.Option("--output", "-o", help=texts[name])  # a folder or a file, which the function checks
             yield _parameter(name, Annotated[hint, option], default)
         elif parameter.kind is parameter.KEYWORD_ONLY:
             yield _parameter(name, _option(name, hint, texts[name]), default)
@@ -308,12 +308,9 @@ def write(found: Any, path: Path) -> list[Path]:
         check_name(path.with_suffix(ending))
     paths = [found.write(path)]
     if found.figure and (found.fields is not None or not found.drawn_from_fields):
-        from flexfem.plot import figures_of
-        from flexfem.plot.write import write_beside
+        from flexfem.plot.write import write_of_result
 
-        for ending, figure in figures_of(found).items():
-            target = path.with_name(f"{path.stem}{ending}{path.suffix}")
-            paths += figure(target) if callable(figure) else write_beside(target, figure)
+        paths += write_of_result(found, path)
     return paths + (found.fields.write(path) if hasattr(found.fields, "write") else [])
 
 

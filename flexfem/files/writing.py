@@ -21,6 +21,10 @@ from flexfem.files.inputs import require_unread, wrote
 from flexfem.files.refusals import as_key, as_toml, place_of
 from flexfem.refused import BadInput
 
+FILE_ENDINGS = (  # of files that flexfem or others write
+    *(".bmp", ".csv", ".dxf", ".gif", ".html", ".inp", ".jpeg", ".jpg", ".json", ".mat", ".md", ".msh", ".npz"),
+    *(".parquet", ".pdf", ".png", ".step", ".stp", ".svg", ".toml", ".txt", ".vtk", ".vtu", ".xlsx"),
+)
 LONGEST_NAME = 240  # bytes; file systems take 255, and the name of the temporary file is longer
 NO_FLUSH = (errno.EINVAL, errno.ENOTSUP)  # of file systems that cannot flush a folder
 
@@ -55,13 +59,19 @@ def markdown_table(head: Sequence[str], rows: Iterable[Sequence[str]], align: st
 
 
 def check_folder(folder: Path, written: bool = True) -> None:
-    """Raise BadInput where a file is in the place of a folder, or the folder to be `written` is read-only."""
+    """Raise BadInput where a file is in the place of a folder, or the folder to be `written` is read-only.
+
+    A new folder with the name of a file, such as picture.png, is a mistake: files in a folder are named by flexfem.
+    """
     with _refused(folder):
         for place in (folder, *folder.parents):
             if place.is_dir():
                 if written and not os.access(place, os.W_OK):
                     raise BadInput(f"{place_of(folder)}: no permission to write in {place_of(place)}")
                 return
+            if place.suffix.lower() in FILE_ENDINGS and not place.exists():
+                hint = "the files in it are named after the input"
+                raise BadInput(f"{place_of(place)}: the name of a file, expected the name of a folder: {hint}")
             if place.exists() or place.is_symlink():
                 raise BadInput(f"{place_of(folder)}: {place_of(place)} is a file, expected a folder")
 

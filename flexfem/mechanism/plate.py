@@ -25,6 +25,7 @@ from flexfem.refused import BadInput
 
 TOUCHING = 1e-3  # mm; parts at a smaller distance count as one, and their hinge would be lost
 SMALL = 1e-4  # the same per size of a small plate
+ROUGHLY = 0.01  # of the length of a hinge; an angle in radians is a rounded number
 REACHED = 1e-6  # mm, between the end of a hinge and its body
 STEP = np.pi / 512  # rad, of the polygons of parts: 0.5 um from an arc of 100 mm
 GRID = 1e-6  # mm, of the coordinates of a whole plate, whose parts differ by round-off where they meet
@@ -285,12 +286,31 @@ def body_polygon(layout: Layout, index: int, refuse: bool = True) -> Any:
     if not shapely.is_valid(drawn) and not refuse:
         drawn = shapely.make_valid(drawn, method="structure", keep_collapsed=False)
     elif not shapely.is_valid(drawn):
-        reason, _, place = shapely.is_valid_reason(drawn).rstrip("]").partition("[")  # such as Self-intersection[1.5 8]
-        found = f"{reason.lower()} at {', '.join(f'{float(each):g}' for each in place.split())}"
-        raise BadInput(f"{_key(body)}: {found}, expected an outline that does not meet itself, and holes inside it")
+        raise BadInput(_fault_of_loops(body, drawn))
     boxes = [shapely.Polygon(polygon_points(cut)) for cut in cuts_of(layout, index)]
     left = shapely.difference(drawn, shapely.union_all(boxes))
     return left if refuse or left.area else drawn
+
+
+def _fault_of_loops(body: Body, drawn: Any) -> str:
+    """Return what is wrong with a body whose outline and holes are not those of one polygon."""
+    outline, holes = shapely.Polygon(drawn.exterior), [shapely.Polygon(hole) for hole in drawn.interiors]
+    loops = {_key(body): outline} | {f"{_key(body)}.holes[{k}]": hole for k, hole in enumerate(holes)}
+    for key, loop in loops.items():
+        if not shapely.is_valid(loop):  # the reason is such as Self-intersection[1.5 8]
+            reason, _, place = shapely.is_valid_reason(loop).rstrip("]").partition("[")
+            where = ", ".join(f"{float(each):g}" for each in place.split())
+            return f"{key}: {reason.lower()} at {where}, expected an outline that does not meet itself"
+    for k, hole in enumerate(holes):
+        place = hole.centroid
+        where = f"{_key(body)}.holes[{k}]: the hole around {place.x:g}, {place.y:g}"
+        if not shapely.contains_properly(outline, hole):
+            side = "crosses the edge of" if shapely.intersects(outline, hole) else "is outside"
+            return f"{where} {side} the body, expected a hole inside it"
+        for other in range(k):
+            if shapely.intersects(holes[other], hole):
+                return f"{where} meets holes[{other}], expected holes that do not meet"
+    return f"{_key(body)}: {shapely.is_valid_reason(drawn)}, expected an outline and holes that do not meet"
 
 
 def plate_polygon(layout: Layout) -> Any:
@@ -317,19 +337,51 @@ def _checked_polygon(layout: Layout, index: int) -> Any:
     pieces = [piece for piece in shapely.get_parts(left) if piece.area > SLIVER]
     if len(pieces) != 1:
         what = f"in {len(pieces)} pieces" if pieces else "nothing"
-        raise BadInput(f"{_key(body)}: is {what} after the cuts for its hinges, expected one piece from hinge to hinge")
+        found = f"{_key(body)}: is {what} after the cuts for its hinges{_largest_cut(layout, index, left)}"
+        raise BadInput(f"{found}, expected one piece from hinge to hinge")
     return pieces[0]
+
+
+def _largest_cut(layout: Layout, index: int, left: Any) -> str:
+    """Return a remark on the cut that divides a body or removes it: the one without which fewest pieces are left."""
+    cutting = [joint for joint in layout.joints if joint.cut and index in joint.bodies]
+    if not cutting:
+        return ""
+
+    def left_without(joint: Joint) -> tuple[int, float]:
+        others = tuple(each for each in layout.joints if each is not joint)
+        kept = shapely.get_parts(body_polygon(layout._replace(joints=others), index))
+        return sum(piece.area > SLIVER for piece in kept) or len(layout.joints), -float(shapely.area(kept).sum())
+
+    joint = min(cutting, key=left_without)
+    return f" (most by {_key(joint)}, whose cut_mm is {joint.cut:g} and may be as low as {joint.profile.end_height:g})"
+
+
+def _end_points(joint: Joint, side: int) -> Any:
+    """Return points across the first (`side` = -1) or second (1) end of a hinge."""
+    corner = _corner(joint, side)
+    z = np.array([_position(joint, complex(corner.real, share * corner.imag)) for share in HEIGHTS])
+    return shapely.points(z.real, z.imag)
+
+
+def _meant_in_radians(layout: Layout, joint: Joint) -> bool:
+    """Return whether a hinge reaches its bodies if its direction in degrees is read in radians."""
+    degrees = math.degrees(joint.heading)
+    if abs(degrees) > 2 * math.pi:
+        return False
+    turned = joint._replace(heading=degrees)
+    others = [each for each in layout.joints if each is not joint]
+    drawn = layout._replace(joints=(turned, *others))
+    bodies = [body_polygon(drawn, body, refuse=False) for body in joint.bodies]
+    near = [shapely.distance(body, _end_points(turned, side)) for body, side in zip(bodies, SIDES, strict=True)]
+    return bool(np.max(near) <= ROUGHLY * joint.profile.length)
 
 
 def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
     """Raise BadInput unless both ends of a hinge lie on its bodies, over their whole height."""
 
-    def end(side: int) -> Any:
-        corner = _corner(joint, side)
-        z = np.array([_position(joint, complex(corner.real, share * corner.imag)) for share in HEIGHTS])
-        return shapely.points(z.real, z.imag)
-
-    ends, (first, second) = list(map(end, SIDES)), ([bodies[body]] for body in joint.bodies)
+    ends = [_end_points(joint, side) for side in SIDES]
+    first, second = ([bodies[body]] for body in joint.bodies)
     if np.all(shapely.dwithin([first, second], ends, REACHED)):
         return
     names = [layout.bodies[body].name for body in joint.bodies]
@@ -338,7 +390,10 @@ def _check_ends(layout: Layout, joint: Joint, bodies: list[Any]) -> None:
     gaps = shapely.distance([first, second], ends)
     for side, name, gap in zip(SIDES, names, gaps, strict=True):
         if np.min(gap) > REACHED:
-            raise BadInput(f"{_key(joint)}: ends {np.min(gap):.3g} mm before {name}, expected to reach it")
+            degrees = math.degrees(joint.heading)
+            drawn = f"its length is {joint.profile.length:g} mm and its direction {degrees:.6g} deg"
+            turned = f"{drawn}, read in radians it would reach" if _meant_in_radians(layout, joint) else drawn
+            raise BadInput(f"{_key(joint)}: ends {np.min(gap):.3g} mm before {name}, expected to reach it; {turned}")
         if np.max(gap) > REACHED:
             where = f"is {2 * _corner(joint, side).imag:.6g} mm high at {name}"
             raise BadInput(f"{_key(joint)}: {where}, expected an end that lies on this body over its whole height")

@@ -396,7 +396,8 @@ class Leaf(Spanned):
     def __post_init__(self) -> None:
         super().__post_init__()
         if 2 * self.fillet >= self.span - SHORTEST:
-            raise BadDimension("fillet", f"less than half the length, {self.span / 2:g} mm")
+            unit = ": is the unit of both right?" if self.fillet > self.span else ""
+            raise BadDimension("fillet", f"less than half of length_mm = {self.span:g}{unit}")
 
     def half(self) -> list[Curve]:
         half, r, y = self.span / 2, self.fillet, 0.5j * self.neck

@@ -36,7 +36,7 @@ from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import plane_fields, stress_figure
 from flexfem.plot.plate import drawing_figure
 from flexfem.plot.text import SYMBOLS, assumption_rows, percent, significant
-from flexfem.plot.write import write_figures
+from flexfem.plot.write import write_figures, write_of_result
 from flexfem.questions import plates
 from flexfem.questions.check import MechanismReport, StageReport, check
 from flexfem.questions.drive import drive
@@ -186,7 +186,7 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     Parameters
     ----------
     *results : Path
-        Results of verify or design, as JSON.
+        Results of verify or design, and other results whose figures need no fields, as JSON.
     output : Path
         Folder for the written files.
     displacement : bool
@@ -198,13 +198,26 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
         A file is not a result or was changed since it was stored, or the folder is not writable.
     """
     check_folder(output)
-    verified, designs = _read_stored([checked_path(each) for each in results])
-    if not verified and (displacement or not designs):
-        problem = "--displacement with designs alone" if designs else "no file"
+    paths = [checked_path(each) for each in results]
+    others = {path: result for path in paths if (result := _of_question(path)) is not None}
+    verified, designs = _read_stored([path for path in paths if path not in others])
+    if not verified and (displacement or not (designs or others)):
+        problem = "--displacement without a verified case" if displacement else "no file"
         raise BadInput(f"{problem}, expected results of flexfem verify")
     stored = [(result, result.read_fields(path)) for path, result in verified.items()]
     named = [(path.stem, found) for path, found in designs.items()]
-    return WrittenFigures([str(path) for path in write_figures(stored, output, displacement, named)])
+    written = write_figures(stored, output, displacement, named) if verified or designs else []
+    written += [figure for path, result in others.items() for figure in write_of_result(result, output / path.name)]
+    return WrittenFigures([*map(str, written)])
+
+
+def _of_question(path: Path) -> Result | None:
+    """Return a stored result that its own figure draws without fields, None of a case or a design."""
+    if is_design(path):
+        return None
+    result = Result.read(path)
+    own = bool(result.figure) and not result.drawn_from_fields and not isinstance(result, Verification)
+    return result if own else None
 
 
 def _read_stored(paths: Sequence[Path]) -> tuple[dict[Path, Verification], dict[Path, Designed]]:

@@ -16,7 +16,7 @@ from flexfem.refused import BadInput, printed
 _NAMES = {
     "design": "plot_history plot_margins plot_sensitivity plot_tradeoff",
     "drive": "plot_drive plot_forces plot_large plot_section plot_solid plot_strokes",
-    "errors": "plot_budget plot_convergence plot_errors",
+    "errors": "plot_budget plot_convergence plot_errors plot_mechanism_errors",
     "experiment": "plot_life plot_push plot_region plot_remains",
     "fields": "plot_displacement plot_drift",
     "hinge": "plot_formulas plot_hinge plot_hinge_table plot_thickness",

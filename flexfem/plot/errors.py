@@ -16,6 +16,7 @@ from flexfem.plot.text import banded, minus, scientific
 from flexfem.questions.budget import CHART, MEASURED, SHARES, TOTAL, Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import Verification
+from flexfem.questions.plates import MechanismErrors
 from flexfem.results import number
 from flexfem.units import DIRECTIONS, LENGTH, Direction, unit_for
 
@@ -62,6 +63,41 @@ def error_figure(result: Verification, displacement: bool = False) -> Figure:
         figure.supxlabel(text, x=style.MARGIN / WIDTH, ha="left", size=9.5, color=INK)
     figure.align_ylabels()
     return figure
+
+
+@style.in_house_style
+def mechanism_figure(result: MechanismErrors) -> Figure:
+    """Draw the errors of the analytic networks of a mechanism, a panel for every commanded direction."""
+    lines = [
+        "Finite-element displacement minus commanded displacement, under the force of the analytic network.",
+        f"100 %: commanded motion. Rotations are multiplied by {float(result.lever):.4g} {LENGTH}. ±: mesh band.",
+    ]
+    title = f"{result.about.name}: positioning errors"
+    figure, axes = panels((WIDTH, 7.2), title, lines, len(DIRECTIONS), assumptions=result.about)
+    for letter, ax, commanded in zip("abc", axes, DIRECTIONS, strict=True):
+        plot_mechanism_errors(ax, result, commanded)
+        titled(ax, letter, f"command in {NAMES[commanded]}")
+        ax.label_outer()
+    style.share_x(axes)
+    style.legend_below(figure, axes, 2)
+    return figure
+
+
+def plot_mechanism_errors(ax: Axes, result: MechanismErrors, commanded: Direction) -> Axes:
+    """Draw the errors along and across a commanded direction, a bar for every analytic model; return `ax`."""
+    models = result.axes["model"]
+    height, ends = 0.8 / len(models), [0.0]
+    for index, model in enumerate(models):
+        values, bands = (read("percent", model=model, commanded=commanded) for read in (result.at, result.band))
+        rows = np.arange(len(DIRECTIONS)) + (index - (len(models) - 1) / 2) * height
+        ax.barh(rows, values, height=height, color=COLOURS[index], xerr=bands, ecolor=GREY, capsize=3, label=model)
+        for row, value, band in zip(rows, values.tolist(), bands.tolist(), strict=True):
+            ax.text(max(0.0, value) + band, row, f"  {minus(number(value, band))}", va="center", color=INK, size=8)
+        ends += [*(values - bands), *(values + bands)]
+    style.name_rows(ax, [f"error in {NAMES[each]}" for each in DIRECTIONS], NAME_WIDTH)
+    room = max(ends) - min(ends)
+    ax.set(xlim=(min(ends) - 0.05 * room, max(ends) + 0.25 * room), xlabel="error, % of the commanded motion")
+    return ax
 
 
 def percentages(result: Verification, freedom: Direction) -> Array:

@@ -6,13 +6,14 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from matplotlib.figure import Figure
 
 from flexfem.design.result import Designed
 from flexfem.files.inputs import require_unread
 from flexfem.files.writing import write_atomically
+from flexfem.plot import figures_of
 from flexfem.plot.design import design_figure, front_figure, sensitivity_figure
 from flexfem.plot.errors import error_figure
 from flexfem.plot.fields import deformed_figure
@@ -26,6 +27,7 @@ from flexfem.results import Fields
 Stored: TypeAlias = tuple[Verification, dict[str, Fields]]
 Draw: TypeAlias = Callable[[], Figure]
 FORMS = ("png", "pdf")
+PICTURES = (".png", ".pdf", ".svg")
 PAGE = "verification.md"
 
 
@@ -61,6 +63,20 @@ def write_each(figures: Mapping[Path, Draw]) -> list[Path]:
 def write_beside(stored: Path, figure: Figure) -> list[Path]:
     """Write a figure as PNG and PDF beside its stored numbers. Raises BadInput when a file cannot be written."""
     return [_written(stored.with_suffix(f".{form}"), rendered(figure, form)) for form in FORMS]
+
+
+def write_picture(path: Path, figure: Figure) -> Path:
+    """Write a figure in the format of the extension, one of `PICTURES`. Raises BadInput when it cannot be written."""
+    return _written(path, rendered(figure, path.suffix[1:]))
+
+
+def write_of_result(found: Any, stored: Path) -> list[Path]:
+    """Draw the figures of a result beside its stored numbers. Raises BadInput when a file cannot be written."""
+    written = list[Path]()
+    for ending, figure in figures_of(found).items():
+        target = stored.with_name(f"{stored.stem}{ending}{stored.suffix}")
+        written += figure(target) if callable(figure) else write_beside(target, figure)
+    return written
 
 
 def plans(

@@ -98,7 +98,7 @@ def gravity(
     warnings, values, load = list[str](), dict[str, Any](), Payload()
     if isinstance(stage, Stage):
         load = Payload(arguments.between("payload", payload, 0.0, HEAVIEST, " kg") / UNITS["kg"].factor)
-        warnings += warning.of_stage(stage)
+        warnings += [*warning.of_stage(stage), *warning.of_payload(stage, load.mass)]
         models = "elements" if layers else models
         chosen = analytic.chosen(stage, warnings, models)
         plate = "horizontal" if layers else f"upright, gravity at {angle:g} degrees"

@@ -320,7 +320,7 @@ def modes(
         if solid:
             raise BadInput("drives 'engaged' with layers, expected disengaged: stacks act in the plane")
         drive = drive_of(stage)
-    warnings, notes = list(warning.of_stage(stage)), list[str]()
+    warnings, notes = [*warning.of_stage(stage), *warning.of_payload(stage, carried.mass)], list[str]()
     mass_matrix = bodies.drawn_inertia(stage) + carried.matrix
     values = {
         "mass": mass_matrix[0, 0],

@@ -385,6 +385,7 @@ class MechanismErrors(Result):
 
     title = "errors of the finite-element displacement"
     main = ("percent", {})
+    figure = "errors.mechanism_figure"
     labels: ClassVar = {"commanded": DIRECTIONS}
     reading = ("rotations are multiplied by the lever of the output",)
     percent = Quantity(

@@ -110,7 +110,7 @@ class Summary(Result):
     reading = (
         "range at yield: displacement at which the first hinge yields, others held; force at yield: force along it; "
         "both by linear theory, without stretching of hinges and buckling",
-        "others: the other two directions, held at zero or free; drive min, max: range of the drive",
+        "others: the other two directions, held at zero or free",
     )
     stiffness = Quantity("stiffness, others held", "stiffness", BY_DIRECTION, COARSER)
     free = Quantity("stiffness, others free", "stiffness", BY_DIRECTION, COARSER)
@@ -446,7 +446,7 @@ def summary(
         warnings += first.warnings
         if stage.layout.actuators:
             reached = of_mechanism(stage, plates.mesh_of(stage, **mesh), models)
-            drive = f"drive min, max: with all actuators ({reached.axes['model'][-1]})"
+            drive = f"drive min, max: range of the drive with all actuators ({reached.axes['model'][-1]})"
             notes.append(f"{drive}; first frequency: without the actuators")
     else:
         settings = {"mobility": stage.mobility} | settings
@@ -455,6 +455,8 @@ def summary(
         except ComputationFailed as failure:
             warnings.append(str(failure))
     if reached is not None:
+        if isinstance(stage, Stage):
+            notes.append("drive min, max: range of the drive")
         for target, source in zip(parts, reached.internal, strict=True):
             if "ends" in source:
                 target |= _ends(source["ends"])

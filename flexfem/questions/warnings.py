@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
 
 from flexfem.analytic.model import AnalyticResult, analyse, best_model, corrected, in_range
 from flexfem.arrays import Array
@@ -46,6 +47,8 @@ YIELD_STRAIN = (1e-5, 0.2)  # of hinge materials, from soft metals to rubbers
 DENSITIES = (10.0, 23_000.0)  # kg/m^3, foam to osmium
 ACROSS = (1.0, 5000.0)  # mm: from the smallest stages cut from sheet to more than the length of plates
 SLENDER = 1000.0  # size of a plate / thickness / neck: a larger ratio is more likely a number in another unit
+
+HEAVY = 100.0  # masses of the plate; with a payload in kg for g the ratio is a thousand times too large
 
 UNIT = "is the unit right?"
 MANY_TRIANGLES = 200_000  # with 8 across the necks; three meshes take more than a minute
@@ -180,7 +183,19 @@ def of_numbers(plate: Stage | Mechanism) -> Warnings:
     needed = triangles_needed(plate.layout) if isinstance(plate, Mechanism) else 0.0
     if needed > MANY_TRIANGLES:
         doubts.append(f"finite elements need about {needed:.2g} triangles with 8 across the necks, which take minutes")
-    return doubts
+    carried = 0.0 if isinstance(plate, Stage) else sum(load.mass for load in plate.layout.payloads)
+    return doubts + of_payload(plate, carried)
+
+
+def of_payload(plate: Stage | Mechanism, mass: float) -> Warnings:
+    """Warn of a payload, tonne, that is far heavier than its plate."""
+    if mass == 0.0:
+        return []
+    layout = plate.layout
+    own = layout.density * layout.thickness * float(shapely.area(plate_polygon(layout)))
+    ratio = mass / own
+    text = f"the payload of {1e3 * mass:.4g} kg is {ratio:.3g} times as heavy as the plate of {1e3 * own:.3g} kg"
+    return _when(ratio > HEAVY, f"{text}: {UNIT}")
 
 
 def of_parameters(mechanism: Mechanism) -> Warnings:

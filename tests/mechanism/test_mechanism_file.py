@@ -365,3 +365,65 @@ def test_mistakes_in_a_file_in_inches_are_refused_with_their_line(old, new, line
     with pytest.raises(BadInput) as refused:
         load_mechanism(file)
     assert str(refused.value).startswith(f"{file}, line {line}: ") and said in str(refused.value)
+
+
+LEAVES = """\
+name = "two leaves"
+thickness_mm = 10
+material = {name = "al-7075-t6"}
+output = {body = "stage", at_mm = [0, 55]}
+[[body]]
+name = "ground"
+fixed = true
+path_mm = [[-25, -5], [25, -5]]
+width_mm = 10
+[[body]]
+name = "stage"
+path_mm = [[-25, 55], [25, 55]]
+width_mm = 10
+holes = []
+[[hinge]]
+name = "leaf"
+between = ["ground", "stage"]
+at_mm = [-20, 25]
+direction_deg = 90
+shape = "leaf"
+length_mm = 50
+neck_mm = 0.5
+fillet_mm = 0.5
+[[copy]]
+parts = ["leaf"]
+mirror_mm = [[0, 0], [0, 1]]
+"""
+HOLES = "holes = [{centre_mm = [0, 55], radius_mm = 2}, {centre_mm = [%s], radius_mm = 2}]"
+AROUND = "path_mm = [[-25, 55], [35, 55], [35, -20]]"
+MENDED = [  # replaced texts, line, and what leads to the mend
+    ({"direction_deg = 90": "direction_deg = 1.571"}, 15, "direction 1.571 deg, read in radians it would reach"),
+    ({"direction_deg = 90": "direction_deg = 1.2"}, 15, "its length is 50 mm and its direction 1.2 deg$"),
+    ({"length_mm = 50": "length_mm = 0.05"}, 23, "expected less than half of length_mm = 0.05: is the unit of both"),
+    ({"fillet_mm = 0.5": "fillet_mm = 30"}, 23, "expected less than half of length_mm = 50$"),
+    ({"holes = []": HOLES % "20, 60"}, 14, "holes[1]: the hole around 20, 60 crosses the edge of the body"),
+    ({"holes = []": HOLES % "20, 80"}, 14, "holes[1]: the hole around 20, 80 is outside the body"),
+    ({"holes = []": HOLES % "1, 56"}, 14, "holes[1]: the hole around 1, 56 meets holes[0]"),
+    ({"[[-25, 55], [25, 55]]": "[[-25, 55], [25, 55, 3], [0, 30, 3], [0, 70]]"}, 10, "body.stage: self-intersection"),
+    (
+        {"path_mm = [[-25, 55], [25, 55]]": AROUND, "fillet_mm = 0.5": "fillet_mm = 0.5\ncut_mm = 130"},
+        10,
+        "in 2 pieces after the cuts for its hinges (most by hinge.leaf, whose cut_mm is 130 and may be as low as 1.5)",
+    ),
+]
+
+
+@pytest.mark.parametrize(("changes", "line", "said"), MENDED)
+def test_a_refusal_names_what_is_to_be_mended(changes, line, said, tmp_path):
+    text = LEAVES
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "leaves.toml"
+    path.write_text(text)
+    with pytest.raises(BadInput) as refused:
+        load_mechanism(path)
+    message = str(refused.value)
+    assert message.startswith(f"{path}, line {line}: ") and f"{said.rstrip('$')}" in message
+    assert message.endswith(said[:-1]) or not said.endswith("$")

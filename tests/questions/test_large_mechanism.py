@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from flexfem.analytic.finite import displaced
 from flexfem.analytic.plates import respond
 from flexfem.fem.nonlinear import equilibria
 from flexfem.questions.plates import elements, model_of, parts_of, solved
-from flexfem.refused import BadInput
+from flexfem.refused import BadInput, ComputationFailed
 
 from ..conftest import ROOT
 
@@ -114,6 +116,19 @@ def test_a_parallelogram_follows_published_finite_elements_in_three_dimensions(p
         np.testing.assert_allclose(pose[:, 0], published[:, 0], rtol=0.026)
         np.testing.assert_allclose(pose[1, :2], [-5.7723 / LENGTH, 48.6102 / LENGTH], rtol=6e-3)
         assert pose[3, 2] == pytest.approx(0.034597, rel=0.035)
+
+
+def test_a_load_without_equilibrium_is_said_with_its_units_and_direction():
+    """The load asked for is the one that moves the linear pivot by 9 mm along its softest translation, x or y."""
+    pivot = flexfem.load(ROOT / "geometry/pivot.toml")
+    compliance = flexfem.stiffness(pivot, models="analytic").at("compliance")[0]
+    axis = int(np.argmax(np.diag(compliance)[:2]))
+    asked = f"the load was to grow to {9 / compliance[axis, axis]:.3g} N on output {'xy'[axis]}, expected a smaller"
+    with pytest.raises(ComputationFailed) as failed:
+        flexfem.large(pivot, amplitude=9.0, models="analytic")
+    said = re.match(r"no equilibrium beyond (\S+) N on output (\w): ", str(failed.value))
+    assert said is not None and asked in str(failed.value)
+    assert said[2] == "xy"[axis] and 0 < float(said[1]) < 9 / compliance[axis, axis]
 
 
 def test_large_answers_by_both_models_with_bands_and_takes_forces_for_mechanisms_only(stage):

@@ -155,6 +155,13 @@ def test_a_summary_has_the_key_numbers_of_a_guide_and_of_an_amplifier():
     assert any(table.caption.startswith("output motion per") for table in lever.tables())
 
 
+def test_a_summary_explains_the_range_of_a_drive_only_where_there_is_one():
+    guide = flexfem.load(ROOT / "geometry/parallelogram.toml")
+    for mechanism, count in ((guide, 1), (guide.replace(actuator=[]), 0)):
+        found = flexfem.summary(mechanism, models="analytic")
+        assert sum("drive min, max" in text for text in found.sentences()) == count
+
+
 def test_a_bar_sags_in_its_plane_and_out_of_it_as_a_timoshenko_cantilever():
     """By integration: mean sag q L^4 / (20 E I) + q L^2 / (3 k G A) and mean slope 2 q L^3 / (15 E I) for a weight q.
 

@@ -149,6 +149,20 @@ def test_a_plate_with_many_triangles_is_said_before_it_is_meshed():
     assert said[-1] == "finite elements need about 3.4e+05 triangles with 8 across the necks, which take minutes"
 
 
+def test_a_payload_a_hundred_times_as_heavy_as_its_plate_is_said():
+    """The pivot of 2810 kg/m^3 has less than 50 g; 350 kg in place of 350 g is nearly 10,000 times its mass."""
+    pivot = flexfem.load(ROOT / "geometry/pivot.toml")
+    mass = flexfem.check(pivot).mass_g
+    assert warning.of_numbers(pivot.replace(payload={"mass": 99e-6 * mass})) == []  # tonne
+    (said,) = warning.of_numbers(pivot.replace(payload={"mass": 0.35}))
+    assert said.startswith(f"the payload of 350 kg is {350e3 / mass:.3g} times as heavy as the plate of ")
+    assert said.endswith(": is the unit right?")
+    stage = load_stage(SIX)
+    for found in (flexfem.modes(stage, payload=(350.0, 0.0), models="analytic"),
+                  flexfem.gravity(stage, payload=350.0, models="analytic")):  # fmt: skip
+        assert any("the payload of 350 kg is" in text for text in found.warnings)
+
+
 @pytest.mark.parametrize(("scale", "said"), [(1e-3, "0.153"), (7e-3, ""), (30.0, ""), (40.0, "6.1e3")])
 def test_a_stage_whose_lengths_are_in_metres_or_micrometres_is_said_by_its_size(scale, said):
     """A pad's corner is at 54 + 4 + 9 and 32 + 4.5 mm from the centre of the reference stage: 152.6 mm across."""
