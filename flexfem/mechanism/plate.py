@@ -298,8 +298,8 @@ def _fault_of_loops(body: Body, drawn: Any) -> str:
     loops = {_key(body): outline} | {f"{_key(body)}.holes[{k}]": hole for k, hole in enumerate(holes)}
     for key, loop in loops.items():
         if not shapely.is_valid(loop):  # the reason is such as Self-intersection[1.5 8]
-            reason, _, place = shapely.is_valid_reason(loop).rstrip("]").partition("[")
-            where = ", ".join(f"{float(each):g}" for each in place.split())
+            reason, _, found = shapely.is_valid_reason(loop).rstrip("]").partition("[")
+            where = ", ".join(f"{float(each):g}" for each in found.split())
             return f"{key}: {reason.lower()} at {where}, expected an outline that does not meet itself"
     for k, hole in enumerate(holes):
         place = hole.centroid
