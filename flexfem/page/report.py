@@ -202,7 +202,7 @@ def plot_results(*results: Path, output: Path = REPORTS, displacement: bool = Fa
     others = {path: result for path in paths if (result := _of_question(path)) is not None}
     verified, designs = _read_stored([path for path in paths if path not in others])
     if not verified and (displacement or not (designs or others)):
-        problem = "--displacement without a verified case" if displacement else "no file"
+        problem = "--displacement without a verified case" if paths else "no file"
         raise BadInput(f"{problem}, expected results of flexfem verify")
     stored = [(result, result.read_fields(path)) for path, result in verified.items()]
     named = [(path.stem, found) for path, found in designs.items()]

@@ -90,7 +90,7 @@ def rendered(figure: Figure, form: str) -> bytes:
     missing = set[str]()
     for each in caught:
         if found := re.match(MISSING, str(each.message)):
-            missing.add(chr(int(found[1])))
+            missing |= {character for character in chr(int(found[1])) if character.isprintable()}
         else:
             warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
     if missing:

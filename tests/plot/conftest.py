@@ -12,6 +12,7 @@ from flexfem.arrays import Array
 from flexfem.questions.budget import Budget
 from flexfem.questions.convergence import MeshConvergence
 from flexfem.questions.errors import CurveModels, HingeDrawing, Verification
+from flexfem.questions.plates import MechanismErrors
 from flexfem.results import About, Fields
 
 HINGES = ("base", "elbow", "platform")
@@ -96,6 +97,13 @@ def mesh_study(assumed: tuple[str, ...] = ()) -> MeshConvergence:
         {"mesh": [f"{n:.0f} across a neck" for n in resolutions]},
         notes=["meshes in x: converging", "meshes in y: out of range", "meshes in theta: oscillatory"],
     )
+
+
+def guide_errors() -> MechanismErrors:
+    """Errors of two models of a mechanism: from -4.5 % in steps of 1 %."""
+    values = {"percent": np.arange(18.0).reshape(2, 3, 3) - 4.5, "stiffness": np.ones((2, 3)), "lever": 36.0}
+    bands = {"percent": np.full((2, 3, 3), 0.25)}
+    return MechanismErrors(About("a guide"), values, bands, {"model": ("analytic", "elastic bodies")})
 
 
 def fields() -> Fields:

@@ -72,6 +72,7 @@ DRAWN: dict[str, Any] = {
     "plot_drift": lambda made: (flexfem.drift(plain(), models="elements", resolution=4), "gradient in x"),
     "plot_drive": lambda made: (driven(),),
     "plot_errors": lambda made: (made.result({"one": (0.1, 0.2, -0.1), "two": (0.2, 0.1, 0.1)}), "y"),
+    "plot_mechanism_errors": lambda made: (made.guide_errors(), "y"),
     "plot_forces": lambda made: (driven(),),
     "plot_formulas": lambda made: (hinge_review(), "axial"),
     "plot_front": lambda made: (front(),),

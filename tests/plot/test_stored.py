@@ -12,12 +12,11 @@ import pytest
 from flexfem.design.result import read_design
 from flexfem.plot.errors import mechanism_figure
 from flexfem.questions.errors import Verification
-from flexfem.questions.plates import MechanismErrors
 from flexfem.refused import BadInput
-from flexfem.results import About, write_sealed
+from flexfem.results import write_sealed
 
 from ..design.recorded import recorded
-from .conftest import fields, result
+from .conftest import fields, guide_errors, result
 
 ERRORS = {"one": (0.05, 0.01, 0.02), "two": (0.2, 0.1, 0.02)}
 READ = {"verification": Verification.read, "design": read_design}
@@ -83,10 +82,7 @@ def test_an_answer_of_which_anything_was_edited_is_refused(kind, stored, flexfem
 
 
 def test_plot_draws_what_verify_stored_of_a_mechanism(flexfem, tmp_path):
-    percent = np.arange(18.0).reshape(2, 3, 3) - 4.5
-    values = {"percent": percent, "stiffness": np.ones((2, 3)), "lever": np.array(36.0)}
-    axes = {"model": ("analytic", "elastic bodies")}
-    found = MechanismErrors(About("a guide"), values, {"percent": np.full((2, 3, 3), 0.25)}, axes)
+    found = guide_errors()
     found.write(tmp_path / "guide.json")
     code, _, err = flexfem("plot", tmp_path / "guide.json", "-o", tmp_path / "drawn")
     assert (code, err) == (0, "") and {each.name for each in (tmp_path / "drawn").iterdir()} == {
@@ -95,7 +91,7 @@ def test_plot_draws_what_verify_stored_of_a_mechanism(flexfem, tmp_path):
     }
     for row, ax in enumerate(mechanism_figure(found).axes):
         bars = [[bar.get_width() for bar in bars] for bars in ax.containers if hasattr(bars, "patches")]
-        np.testing.assert_allclose(bars, percent[:, row])
+        np.testing.assert_allclose(bars, np.arange(18.0).reshape(2, 3, 3)[:, row] - 4.5)
 
 
 def test_fields_of_another_run_or_edited_are_refused(stored, tmp_path, flexfem):
