@@ -12,7 +12,7 @@ from flexfem.files.tables import once
 from flexfem.hinges.formulas import FORMULAS
 from flexfem.mechanism.designs import envelope, lower
 from flexfem.mechanism.mechanism import Mechanism
-from flexfem.mechanism.plate import size_of, triangles_needed
+from flexfem.mechanism.plate import plate_polygon, size_of, triangles_needed
 from flexfem.mechanism.stage import HINGE_NAMES, Stage
 from flexfem.mechanism.stage_file import Plane
 from flexfem.refused import BadInput, ComputationFailed
